@@ -42,13 +42,13 @@ from phantom_dyn.model.robot import Robot
 
 
 @dataclass(frozen=True)
-class Answer:
-    """A diagnosis before the next experiment is planned, which changes nothing that it says.
+class DiagnosisWithoutPlan:
+    """A diagnosis for which no next experiment has been planned yet; the plan changes none of its findings.
 
     Attributes:
         diagnosis: Verdict, findings and all else.
-        explanation: What the next experiment is planned by; None: none is.
-        started: When the diagnosis began, by `time.perf_counter` [s].
+        explanation: Sets of effects between which the next experiment is to decide; None if no experiment is planned.
+        started: Start of the diagnosis, by `time.perf_counter` [s].
     """
 
     diagnosis: Diagnosis
@@ -68,9 +68,9 @@ def diagnose(
 ) -> Diagnosis:
     """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
 
-    Args and errors are those of `answered`; the next experiment is planned too.
+    Args and errors are those of `diagnose_without_plan`; the next experiment is planned too.
     """
-    answer = answered(
+    found = diagnose_without_plan(
         robot,
         recordings,
         held_out=held_out,
@@ -79,33 +79,33 @@ def diagnose(
         motion_only=motion_only,
         progress=progress,
     )
-    return with_next_experiment(answer, progress)
+    return with_next_experiment(found, progress)
 
 
-def with_next_experiment(answer: Answer, progress: Progress = lambda _: None) -> Diagnosis:
-    """The diagnosis with the motion that separates most of its rivals, where one can be planned."""
-    return with_proposal(answer.diagnosis, planned(answer, progress), answer.started)
+def with_next_experiment(found: DiagnosisWithoutPlan, progress: Progress = lambda _: None) -> Diagnosis:
+    """The diagnosis with the motion that separates most of its rivals, if one can be planned."""
+    return with_proposal(found.diagnosis, planned(found, progress), found.started)
 
 
 # With more threads sums come in another order, and the last digits would depend on the machine.
 @one_blas_thread()
-def planned(answer: Answer, progress: Progress = lambda _: None) -> Proposal:
-    """The motion that separates most of the rivals of a diagnosis; nothing where none can be planned."""
-    if answer.explanation is None or not any(finding.rivals for finding in answer.diagnosis.findings):
+def planned(found: DiagnosisWithoutPlan, progress: Progress = lambda _: None) -> Proposal:
+    """The motion that separates most of the rivals of a diagnosis; an empty proposal if none can be planned."""
+    if found.explanation is None or not any(finding.rivals for finding in found.diagnosis.findings):
         return Proposal()
     progress(Announcement(Stage.NEXT_EXPERIMENT))
     from identification.next_experiment.advise import proposed  # with all that plans motions
 
-    return proposed(answer.explanation, answer.diagnosis.findings)
+    return proposed(found.explanation, found.diagnosis.findings)
 
 
 def with_proposal(found: Diagnosis, proposal: Proposal, started: float) -> Diagnosis:
-    """A diagnosis with what to record next, where that is anything, and with the time until it is known.
+    """A diagnosis with the proposed recording, if there is one, and with the time that both took.
 
     Args:
         found: Verdict, findings and all else.
-        proposal: What to record next.
-        started: When the diagnosis began, by `time.perf_counter` [s].
+        proposal: The proposed recording.
+        started: Start of the diagnosis, by `time.perf_counter` [s].
     """
     if proposal == Proposal():
         return found
@@ -118,7 +118,7 @@ def with_proposal(found: Diagnosis, proposal: Proposal, started: float) -> Diagn
     )
 
 
-def answered(
+def diagnose_without_plan(
     robot: Robot,
     recordings: tuple[Recording, ...] | Reader,
     *,
@@ -127,24 +127,27 @@ def answered(
     changes: tuple[Change, ...] = (),
     motion_only: bool = False,
     progress: Progress = lambda _: None,
-) -> Answer:
-    """Verdict and findings of recordings, as soon as they are known.
+) -> DiagnosisWithoutPlan:
+    """Verdict and findings of recordings, without a plan for the next experiment.
 
-    Recordings are judged by their torque; without one by that of their controllers, or by their positions at rest.
+    Recordings are judged by their torque. Those without torque are judged by the torque that their controllers command,
+    or by their positions at rest.
 
     Args:
         robot: The model that is judged.
-        recordings: They are judged on blocks that no fit has seen. In place of them what reads them, by whether a
-            torque is needed: of long ones only what is used then stays in memory.
-        held_out: How many of them, from the last, no fit sees; if there are any, all figures are those on them.
+        recordings: The recordings, or a function that reads them, given whether a torque is needed: with a function,
+            only those parts of long recordings that are used stay in memory.
+        held_out: Number of recordings, from the last, that no fit sees. If there are any, all figures are those on
+            them; otherwise those on blocks that no fit has seen.
         known: Effects that belong to the given model already.
-        changes: What is known to be different between the recordings; empty: nothing.
-        motion_only: True if a torque that was recorded is not to be used.
-        progress: Takes the stages.
+        changes: Known differences between the recordings; empty if there are none.
+        motion_only: True if a recorded torque must not be used.
+        progress: Called with each stage.
 
     Raises:
         UsageError: If something is given that does not go with recordings at rest.
-        LogError: If a recording cannot be used, is certainly wrong and not to be judged anyway, or tells no gain.
+        LogError: If a recording cannot be used, is certainly wrong and not to be judged anyway, or does not determine
+            the gain of a controller.
     """
     read = recordings if callable(recordings) else lambda _: recordings
     driven, given, motion = torque_or_motion(robot, read, motion_only=motion_only)
@@ -162,7 +165,7 @@ def answered(
             f"{given[0].file}: it is judged at rest, where every rest is held out in turn, so that held-out recordings "
             "and effects of an earlier diagnosis (--hold-out, --with) do not go with it; leave them out"
         )
-    return Answer(replace(diagnose_at_rest(driven, given), driven=driven))
+    return DiagnosisWithoutPlan(replace(diagnose_at_rest(driven, given), driven=driven))
 
 
 def _by_controllers(
@@ -171,20 +174,20 @@ def _by_controllers(
     held_out: int,
     known: tuple[KnownEffect, ...],
     progress: Progress,
-) -> Answer:
-    """The diagnosis by the torque that controllers ask for, their gains estimated where the robot states none.
+) -> DiagnosisWithoutPlan:
+    """The diagnosis by the torque that controllers command; gains that the robot does not state are estimated.
 
-    Where gains are estimated and friction speaks for higher ones, both readings are diagnosed.
+    If gains are estimated and the friction suggests higher ones, the recordings are diagnosed with both.
 
     Args:
-        robot: The model whose error is sought.
+        robot: The model that is judged.
         recordings: With references, or with voltages that give a torque.
-        held_out: How many of the recordings, the last ones, no fit sees.
+        held_out: Number of recordings, from the last, that no fit sees.
         known: Effects of an earlier diagnosis, which are part of the model.
         progress: Called at the start of each stage.
 
     Raises:
-        LogError: If a recording cannot be used, or the motion tells no gain.
+        LogError: If a recording cannot be used, or the motion does not determine the gains.
     """
     driven, moved = moved_by_controllers(robot, recordings)
     first = _by_torque(prepared(driven, moved, held_out=held_out, known=known), progress)
@@ -199,12 +202,12 @@ def _by_controllers(
 
 
 @one_blas_thread()
-def _by_torque(given: Prepared, progress: Progress) -> Answer:
+def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     """The diagnosis by torques and measured poses, stage by stage."""
     robot, changes = given.robot, given.changes
     if not given.seen:
         progress(Announcement(Stage.FITTING_POSES))
-        return Answer(diagnosis_of_poses(robot, given.tracked, given.places))
+        return DiagnosisWithoutPlan(diagnosis_of_poses(robot, given.tracked, given.places))
     progress(Announcement(Stage.FILTERING))
     session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
     explanation = explanation_of(session, progress)
@@ -219,7 +222,7 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
     judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
-    # Rivals between recordings are about what changed, which no further motion of one of them separates.
+    # Rivals between recordings differ in what changed, and no further motion of one of them separates these.
     between = bool(session.differences.own)
     judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
@@ -230,8 +233,8 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)
-    # How a base that is not bolted down would move under another motion of its joints, nobody knows either.
-    return Answer(found, None if between or robot.floating else explanation, given.started)
+    # Nor is it known how a base that is not bolted down would move under another motion of its joints.
+    return DiagnosisWithoutPlan(found, None if between or robot.floating else explanation, given.started)
 
 
 def _result(

@@ -24,7 +24,7 @@ from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
 from identification.stages import Announcement, Progress, Stage
 from identification.words.diagnosis_words import effect_at_finding
-from identification.words.geometry_words import all_findings, answer
+from identification.words.geometry_words import all_findings, verdict_sentences
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread
 from phantom_dyn.model.robot import Robot
@@ -300,7 +300,7 @@ def _diagnosed(
         row,
         verdict=diagnosis.verdict,
         causes=causes,
-        sentence=answer(diagnosis),
+        sentence=verdict_sentences(diagnosis),
         document=to_json(diagnosis) if folder is None else json.loads((folder / INDEX).read_text(encoding="utf-8")),
         refusal=None,
     )

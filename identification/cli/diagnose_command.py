@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from identification.data.recording import Recording
     from identification.diagnosis.columns.terms import KnownEffect
     from identification.diagnosis.result import Diagnosis
-    from identification.pipeline import Answer
+    from identification.pipeline import DiagnosisWithoutPlan
     from phantom_dyn.model.robot import Robot
 
 
@@ -154,7 +154,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
     from identification.export.corrected.corrected_yaml import known_model
     from identification.pipeline import planned, with_proposal
     from identification.reporting.diagnosis_summary import next_experiment_lines, note_lines, summary, written_lines
-    from identification.reporting.stored.diagnosis_files import check_targets, write_answer, write_outputs
+    from identification.reporting.stored.diagnosis_files import check_targets, write_diagnosis_alone, write_outputs
     from identification.second_process import begun
 
     check_targets(arguments.out, arguments.json, given_files(arguments))
@@ -162,14 +162,14 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
     with Progress(Stage.READING, sys.stderr, stages=DIAGNOSIS, times=times) as progress:
         known, robot = known_model(tuple(Path(path) for path in arguments.known), robot_with_effects(arguments))
         if arguments.recordings is None and arguments.changed is None:
-            answer = _answer_of_logs(arguments, robot, known, progress)
+            without_plan = _diagnosis_of_logs(arguments, robot, known, progress)
         else:
-            answer = _answer_of_changes(arguments, robot, known, progress)
-    diagnosis = answer.diagnosis
+            without_plan = _diagnosis_of_changes(arguments, robot, known, progress)
+    diagnosis = without_plan.diagnosis
     say(summary(diagnosis))
     sys.stdout.flush()
     if arguments.quick:
-        written = write_answer(
+        written = write_diagnosis_alone(
             replace(diagnosis, command=arguments.command), out=arguments.out, json_file=arguments.json
         )
         if times is not None:
@@ -178,11 +178,11 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
         return DONE
     notes, not_held = len(diagnosis.notes), list[str]()
     # The next experiment is planned while the models are written. With --profile one process does both, in turn.
-    plan = partial(planned, answer)
+    plan = partial(planned, without_plan)
     proposal = begun(plan) if times is None else cache(plan)
 
     def completed(found: Diagnosis) -> Diagnosis:
-        return with_proposal(found, proposal(), answer.started)
+        return with_proposal(found, proposal(), without_plan.started)
 
     with Progress(Stage.WRITING, sys.stderr, stages=AFTER_DIAGNOSIS, times=times) as progress:
         if times is not None:
@@ -214,12 +214,12 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _answer_of_changes(
+def _diagnosis_of_changes(
     arguments: argparse.Namespace, robot: Robot, known: tuple[KnownEffect, ...], progress: Progress
-) -> Answer:
-    """Answer from recordings between which something changed, as ``--recordings`` or ``--changed`` states."""
+) -> DiagnosisWithoutPlan:
+    """Diagnosis from recordings between which something changed, as ``--recordings`` or ``--changed`` states."""
     from identification.data.changes import Change
-    from identification.pipeline import answered
+    from identification.pipeline import diagnose_without_plan
     from identification.scenarios.recordings_file import changed_from_first, read_changed, read_changes
 
     paths = (*arguments.logs, *arguments.hold_out)
@@ -235,15 +235,17 @@ def _answer_of_changes(
 
     recordings = tuple(read(path, change) for path, change in zip(paths, changes, strict=True))
     held_out = len(arguments.hold_out)
-    return answered(robot, recordings, held_out=held_out, known=known, changes=changes, progress=progress.show)
+    return diagnose_without_plan(
+        robot, recordings, held_out=held_out, known=known, changes=changes, progress=progress.show
+    )
 
 
-def _answer_of_logs(
+def _diagnosis_of_logs(
     arguments: argparse.Namespace, robot: Robot, known: tuple[KnownEffect, ...], progress: Progress
-) -> Answer:
-    """Answer from the recorded torques; without them, from those of the controllers or from positions at rest."""
+) -> DiagnosisWithoutPlan:
+    """Diagnosis from the recorded torques; without them, from those of the controllers or from positions at rest."""
     from identification.data.reading import read_recording
-    from identification.pipeline import answered
+    from identification.pipeline import diagnose_without_plan
 
     read_as_asked = reading_as_asked(read_recording, arguments)
 
@@ -254,7 +256,7 @@ def _answer_of_logs(
     def read_all(torque_needed: bool) -> tuple[Recording, ...]:
         return tuple(read(path, torque_needed) for path in (*arguments.logs, *arguments.hold_out))
 
-    return answered(
+    return diagnose_without_plan(
         robot,
         read_all,
         held_out=len(arguments.hold_out),

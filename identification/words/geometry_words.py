@@ -31,7 +31,7 @@ EFFECTS = {
 }
 
 
-def answer(diagnosis: Diagnosis) -> str:
+def verdict_sentences(diagnosis: Diagnosis) -> str:
     """The verdict in a few sentences: on the torques, if there are any, and then on the poses, if there are any."""
     torques = [] if diagnosis.poses_alone else [headline(with_stated_probabilities(diagnosis.with_torque_verdict))]
     return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])

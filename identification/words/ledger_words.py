@@ -14,7 +14,7 @@ from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import number, percent, percent_short_of_all, with_unit
 from phantom_dyn.errors import UsageError
 
-_NEAREST = 5  # answers on effects that came closest
+_NEAREST = 5  # number of effects that came closest, on which there is a text
 _CLEAR = 0.01  # difference in noise floors below which two sets explain the gap equally well
 
 # For each gate, why an effect that fails it is not named; `value` and `needed` are its numbers.
@@ -62,7 +62,7 @@ _SHARES = {
 
 
 @dataclass(frozen=True)
-class Answer:
+class ClaimWords:
     """Why an effect was named or not: its name and joint, a sentence, and a line for each gate that it met."""
 
     name: str
@@ -73,8 +73,8 @@ class Answer:
         return "\n".join([self.sentence, *(f"  {line}" for line in self.gates)])
 
 
-def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[Answer, ...]:
-    """Why an effect is named in a diagnosis or not, one answer per joint; for all joints if none is given.
+def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[ClaimWords, ...]:
+    """Why an effect is named in a diagnosis or not, one text for each joint; for all joints if none is given.
 
     Args:
         diagnosis: A diagnosis with a ledger.
@@ -102,11 +102,11 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
         where = [place[1] for place in known if place[0] == effect]
         joints = ", ".join(name or "the whole robot (leave --joint out)" for name in where)
         raise UsageError(f"{effect} was asked for on {joint!r}, wanted one of: {joints}.")
-    return tuple(answer for place in places for answer in _answers(diagnosis, *place))
+    return tuple(words for place in places for words in _words_on(diagnosis, *place))
 
 
-def nearest_claims(diagnosis: Diagnosis) -> tuple[Answer, ...]:
-    """Answers on the five unnamed effects that would close most of the gap."""
+def nearest_claims(diagnosis: Diagnosis) -> tuple[ClaimWords, ...]:
+    """Texts on the five unnamed effects that would close most of the gap."""
     others = [claim for claim in diagnosis.ledger if claim.outcome in ("displaced", "not_claimed")]
     others.sort(key=lambda claim: -_closes(claim))
     return tuple(_of_claim(diagnosis, claim) for claim in others[:_NEAREST])
@@ -122,38 +122,38 @@ def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
     return tuple(dict.fromkeys(places))
 
 
-def _answers(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Answer, ...]:
-    """Answers on one effect on one joint; several if it was claimed for single recordings."""
+def _words_on(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[ClaimWords, ...]:
+    """Texts on one effect on one joint; several if it was claimed for single recordings."""
     claims = [
         claim for claim in diagnosis.ledger if any((at.effect, at.joint) == (effect, joint) for at in claim.effects)
     ]
     return tuple(_of_claim(diagnosis, claim) for claim in claims) or (_without_claim(diagnosis, effect, joint),)
 
 
-def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Answer:
+def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> ClaimWords:
     name = effect_at(EffectAt(effect, joint))
     of_poses = diagnosis.geometry
     bounds = (*diagnosis.bounds, *(of_poses.bounds if of_poses else ()))
     bounds = [one for one in bounds if (one.effect, one.joint) == (effect, joint)]
     for entry in (*diagnosis.not_testable, *(of_poses.not_testable if of_poses and not bounds else ())):
         if (entry.effect, entry.joint) == (effect, joint):
-            return Answer(name, f"{capital(name)} was not tried, as this recording cannot show it: {entry.why}.")
+            return ClaimWords(name, f"{capital(name)} was not tried, as this recording cannot show it: {entry.why}.")
     sizes = joined(
         [f"{one.parameter.replace('_', ' ')} {with_unit(number(one.below), one.unit)}" for one in bounds], " or "
     )
-    return Answer(
+    return ClaimWords(
         name,
         f"{capital(name)} was tried and never claimed, and is not among the ten that came nearest. The recording would "
         f"have shown it from {sizes} on.",
     )
 
 
-def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> Answer:
+def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> ClaimWords:
     name = joined([effect_at(at) for at in claim.effects])
     if claim.judged_by == "poses" and not diagnosis.poses_alone:
         name += " (judged by the measured poses)"
     lines = tuple(gate_line(result) for result in claim.gates)
-    return Answer(name, _sentence(diagnosis, claim, name), lines)
+    return ClaimWords(name, _sentence(diagnosis, claim, name), lines)
 
 
 def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
@@ -238,6 +238,6 @@ def _closes(claim: Claim[EffectAt]) -> float:
     return closes if math.isfinite(closes) else -math.inf
 
 
-def listed(answers: Iterable[Answer]) -> str:
-    """Several answers with blank lines between them."""
-    return "\n\n".join(map(str, answers))
+def listed(every: Iterable[ClaimWords]) -> str:
+    """Texts on several claims, with blank lines between them."""
+    return "\n\n".join(map(str, every))

@@ -200,22 +200,22 @@ class _Beside:
 
     def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: ChangedMinimum, wanted: Int[Array, " w"]):
         self._wanted, self._problem, free = wanted, solved.problem, ~solved.whole.held
-        cross, answer, slope, self._scale = solved.pieces(wanted)
+        cross, response, slope, self._scale = solved.pieces(wanted)
         entered = solved.entering(new)
         n, k = len(solved.columns), len(found.flipped)
         places, action = found.action
         own = places < n
         across = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
-        across = across + cross[:, free] @ entered.answer[:, free].T
+        across = across + cross[:, free] @ entered.response[:, free].T
         # Response of the slopes of the wanted columns to the changes, and the other way round.
         there = np.empty((len(wanted), len(places)))
-        there[:, own] = np.where(solved.whole.held[places[own]], 1.0, -1.0) * answer[:, places[own]]
+        there[:, own] = np.where(solved.whole.held[places[own]], 1.0, -1.0) * response[:, places[own]]
         there[:, ~own] = across[:, places[~own] - n]
         back = np.empty((len(wanted), k))
-        back[:, own[:k]] = answer[:, places[:k][own[:k]]]
+        back[:, own[:k]] = response[:, places[:k][own[:k]]]
         back[:, ~own[:k]] = across[:, places[:k][~own[:k]] - n]
         square = answers_among(solved.whole, entered, found.flipped)
-        self._cross, self._answer, self._there = cross[:, free], answer[:, free], there[:, :k]
+        self._cross, self._response, self._there = cross[:, free], response[:, free], there[:, :k]
         self._made = np.linalg.solve(square, back.T).T
         self._slope = (slope + there @ action) / self._scale
 
@@ -224,7 +224,7 @@ class _Beside:
         at, size = np.searchsorted(self._wanted, columns), columns.shape[1]
         square = self._problem.total_a[columns[:, :, None], columns[:, None, :]]
         square[:, np.arange(size), np.arange(size)] += self._problem.precision[columns]
-        taken = self._cross[at] @ self._answer[at].transpose(0, 2, 1)
+        taken = self._cross[at] @ self._response[at].transpose(0, 2, 1)
         taken = taken - self._there[at] @ self._made[at].transpose(0, 2, 1)
         scale = self._scale[at]
         return square + taken / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]

@@ -19,7 +19,7 @@ class _Pieces:
     """Parts of one column as it enters a tableau, for several tableaus: see `Entering`."""
 
     cross: Float[Array, "T n"]
-    answer: Float[Array, "T n"]
+    response: Float[Array, "T n"]
     slope: Float[Array, " T"]
     scale: Float[Array, " T"]
 
@@ -189,8 +189,8 @@ def quadratic(problem: LinearProblem, columns: Int[Array, " n"]) -> tuple[Array,
 def _together(one: Tableau, pieces: list[_Pieces], which: int) -> tuple[Array, Array, Array, Array]:
     """Parts of several columns as they enter one of the tableaus."""
     n = len(one.x)
-    cross, answer = (
-        np.array([getattr(piece, name)[which] for piece in pieces]).reshape(-1, n) for name in ("cross", "answer")
+    cross, response = (
+        np.array([getattr(piece, name)[which] for piece in pieces]).reshape(-1, n) for name in ("cross", "response")
     )
     slope, scale = (np.array([getattr(piece, name)[which] for piece in pieces]) for name in ("slope", "scale"))
-    return cross, answer, slope, scale
+    return cross, response, slope, scale

@@ -55,7 +55,7 @@ def minimum(one: Tableau, more: Entering, held: Array, value: Array) -> HeldMini
     for i in range(v):
         if held[i] and started[i] and value[i] != at[i]:
             places[d], action[d] = i, value[i] - at[i]
-            _add_answers(one, more, i, action[d], now)
+            _add_responses(one, more, i, action[d], now)
             d += 1
     for j in range(k):
         p = places[j]
@@ -63,7 +63,7 @@ def minimum(one: Tableau, more: Entering, held: Array, value: Array) -> HeldMini
     if k:
         action[:k] = np.linalg.solve(answers_among(one, more, places[:k]), action[:k].copy())
     for j in range(k):
-        _add_answers(one, more, places[j], action[j], now)
+        _add_responses(one, more, places[j], action[j], now)
     x, slope = np.empty(v), np.zeros(v)
     for i in range(v):
         x[i] = value[i] if held[i] else at[i] if started[i] else now[i]
@@ -138,14 +138,14 @@ def _correction(one: Tableau, more: Entering, force: Array, held: Array, flipped
     out = np.zeros(v)
     for p in range(n):
         if not one.held[p] and force[p] != 0.0:
-            _add_answers(one, more, p, force[p], out)
+            _add_responses(one, more, p, force[p], out)
     action = np.empty(k)
     if k:
         for j in range(k):
             action[j] = force[flipped[j]] - out[flipped[j]]
         action = np.linalg.solve(answers_among(one, more, flipped), action)
         for j in range(k):
-            _add_answers(one, more, flipped[j], action[j], out)
+            _add_responses(one, more, flipped[j], action[j], out)
     for i in range(v):
         if held[i] or i >= n or one.held[i]:
             out[i] = 0.0
@@ -157,26 +157,26 @@ def _correction(one: Tableau, more: Entering, force: Array, held: Array, flipped
 
 
 @fused
-def _answer(one: Tableau, more: Entering, place: int, other: int) -> float:
+def _response(one: Tableau, more: Entering, place: int, other: int) -> float:
     """Change of the state of one unknown, ``other``, by a unit action on another."""
     n = len(one.x)
     if place >= n:
-        return more.answer[place - n, other] if other < n else more.among[place - n, other - n]
+        return more.response[place - n, other] if other < n else more.among[place - n, other - n]
     if other < n:
-        return one.answer[place, other]
+        return one.response[place, other]
     # By symmetry, a slope changes by a force as the free unknown does by a shift, with the other sign.
-    return more.answer[other - n, place] if one.held[place] else -more.answer[other - n, place]
+    return more.response[other - n, place] if one.held[place] else -more.response[other - n, place]
 
 
 @fused
-def _add_answers(one: Tableau, more: Entering, place: int, action: float, out: Array) -> None:
+def _add_responses(one: Tableau, more: Entering, place: int, action: float, out: Array) -> None:
     """Add to ``out`` the changes of all states by an action on one unknown."""
     n = len(one.x)
-    line = one.answer[place] if place < n else more.answer[place - n]
+    line = one.response[place] if place < n else more.response[place - n]
     for i in range(n):
         out[i] += action * line[i]
     for i in range(len(out) - n):
-        out[n + i] += action * _answer(one, more, place, n + i)
+        out[n + i] += action * _response(one, more, place, n + i)
 
 
 @fused
@@ -185,5 +185,5 @@ def answers_among(solved: Tableau, entering: Entering, places: Array) -> Array:
     out = np.empty((len(places), len(places)))
     for j in range(len(places)):
         for i in range(len(places)):
-            out[i, j] = _answer(solved, entering, places[j], places[i])
+            out[i, j] = _response(solved, entering, places[j], places[i])
     return out

@@ -28,7 +28,7 @@ class Entering(NamedTuple):
 
     Attributes:
         cross: Products of the further unknowns with those of the solved problem, ``(m, n)``.
-        answer: Response of the solved problem's unknowns to a shift of each further unknown, ``(m, n)``.
+        response: Response of the solved problem's unknowns to a shift of each further unknown, ``(m, n)``.
         square: Products among the further unknowns, ``(m, m)``.
         among: Response of their slopes to a shift of each of them, ``(m, m)``.
         slope: Derivative of the loss by each further unknown, at zero, ``(m,)``.
@@ -36,7 +36,7 @@ class Entering(NamedTuple):
     """
 
     cross: Float[Array, "m n"]
-    answer: Float[Array, "m n"]
+    response: Float[Array, "m n"]
     square: Float[Array, "m m"]
     among: Float[Array, "m m"]
     slope: Float[Array, " m"]
@@ -53,7 +53,7 @@ class Tableau(NamedTuple):
         held: Unknowns at a bound, ``(n,)``.
         x: Minimum, ``(n,)``.
         state: Values of free unknowns, slopes of held ones, ``(n,)``.
-        answer: Response of the state to a force on a free unknown or a shift of a held one, one row for each action,
+        response: Response of the state to a force on a free unknown or a shift of a held one, one row for each action,
             ``(n, n)``.
         rounding: Size below which a slope counts as zero.
     """
@@ -64,13 +64,13 @@ class Tableau(NamedTuple):
     held: Bool[Array, " n"]
     x: Float[Array, " n"]
     state: Float[Array, " n"]
-    answer: Float[Array, "n n"]
+    response: Float[Array, "n n"]
     rounding: float
 
     def pieces(
         self, cross: Float[Array, "m n"], diagonal: Float[Array, " m"], b: Float[Array, " m"]
     ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, " m"], Float[Array, " m"]]:
-        """Parts of `Entering` for further unknowns: cross products, answer, slope and scale.
+        """Parts of `Entering` for further unknowns: cross products, response, slope and scale.
 
         Args:
             cross: Products of the further unknowns with those of the solved problem.
@@ -79,14 +79,14 @@ class Tableau(NamedTuple):
         """
         unit = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
         cross = cross * self.scale * unit[:, None]
-        answer = -np.where(self.held, 0.0, cross) @ self.answer
-        answer[:, self.held] += cross[:, self.held]
-        return cross, answer, cross @ self.x - b * unit, unit
+        response = -np.where(self.held, 0.0, cross) @ self.response
+        response[:, self.held] += cross[:, self.held]
+        return cross, response, cross @ self.x - b * unit, unit
 
     def joined(
         self,
         cross: Float[Array, "m n"],
-        answer: Float[Array, "m n"],
+        response: Float[Array, "m n"],
         slope: Float[Array, " m"],
         scale: Float[Array, " m"],
         square: Float[Array, "m m"],
@@ -95,7 +95,7 @@ class Tableau(NamedTuple):
         square = square * scale[:, None] * scale
         square.flat[:: len(square) + 1] += TWINS
         free = ~self.held
-        return Entering(cross, answer, square, square + cross[:, free] @ answer[:, free].T, slope, scale)
+        return Entering(cross, response, square, square + cross[:, free] @ response[:, free].T, slope, scale)
 
 
 def tableau(
@@ -122,17 +122,17 @@ def tableau(
     free, fixed = np.flatnonzero(~held), np.flatnonzero(held)
     inverse = _inverse(scaled[np.ix_(free, free)])
     across = scaled[np.ix_(free, fixed)]
-    answer = np.empty_like(scaled)
+    response = np.empty_like(scaled)
     made = inverse @ across
-    answer[np.ix_(free, free)] = inverse
-    answer[np.ix_(fixed, free)] = -made.T
-    answer[np.ix_(free, fixed)] = made
-    answer[np.ix_(fixed, fixed)] = scaled[np.ix_(fixed, fixed)] - across.T @ made
+    response[np.ix_(free, free)] = inverse
+    response[np.ix_(fixed, free)] = -made.T
+    response[np.ix_(free, fixed)] = made
+    response[np.ix_(fixed, fixed)] = scaled[np.ix_(fixed, fixed)] - across.T @ made
     # The inverse alone is not accurate where large terms cancel.
     for _ in range(_REFINED):
         x[free] += inverse @ (right[free] - scaled[free] @ x)
     state = np.where(held, scaled @ x - right, x)
-    return Tableau(scaled, right, unit, held, x, state, answer, _ROUNDING * float(np.abs(right).max(initial=0.0)))
+    return Tableau(scaled, right, unit, held, x, state, response, _ROUNDING * float(np.abs(right).max(initial=0.0)))
 
 
 def _inverse(a: Float[Array, "k k"]) -> Float[Array, "k k"]:

@@ -292,8 +292,8 @@ def write_outputs(
     return _written(texts, out, json_file, json_text(diagnosis))
 
 
-def write_answer(diagnosis: Diagnosis, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
-    """Write ``diagnosis.json`` alone into a folder, and the JSON to a file; other files of an earlier run are removed.
+def write_diagnosis_alone(diagnosis: Diagnosis, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
+    """Write only ``diagnosis.json`` into a folder, and the JSON to a file; other files of an earlier run are removed.
 
     Arguments, result and errors are those of `write_outputs`.
     """

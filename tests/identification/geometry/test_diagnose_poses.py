@@ -16,7 +16,7 @@ from identification.reporting.comparison import compare, comparison_text
 from identification.reporting.stored.diagnosis_files import json_text
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.scenarios.measured_poses import diagnosis_of_poses
-from identification.words.geometry_words import all_findings, answer
+from identification.words.geometry_words import all_findings, verdict_sentences
 from identification.words.ledger_words import why
 from identification.words.note_words import sentences
 from phantom_dyn.errors import LogError
@@ -314,8 +314,8 @@ def test_a_zero_that_poses_show_is_a_change_between_diagnoses(both):
     assert "An encoder offset on elbow_joint, offset: not found -> 0.00" in said
 
 
-def test_the_answer_of_poses_alone_says_nothing_of_torques(both):
-    assert all(answer(one).startswith("Measured poses: tool0 is off by") for one in both)
+def test_the_verdict_of_poses_alone_says_nothing_of_torques(both):
+    assert all(verdict_sentences(one).startswith("Measured poses: tool0 is off by") for one in both)
 
 
 def test_findings_in_poses_are_listed_like_those_in_torque(both):

@@ -172,7 +172,7 @@ def test_a_change_that_rounding_spoils_says_so(tableau_problem):
     a, b, lower, upper, rng = tableau_problem
     known, found, _, _ = change(a, b, lower, upper, rng)
     # An inverse that is wrong by more than itself stands for one that has lost its digits.
-    spoilt = known._replace(answer=known.answer * (1.0 + 3.0 * rng.normal(size=known.answer.shape)))
+    spoilt = known._replace(response=known.response * (1.0 + 3.0 * rng.normal(size=known.response.shape)))
     nothing = spoilt.joined(*spoilt.pieces(np.zeros((0, KNOWN)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
     gone = np.flatnonzero(~known.held)[:5]
     again = changed(spoilt, nothing, gone, (lower[:KNOWN], upper[:KNOWN]), np.full(KNOWN, np.nan))
