@@ -128,7 +128,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
 def _verdict(
     frames: tuple[FrameGap, ...], findings: tuple[PoseFinding, ...], bounds: tuple, *, structured: bool, more: bool
 ) -> str:
-    """Verdict over all frames at once, see ``verdict`` in docs/files.md."""
+    """Verdict on all frames together, see ``verdict`` in docs/files.md."""
     if not findings:
         if structured or more:
             return "unknown"
@@ -277,7 +277,7 @@ def size_of(finding: PoseFinding) -> GateResult:
 
 
 def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding]) -> tuple[Claim[At], ...]:
-    """Entries of the ledger: the findings, then the places that came nearest to being found.
+    """Entries of the ledger: the findings, then the places without a finding that explain most.
 
     Args:
         explained: Fit of the findings to the poses.
@@ -285,26 +285,26 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
         found: All findings, minor ones included.
     """
     groups = {explained.problem.terms[group[0]].place: group for group in groups_of(explained)}
-    claims = [_claimed(explained, gap, groups[finding.effect, finding.joint], finding) for finding in found]
+    claims = [_claim_of_finding(explained, gap, groups[finding.effect, finding.joint], finding) for finding in found]
     places: dict[At, list[int]] = {}
     for k in explained.fits.seen:
         places.setdefault(explained.problem.terms[k].place, []).append(k)
-    near = [_nearest(explained, at, terms, groups) for at, terms in places.items() if at not in groups]
+    near = [_best_term_of(explained, at, terms, groups) for at, terms in places.items() if at not in groups]
     near = sorted(near, key=lambda one: -one.most)[:NEVER_CLAIMED]
-    return (*claims, *(_not_claimed(explained, gap, one, groups) for one in near))
+    return (*claims, *(_claim_of_place(explained, gap, one, groups) for one in near))
 
 
 @dataclass(frozen=True)
-class _Nearness:
-    """The parameter of a place that comes nearest to being found.
+class _UnclaimedPlace:
+    """A place without a finding, with the one of its parameters that explains most.
 
     Attributes:
-        at: The place.
+        at: The effect and its joint.
         term: Index of the parameter.
-        beside: Decrease of the sum of squares if it is added to all findings.
-        instead_of: Decrease of the sum of squares if it replaces one cause.
-        other: That cause.
-        of_other: Decrease of the sum of squares by the cause itself.
+        beside: Decrease of the sum of squares if the parameter is added to all findings.
+        instead_of: Decrease of the sum of squares if it replaces one finding.
+        other: Effect and joint of that finding.
+        by_other: Decrease of the sum of squares by that finding itself.
     """
 
     at: At
@@ -312,31 +312,32 @@ class _Nearness:
     beside: float = -np.inf
     instead_of: float = -np.inf
     other: At | None = None
-    of_other: float = 0.0
+    by_other: float = 0.0
 
     @property
     def most(self) -> float:
+        """The larger of the two decreases."""
         return max(self.beside, self.instead_of)
 
 
-def _nearest(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: dict[At, Group]) -> _Nearness:
+def _best_term_of(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: dict[At, Group]) -> _UnclaimedPlace:
     fits, chosen = explained.fits, explained.chosen
     every = []
     for k in terms:
-        # A linear combination of terms that were found adds nothing to them.
+        # A linear combination of the chosen terms adds nothing to them.
         apart = fits.values((*chosen, k)) is not None
         beside = fits.squares(chosen) - fits.squares((*chosen, k)) if apart else 0.0
-        every.append(_Nearness(at, k, beside))
+        every.append(_UnclaimedPlace(at, k, beside))
         for other, group in groups.items():
             rest = tuple(one for one in chosen if one not in group)
             left = fits.squares(rest)
             if np.isfinite(left):
                 gains = (left - fits.squares(some) for some in ((*rest, k), chosen))
-                every.append(_Nearness(at, k, beside, next(gains), other, next(gains)))
+                every.append(_UnclaimedPlace(at, k, beside, next(gains), other, next(gains)))
     return max(every, key=lambda one: one.most)
 
 
-def _claimed(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
+def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
     fits, chosen = explained.fits, explained.chosen
     # Each parameter of a cause has to pass the gate by itself, so the least decrease decides.
     least = min(fits.squares([k for k in chosen if k != term]) for term in group) - fits.squares(chosen)
@@ -346,13 +347,13 @@ def _claimed(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFin
     return Claim(((finding.effect, finding.joint),), gates, outcome, (), {"closes": _closes(gap, group)}, "poses")
 
 
-def _not_claimed(explained: ExplainedPoses, gap: Gap, near: _Nearness, groups: dict[At, Group]) -> Claim[At]:
+def _claim_of_place(explained: ExplainedPoses, gap: Gap, near: _UnclaimedPlace, groups: dict[At, Group]) -> Claim[At]:
     if not np.isfinite(near.beside):
         gates: tuple[GateResult, ...] = (possible_size(1),)
     else:
         gates = (more_than_chance(near.beside, explained.price),)
     figures, instead = {"closes": _closes(gap, (near.term,))}, ()
-    if near.other is not None and could_stand_for(near.instead_of, explained.price, near.beside, near.of_other):
+    if near.other is not None and could_stand_for(near.instead_of, explained.price, near.beside, near.by_other):
         instead = (near.other,)
         rest = tuple(k for k in explained.chosen if k not in groups[near.other])
         rows = float(gap.blocks.rows.sum())
@@ -362,5 +363,5 @@ def _not_claimed(explained: ExplainedPoses, gap: Gap, near: _Nearness, groups: d
 
 
 def _closes(gap: Gap, terms: Sequence[int]) -> float:
-    """Share of the gap that these terms close without any others."""
+    """Share of the gap that these terms close by themselves."""
     return float(gap.closed(gap.blocks.losses(terms), np.ones((1, len(gap.after))))[0])
