@@ -39,13 +39,13 @@ from benchmarks.ablation_runs import Case, Variant, cases_of, load_everything, r
 from benchmarks.ablation_table import (
     answer_of,
     base_of,
-    between_markers,
     gates_table,
     gates_to_leave_out,
     may_change,
     met_in,
     numbers_table,
 )
+from benchmarks.markers import between_markers
 
 FOLDERS = ("identification/diagnosis", "identification/engine", "identification/gates")
 GROUP = 8  # numbers that are changed in one run at first
@@ -229,6 +229,11 @@ def one_make_after_the_other(cases: Sequence[Case], seconds: Mapping[str, float]
     return [case for *_, case in sorted(out, key=lambda one: one[:3])]
 
 
+def with_table(page: str, part: str, table: str) -> str:
+    """A page with another table between the markers of a part, ``gates`` or ``numbers``."""
+    return between_markers(page, f"<!-- {part} -->", f"<!-- end of {part} -->", f"\n{table}\n")
+
+
 def main(words: Sequence[str] | None = None) -> None:
     """Follows, varies, or writes the table."""
     parser = argparse.ArgumentParser(description="Which gates and numbers of the diagnosis decide, and what they cost.")
@@ -258,7 +263,7 @@ def main(words: Sequence[str] | None = None) -> None:
             if given.page is None:
                 print(parts[part])
             else:
-                given.page.write_text(between_markers(given.page.read_text(), part, parts[part]))
+                given.page.write_text(with_table(given.page.read_text(), part, parts[part]))
         return
     if given.what != "stored":
         load_everything()

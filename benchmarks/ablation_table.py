@@ -268,10 +268,3 @@ def _short(key: str) -> str:
     """Module without its packages, and name."""
     module, name = key.split(":")
     return f"{module.split('.')[-1]}.{name}"
-
-
-def between_markers(page: str, part: str, text: str) -> str:
-    """A page with another text between the markers of a part."""
-    begin, end = f"<!-- {part} -->", f"<!-- end of {part} -->"
-    before, rest = page.split(begin)
-    return f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}"

@@ -28,18 +28,11 @@ from benchmarks import compare_figaroh, compare_mujoco_sysid
 from benchmarks.comparison import NotInstalled, Row, missed, table
 from benchmarks.core_speed import core_rows
 from benchmarks.gapbench.scoring.tables import wrapped
+from benchmarks.markers import between_markers
 from identification.files import write_atomically
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "large_work.md"
 BEGIN, END = "<!-- speed:begin -->", "<!-- speed:end -->"
-
-
-def between_markers(text: str, inside: str) -> str:
-    """The text with everything between the two markers replaced; both have to be there once, in order."""
-    pattern = re.compile(re.escape(BEGIN) + ".*?" + re.escape(END), re.DOTALL)
-    if text.count(BEGIN) != 1 or text.count(END) != 1 or not pattern.search(text):
-        raise ValueError(f"The text has to hold {BEGIN} and then {END}, each once: put them where the table goes.")
-    return pattern.sub(lambda _: f"{BEGIN}\n{inside.strip()}\n{END}", text)
 
 
 def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
@@ -85,10 +78,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--page", type=Path, default=PAGE, help="file with the two markers")
     parser.add_argument("--repeats", type=int, default=3, help="processes of each side of the FIGAROH comparison")
     given = parser.parse_args(arguments)
-    between_markers(given.page.read_text(), "")  # before minutes of measuring
+    # A page without markers is refused before minutes of measuring.
+    between_markers(given.page.read_text(), BEGIN, END, "")
     rows, sentences = gathered(_parts(given.repeats))
     text = inside(rows, sentences, datetime.datetime.now(datetime.UTC).date(), machine())
-    write_atomically(given.page, between_markers(given.page.read_text(), text))
+    write_atomically(given.page, between_markers(given.page.read_text(), BEGIN, END, text.strip()))
     print(text)
     return missed(rows)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
-import re
 import shutil
 import sys
 from collections.abc import Sequence
@@ -20,20 +19,13 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 
 from benchmarks.blind.generate import OPTIONS, REPORTING, add_seed_options, case_ids, chosen_batches
 from benchmarks.gapbench.scoring.tables import wrapped
+from benchmarks.markers import between_markers
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 BEGIN, END = "<!-- blind:begin -->", "<!-- blind:end -->"
 IMAGE = Path("docs/blind_confusion.png")
 PAGE = Path("docs") / "sealed_cases.md"
 CAPTION = "*Truth (rows) against the leading finding, or the verdict without one; shade: share of the row.*"
-
-
-def between_markers(text: str, inside: str) -> str:
-    """The text with everything between the two markers replaced; both have to be there once, in order."""
-    pattern = re.compile(re.escape(BEGIN) + ".*?" + re.escape(END), re.DOTALL)
-    if text.count(BEGIN) != 1 or text.count(END) != 1 or not pattern.search(text):
-        raise ValueError(f"The text has to hold {BEGIN} and then {END}, each once: put them where the table goes.")
-    return pattern.sub(lambda _: f"{BEGIN}\n{inside.strip()}\n{END}", text)
 
 
 def command(batches: Sequence[tuple[str, range]]) -> str:
@@ -74,7 +66,7 @@ def publish(score: Path, batches: Sequence[tuple[str, range]], checkout: Path) -
     image = f"![Confusion matrix of the sealed cases]({IMAGE.name})"
     inside = "\n\n".join([heading(batches, datetime.datetime.now(datetime.UTC).date()), text.strip(), image, CAPTION])
     page = checkout / PAGE
-    filled = between_markers(page.read_text(), inside)
+    filled = between_markers(page.read_text(), BEGIN, END, inside.strip())
     (checkout / IMAGE).parent.mkdir(exist_ok=True)
     shutil.copyfile(score / "confusion.png", checkout / IMAGE)
     page.write_text(filled)

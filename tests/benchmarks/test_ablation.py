@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.ablation import deciding, groups_of, one_make_after_the_other
+from benchmarks.ablation import deciding, groups_of, one_make_after_the_other, with_table
 from benchmarks.ablation_numbers import Followed, Named, Trace, followed, named_numbers, scaled
 from benchmarks.ablation_runs import Case, Outcome, of_given
 from benchmarks.ablation_table import (
     MET,
     Effect,
-    between_markers,
     gates_to_leave_out,
     may_change,
     met_as,
@@ -256,7 +255,7 @@ def test_a_gate_left_out_lets_pass_what_it_refuses_wherever_it_was_imported() ->
 def test_the_page_gets_each_table_between_its_markers() -> None:
     page = "before\n<!-- gates -->\nold\n<!-- end of gates -->\nafter\n<!-- numbers -->\n<!-- end of numbers -->\n"
     with_gates = page.replace("old", "\nnew\n")
-    assert between_markers(page, "gates", "new") == with_gates
+    assert with_table(page, "gates", "new") == with_gates
 
 
 def test_the_table_of_numbers_says_which_decide_how_the_others_were_met_and_in_how_many_cases() -> None:

@@ -8,7 +8,7 @@ from scored_by_hand import answer, entry, finding, some_cases
 
 from benchmarks.blind.confusion import confusion, confusion_text
 from benchmarks.blind.generate import REPORTING, case_ids
-from benchmarks.blind.publish import BEGIN, CHECKOUT, END, IMAGE, PAGE, between_markers, heading, publish
+from benchmarks.blind.publish import BEGIN, CHECKOUT, END, IMAGE, PAGE, heading, publish
 from benchmarks.blind.score import report, write_score
 from benchmarks.gapbench.generator.effects import SINGLE_EFFECTS
 from benchmarks.gapbench.makes.drake.effects import NAMES
@@ -17,6 +17,7 @@ from benchmarks.gapbench.scoring.judged import judged
 from benchmarks.gapbench.scoring.proportions import average, proportion, wilson
 from benchmarks.gapbench.scoring.reliability import calibration_error, reliability
 from benchmarks.gapbench.scoring.tables import aims, beside, cell, misses, table, wrapped
+from benchmarks.markers import between_markers
 from phantom_dyn.effects.catalogue import EFFECTS
 
 
@@ -183,22 +184,9 @@ def cases_that_state(*stated):
     return [replace(judged(NULL, PUBLISHED), stated=tuple(stated))]
 
 
-def test_everything_between_the_markers_is_replaced_and_nothing_else():
-    text = f"before\n{BEGIN}\nold\nrows\n{END}\nafter\n"
-    assert between_markers(text, "new\n") == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
-
-
-@pytest.mark.parametrize(
-    "text", ["", f"{BEGIN} only", f"{END} and then {BEGIN}", f"{BEGIN}{END}{BEGIN}{END}", f"{BEGIN}{BEGIN}{END}"]
-)
-def test_a_text_without_its_two_markers_is_refused(text):
-    with pytest.raises(ValueError, match="each once: put them where the table goes"):
-        between_markers(text, "new")
-
-
 def test_the_page_has_its_markers():
     text = (CHECKOUT / PAGE).read_text()
-    assert between_markers(text, "x") != text
+    assert between_markers(text, BEGIN, END, "x") != text
 
 
 DAY = datetime.date(2026, 11, 21)

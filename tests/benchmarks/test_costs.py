@@ -10,7 +10,7 @@ from benchmarks import comparison, first_run, haptics_step_cost, speed_table
 from benchmarks.compare_mujoco_sysid import worst
 from benchmarks.comparison import NotInstalled, Row, environment, less_than, missed, more_than, table
 from benchmarks.diagnosis_cost import Cost
-from benchmarks.speed_table import BEGIN, END, between_markers, gathered, inside, machine, main
+from benchmarks.speed_table import BEGIN, END, gathered, inside, machine, main
 from identification.data.reading import read_recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
@@ -96,16 +96,6 @@ def test_all_lines_of_the_table_have_the_same_columns():
     lines = table([FAST, LARGE]).splitlines()
     assert len(lines) == 4
     assert {(len(line), line.count("|")) for line in lines} == {(len(lines[0]), 7)}
-
-
-def test_everything_between_the_markers_is_replaced_and_nothing_else():
-    assert between_markers(PAGE, "new\n") == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
-
-
-@pytest.mark.parametrize("text", ["", f"{BEGIN} only", f"{END} and then {BEGIN}", f"{BEGIN}{END}{BEGIN}{END}"])
-def test_a_text_without_its_two_markers_is_refused(text):
-    with pytest.raises(ValueError, match="each once: put them where the table goes"):
-        between_markers(text, "new")
 
 
 def test_a_file_without_markers_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
