@@ -1,5 +1,6 @@
 """Which numbers and gates may change an answer, and what is counted where they do; oracles are made up by hand."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.ablation import deciding, groups_of, one_make_after_the_other, with_table
+from benchmarks.ablation import FOLDERS, deciding, groups_of, one_make_after_the_other, with_table
 from benchmarks.ablation_numbers import Followed, Named, Trace, followed, named_numbers, scaled
 from benchmarks.ablation_runs import Case, Outcome, of_given
 from benchmarks.ablation_table import (
@@ -22,6 +23,8 @@ from benchmarks.ablation_table import (
     of_numbers,
 )
 from benchmarks.given_cases import Answered
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "ablation.md").read_text()
 
 MODULE = """
 # share: of the gap.
@@ -250,6 +253,20 @@ def test_a_gate_left_out_lets_pass_what_it_refuses_wherever_it_was_imported() ->
         "assert not user.more_than_chance(1.0, 2.0).passed\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).resolve().parents[2])
+
+
+def test_every_number_that_the_page_names_is_in_the_code() -> None:
+    # Oracle: the constants of the modules, read from their source.
+    known = {f"{number.module.split('.')[-1]}.{number.name}" for number in named_numbers(FOLDERS)}
+    named = set(re.findall(r"`(\w+\.[A-Z_][A-Z0-9_]*)`", PAGE))
+    assert len(named) > 100
+    assert named - known == set()
+
+
+def test_the_page_counts_the_numbers_that_it_lists() -> None:
+    lists = re.findall(r"^\w[^`\n]* \((\d+)\): (`.*)\.$", PAGE, flags=re.MULTILINE)
+    assert lists
+    assert [int(count) for count, _ in lists] == [names.count(", ") + 1 for _, names in lists]
 
 
 def test_the_page_gets_each_table_between_its_markers() -> None:
