@@ -23,7 +23,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 
 from benchmarks.speed_table import machine
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, cheap_translation
-from phantom_dyn.haptics.cheap.cheap_hardware import COLUMNS, AxisNumbers, along, at_rest, axis_numbers, felt
+from phantom_dyn.haptics.cheap.cheap_hardware import COLUMNS, AxisNumbers, at_rest, axis_numbers, run_axis, run_cycle
 
 CYCLES, AXES, BATCH = 10_000, 6, 100
 SLOWEST, FASTEST = 500.0, 2000.0  # Hz
@@ -55,7 +55,7 @@ def compiled_step(axis: CheapAxis, steps: np.ndarray, q: np.ndarray, asked: np.n
         part = slice(first, first + BATCH)
         begin = time.thread_time_ns()
         for k in range(AXES):
-            along(numbers, states[k], steps[part], q[k, part], asked[k, part], out)
+            run_axis(numbers, states[k], steps[part], q[k, part], asked[k, part], out)
         times.append(time.thread_time_ns() - begin)
     return float(np.median(times)) / BATCH / 1e3
 
@@ -66,7 +66,7 @@ def python_step(axis: CheapAxis, steps: np.ndarray, q: np.ndarray, asked: np.nda
     for cycle in range(CYCLES // 10):
         begin = time.thread_time_ns()
         for k in range(AXES):
-            states[k], _ = felt(axis, states[k], float(steps[cycle]), float(q[k, cycle]), float(asked[k, cycle]))
+            states[k], _ = run_cycle(axis, states[k], float(steps[cycle]), float(q[k, cycle]), float(asked[k, cycle]))
         times.append(time.thread_time_ns() - begin)
     return float(np.median(times)) / 1e3
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.haptics_step_cost import ALL, EFFECTS
-from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, rendered, rendered_axes, run_cycle
 
 CYCLES, MOTORS = 10_000, 6
 
@@ -39,7 +39,7 @@ def test_one_cycle_at_a_time(benchmark, hand):
     def run():
         state = at_rest()
         for dt, x, asked in zip(steps, q[:1000, 0], force[:1000, 0], strict=True):
-            state, _ = felt(ALL, state, float(dt), float(x), float(asked))
+            state, _ = run_cycle(ALL, state, float(dt), float(x), float(asked))
         return state
 
     assert np.isfinite(benchmark(run)).all()

@@ -23,12 +23,12 @@ class Kind:
     """Allowed values of an argument.
 
     Attributes:
-        wanted: In words, the end of a sentence.
-        holds: True for a value that may be given.
+        wanted: Description of allowed values, the end of a sentence.
+        allows: True for an allowed value.
     """
 
     wanted: str
-    holds: Callable[[object], bool]
+    allows: Callable[[object], bool]
 
 
 def path_of(what: str) -> Kind:
@@ -38,11 +38,11 @@ def path_of(what: str) -> Kind:
 
 def or_none(kind: Kind) -> Kind:
     """The same kind, with None allowed."""
-    return Kind(f"{kind.wanted}, or None", lambda given: given is None or kind.holds(given))
+    return Kind(f"{kind.wanted}, or None", lambda given: given is None or kind.allows(given))
 
 
 def parts_of(given: object) -> tuple[object, ...] | None:
-    """The parts of a list or other iterable; None for one thing: a text, or what names its parts, as a table does."""
+    """The parts of a list or another iterable; None for a text, and for a table or dictionary."""
     if isinstance(given, Iterable) and not isinstance(given, str | bytes) and not hasattr(given, "keys"):
         return tuple(given)
     return None
@@ -87,16 +87,16 @@ TEXT = Kind("a text", _is_text)
 NAMES = Kind("a name or a list of names", _are_names)
 NUMBERS = Kind("a number or a list of numbers", _are_numbers)
 STRETCHES = Kind("a list of starts and ends such as [(0, 1.5)]", _are_stretches)
-TOLD = Kind("a function that takes a text, such as print", callable)
+TEXT_CALLBACK = Kind("a function that takes a text, such as print", callable)
 FILE = path_of("the path of a file")
 FOLDER = path_of("the path of a folder")
 
 
 def takes(**kinds: Kind) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """A function that refuses an argument of the wrong kind with a `UsageError` of one sentence.
+    """Decorator of a function: an argument of the wrong kind raises a `UsageError` of one sentence.
 
     Args:
-        kinds: By name of the argument what it may be; arguments that the function checks itself are left out.
+        kinds: Allowed values of each argument, by its name; arguments that the function checks itself are left out.
     """
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:
@@ -106,7 +106,7 @@ def takes(**kinds: Kind) -> Callable[[Callable[P, R]], Callable[P, R]]:
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
             given = signature.bind(*args, **kwargs).arguments
             for name, kind in kinds.items():
-                if name in given and not kind.holds(given[name]):
+                if name in given and not kind.allows(given[name]):
                     raise UsageError(f"{described(given[name])} was given as {name}, wanted {kind.wanted}.")
             return function(*args, **kwargs)
 

@@ -1,4 +1,4 @@
-"""The two ways to a diagnosis from Python: recordings of one robot, or recordings whose differences are stated."""
+"""Diagnoses from Python: of recordings of one robot, or of recordings whose differences are stated."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def diagnosis_of_recordings(
     *,
     motion_only: bool,
 ) -> Diagnosis:
-    """The diagnosis by torque; without one by that of the controllers, or in positions at rest.
+    """The diagnosis by recorded torques; without torques, by those of the controllers or by positions at rest.
 
     Args:
         robot: The model.
-        recordings: What fits may see.
-        hold_out: What no fit sees; may be empty.
+        recordings: Recordings for the fits.
+        hold_out: Recordings that no fit sees; may be empty.
         known: Effects that belong to the model already.
         columns: Column map of recordings that are paths.
-        progress: Takes the stages.
-        motion_only: True if a torque that was recorded is not to be used.
+        progress: Called with each stage.
+        motion_only: True if a recorded torque must not be used.
 
     Raises:
-        UsageError: If something is given that does not go with recordings at rest.
+        UsageError: If an argument cannot be used with recordings at rest.
         LogError: If a recording cannot be used.
     """
-    # A dataset is several recordings: counted before it is read, none of those held out is fitted.
+    # A dataset is several recordings, so the held-out ones are counted after it has been expanded.
     held = expanded(hold_out)
 
     def read(torque_needed: bool) -> tuple[Recording, ...]:
@@ -60,16 +60,16 @@ def diagnosis_of_changes(
     columns: str | Path | None,
     progress: Progress,
 ) -> Diagnosis:
-    """The diagnosis of recordings whose differences a ``recordings.yaml`` states; they are paths then.
+    """The diagnosis of recordings, given as paths, whose differences a ``recordings.yaml`` states.
 
     Args:
         robot: The model.
-        recordings: Paths that fits may see.
-        hold_out: Paths that no fit sees; may be empty.
+        recordings: Paths of recordings for the fits.
+        hold_out: Paths of recordings that no fit sees; may be empty.
         known: Effects that belong to the model already.
         changes: The ``recordings.yaml``.
         columns: Column map.
-        progress: Takes the stages.
+        progress: Called with each stage.
 
     Raises:
         UsageError: If a recording is no path.
@@ -84,10 +84,14 @@ def diagnosis_of_changes(
 
 
 def paths_of(given: object, name: str) -> tuple[str | Path, ...]:
-    """Paths where nothing else will do.
+    """Paths in an argument that takes nothing else.
+
+    Args:
+        given: Value of the argument.
+        name: Name of the argument, for the message.
 
     Raises:
-        UsageError: If one is something else; the sentence names the argument.
+        UsageError: If one of them is no path.
     """
     out = []
     for one in listed(given):

@@ -47,7 +47,7 @@ from phantom_dyn.arguments import (
     SEED,
     STRETCHES,
     TEXT,
-    TOLD,
+    TEXT_CALLBACK,
     WHOLE,
     or_none,
     path_of,
@@ -130,7 +130,7 @@ def read_recording(
     changes=or_none(path_of("the path of a recordings.yaml")),
     columns=or_none(COLUMNS),
     motion_only=FLAG,
-    progress=TOLD,
+    progress=TEXT_CALLBACK,
 )
 def diagnose(
     robot: RobotLike,
@@ -174,7 +174,7 @@ def diagnose(
     )
 
 
-@takes(estimator=TEXT, friction=NAMES, rotors=FLAG, columns=or_none(COLUMNS), progress=TOLD)
+@takes(estimator=TEXT, friction=NAMES, rotors=FLAG, columns=or_none(COLUMNS), progress=TEXT_CALLBACK)
 def identify(
     robot: RobotLike,
     recordings: RecordingsLike,
@@ -218,7 +218,7 @@ def identify(
     return Identification(found, loaded)
 
 
-@takes(duration=NUMBER, rate=NUMBER, harmonics=WHOLE, share=NUMBER, seed=SEED, progress=TOLD)
+@takes(duration=NUMBER, rate=NUMBER, harmonics=WHOLE, share=NUMBER, seed=SEED, progress=TEXT_CALLBACK)
 def excite(
     robot: RobotLike,
     *,

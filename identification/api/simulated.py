@@ -146,7 +146,7 @@ def _stated(robot: Robot, given: object) -> Cause:
     if not isinstance(given, tuple | list) or len(given) != 3 or not isinstance(given[2], dict):
         raise UsageError(f"{described(given)} was given as an effect, {wanted}.")
     name, joint, parameters = given
-    if not (joint is None or isinstance(joint, str)) or not all(map(NUMBERS.holds, parameters.values())):
+    if not (joint is None or isinstance(joint, str)) or not all(map(NUMBERS.allows, parameters.values())):
         raise UsageError(f"{described(given)} was given as an effect, {wanted}.")
     values = {str(key): tuple(np.atleast_1d(np.asarray(value, dtype=float))) for key, value in parameters.items()}
     named = name if isinstance(name, str) else getattr(name, "name", repr(name))

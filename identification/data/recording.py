@@ -13,11 +13,11 @@ from identification.data.drive_loop import DriveLoop
 from identification.notes import Note, Said
 from phantom_dyn.array_types import Array, Float
 
-_NAMED = 5  # times in a sentence
+_MOST_LISTED = 5  # largest number of times that a sentence lists
 
 
 def row_place(row: int) -> str:
-    """Where sample ``row`` (from 0) stands in a file that has no lines."""
+    """Words for the place of sample ``row`` (from 0) in a file without lines."""
     return f"row {row + 1}"
 
 
@@ -28,7 +28,7 @@ class RawTable:
     Attributes:
         file: Name of the file, for messages.
         columns: One 1-D float array per column that could be read as numbers; lengths may differ.
-        problems: For each other column the sentence to raise if somebody wants it.
+        problems: For each column that could not be read, the message of the error that its use raises.
         place: Words for the place of a sample (from 0) in the file, for messages.
         warnings: Warnings from reading.
         compensated: Parts that a controller had subtracted from the torque of a joint, ``gravity``, ``friction`` or
@@ -38,7 +38,7 @@ class RawTable:
         joint_names: Names of the joints of numbered columns, as ``q[0]``, where the file states them.
         numbered: True for a format that defines its numbered columns ``q[0]``, ``tau[0]``, ..., so that no map is
             needed.
-        asks_units: True for a format that does not state the units of its joints, so that a map has to.
+        asks_units: True for a format that does not state the units of its joints, so that a column map has to.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
         named: For each standard name the column of the file, by the user's map; empty without one.
         references_held: True if the format says that a reference acts from its sample to the next.
@@ -110,7 +110,7 @@ class BaseReadings:
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is certainly wrong with a recording, so that a diagnosis of it would mean nothing.
+    """An error that a recording certainly has, so that a diagnosis of it would be meaningless.
 
     Attributes:
         what: The end of a sentence, such as ``the positions of j1 and j2 are in degrees``.
@@ -159,11 +159,11 @@ class Recording:
         references_held: True if the format or the robot says that a reference acts from its sample to the next.
         follows: Torque per unit of the reference [N m/rad or N/m] where ``tau`` was computed from references, zero
             elsewhere, ``(nv,)``; None without such joints.
-        follows_up_to: Limit of that part of the torque, ``(nv,)``; None with it.
+        follows_up_to: Limit of that part of the torque, ``(nv,)``; None if ``follows`` is.
         friction_taken: Joints from whose torque a controller had subtracted friction: the model's friction is added
             again once the velocities are known.
         wrong: Certain faults; such a recording is refused, see `identification.data.refusal`.
-        anyway: True if it is to be used in spite of certain faults.
+        anyway: True if the recording is to be used in spite of certain faults.
         named: For each standard name the column of the file, by the user's map; empty without one.
         base: Readings of the sensors on a floating base; None for a fixed one.
     """
@@ -204,7 +204,7 @@ class Recording:
 
     @property
     def said(self) -> tuple[Said, ...]:
-        """Everything that there is to say of it, what was read first."""
+        """Warnings and notes on the recording; those from reading come first."""
         return (*self.warnings, *self.notes)
 
     @property
@@ -214,11 +214,11 @@ class Recording:
 
 
 def time_text(t: float) -> str:
-    """A time [s] to six digits, and to a millisecond at least, as times since 1970 differ only in their last digits."""
+    """A time [s] to six digits; from 1000 s on to a millisecond, as times since 1970 agree in most digits."""
     return f"{t:.6g}" if abs(t) < 1e3 else f"{t:.3f}".rstrip("0").rstrip(".")
 
 
 def when(t: Float[Array, " n"]) -> str:
-    """Text of several times [s], of which only the first few are listed."""
-    more = f" and {len(t) - _NAMED} more" if len(t) > _NAMED else ""
-    return "at t = " + ", ".join(time_text(time) for time in t[:_NAMED]) + f" s{more}"
+    """Words for several times [s], of which only the first few are listed."""
+    more = f" and {len(t) - _MOST_LISTED} more" if len(t) > _MOST_LISTED else ""
+    return "at t = " + ", ".join(time_text(time) for time in t[:_MOST_LISTED]) + f" s{more}"

@@ -24,7 +24,7 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Controller, Robot
 
 _FEWEST = 100  # smallest number of rows
-_LEAST = 1e-9  # position error [rad or m] below which the reference is the reading itself
+_LEAST = 1e-9  # range of position errors [rad or m] below which the references are the readings themselves
 # Number of stretches of time; the jackknife leaves out one at a time, as neighbouring samples are not independent.
 _STRETCHES = 10
 # Relative deviation up to which a gain counts as known: findings are no more accurate than it.
@@ -35,7 +35,7 @@ _RESTS_ON = 0.25
 
 @dataclass(frozen=True)
 class Gains:
-    """Estimated gains of one joint; NaN where the motion does not show them.
+    """Estimated gains of one joint; NaN where the motion does not determine them.
 
     Attributes:
         joint: Its name.
@@ -43,7 +43,7 @@ class Gains:
         kp_std: Its deviation, that of the model not included.
         kd: Damping gain [N m s/rad or N s/m], with viscous friction that the model lacks.
         kd_std: Its deviation.
-        ratio: ``kd / kp`` [s], which needs no model where its own friction is small.
+        ratio: ``kd / kp`` [s]; it does not depend on the model where the joint's viscous friction is small.
         ratio_std: Its deviation.
         rests_on: Part of the model that sets the scale: gravity, inertia or both.
     """
@@ -81,9 +81,9 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
     """
     for one in recordings:
         _require_references(one)
-    # Five minutes of a recording of hours are enough for the gains.
-    parts_of = [busiest(one) for one in recordings]
-    silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in parts_of)
+    # Of a recording of hours, five minutes are enough for the gains.
+    shortened = [busiest(one) for one in recordings]
+    silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in shortened)
     logs, _ = process_all(silent, robot)
     rows = [log.valid_in_band for log in logs]
     parts = []
@@ -93,11 +93,11 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
         needed, weight = inverse_dynamics(robot, motion), gravity_torque(robot, motion.q)
         inertia = needed - weight - modelled_friction(robot, motion)
         v = motion.v
-        asked = np.stack([wanted - motion.q, -v, -np.sign(v), np.ones_like(v), needed, weight, inertia], axis=-1)
-        parts.append(log.band(asked)[use])
+        columns = np.stack([wanted - motion.q, -v, -np.sign(v), np.ones_like(v), needed, weight, inertia], axis=-1)
+        parts.append(log.band(columns)[use])
     samples = np.concatenate(parts)
-    away = np.max([np.ptp(one.q_ref - one.q, axis=0) for one in recordings if one.q_ref is not None], axis=0)
-    return tuple(_of_joint(robot, j, samples[:, j], float(away[j])) for j in range(robot.nv))
+    errors = np.max([np.ptp(one.q_ref - one.q, axis=0) for one in recordings if one.q_ref is not None], axis=0)
+    return tuple(_of_joint(robot, j, samples[:, j], float(errors[j])) for j in range(robot.nv))
 
 
 def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
@@ -135,14 +135,21 @@ def _require_references(recording: Recording) -> None:
         raise LogError(f"{recording.file} is too short, or a reference is no number, so nothing tells the gains.")
 
 
-def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], away: float) -> Gains:
-    """Gains of one joint from its samples: error, -v, -sign(v), 1, needed torque, and its parts."""
+def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], largest_error: float) -> Gains:
+    """Gains of one joint.
+
+    Args:
+        robot: The given model.
+        j: Index of the joint.
+        samples: Position error, -v, -sign(v), 1, modelled torque, and the parts of it by gravity and by inertia.
+        largest_error: Range of the position error [rad or m].
+    """
     joint, columns, needed = robot.joint_names[j], samples[:, :4], samples[:, 4]
-    if away < _LEAST or len(samples) < 2 * columns.shape[1]:
-        return _nothing(joint)
+    if largest_error < _LEAST or len(samples) < 2 * columns.shape[1]:
+        return _unknown_gains(joint)
     best = _fitted(columns, needed)
     if not best[0] > 0:
-        return _nothing(joint)
+        return _unknown_gains(joint)
     stretch = np.arange(len(samples)) * _STRETCHES // len(samples)
     others = np.array([_fitted(columns[stretch != k], needed[stretch != k]) for k in range(_STRETCHES)])
     std = np.sqrt((_STRETCHES - 1) * others.var(axis=0)).tolist()
@@ -153,8 +160,8 @@ def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], away: float) -
     return Gains(joint, best[0], std[0], best[1], std[1], best[2], std[2], rests)
 
 
-def _nothing(joint: str) -> Gains:
-    """Gains of a joint whose motion shows none."""
+def _unknown_gains(joint: str) -> Gains:
+    """Gains of a joint whose motion does not determine them."""
     none = float("nan")
     return Gains(joint, none, none, none, none, none, none, ())
 

@@ -1,6 +1,6 @@
 """Recordings without torque: the torque that the position controllers command is used instead.
 
-It follows from references, positions and gains; for unstated gains see `identification.scenarios.gains`.
+It follows from references, positions and gains. `identification.scenarios.gains` estimates gains that are not stated.
 """
 
 from __future__ import annotations
@@ -25,19 +25,16 @@ def states_controllers(robot: Robot) -> bool:
     return bool(driven) and all(actuator.controller is not None for actuator in driven)
 
 
-def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
+def with_controller_torque(recording: Recording, robot: Robot) -> Recording:
     """The recording unchanged if it has a torque, else with the torque that the controllers command.
-
-    Velocities are the recorded ones, else differences of positions, whose noise the low-pass of the torque removes
-    later.
 
     Args:
         recording: A recording, with references if it has no torque.
-        robot: The robot with the controllers used.
+        robot: The robot with its controllers.
 
     Raises:
-        LogError: If there is neither torque nor a reference of every driven joint, or the references never move the
-            torque.
+        LogError: If there is neither torque nor a reference of every driven joint, or the controllers' torque is zero
+            throughout.
     """
     if recording.tau is not None:
         return recording
@@ -46,7 +43,7 @@ def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
             f"{recording.file} has neither torque nor references: add tau.<joint>, or q_ref.<joint> of every joint, as "
             "its controllers are known."
         )
-    torque = asked_torque(recording, robot)
+    torque = controller_torque(recording, robot)
     if not np.any(torque):
         raise LogError(
             f"{recording.file}: its controllers ask for no torque at all: check their gains, and that q_ref is not q."
@@ -60,7 +57,7 @@ def _computed(recording: Recording, robot: Robot) -> Recording:
     stated = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
     supplied = np.array([float(np.mean(_supplied(recording, actuator))) for actuator in robot.actuators])
     limits = np.array([_bound(actuator) for actuator in robot.actuators]) * supplied
-    # A torque that is delayed as a whole has no such derivatives.
+    # A torque that is delayed as a whole has no derivative by the speed at the same time.
     at_once = np.array([controller.delay == 0 for controller in stated])
     slowing = np.array([controller.kd for controller in stated]) * at_once if recording.v is None else None
     gain = np.array([controller.kp for controller in stated]) * supplied
@@ -81,11 +78,11 @@ def _bound(actuator: Actuator) -> float:
     return voltage if np.isfinite(voltage) or actuator.torque_limit is None else actuator.torque_limit
 
 
-def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
-    """``kp (q_ref - q) - kd v`` with the controller's own delays; zeros for joints without a drive.
+def controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
+    """``kp (q_ref - q) - kd v`` of the controllers with their delays, before the drives' limits; zero without a drive.
 
-    The first part is limited as the controller states. Where the drive states a largest voltage, that part is a
-    voltage, and this is its limit.
+    The first part is limited as the controller states, and by the drive's largest voltage if there is one. Without
+    recorded velocities they are differences of positions, whose noise the low pass of the torque removes later.
     """
     assert recording.q_ref is not None
     t = recording.t
@@ -95,12 +92,12 @@ def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
         controller = actuator.controller
         if controller is None or not actuator.actuated:
             continue
-        most, late = voltage_bound(actuator), controller.reference_delay
-        reference = np.interp(t - late, t, recording.q_ref[:, k]) if late else recording.q_ref[:, k]
-        asked = np.clip(controller.stiff_part(reference - recording.q[:, k]), -most, most)
-        asked = _supplied(recording, actuator) * asked
-        asked = asked - controller.kd * v[:, k]
-        out[:, k] = asked if controller.delay == 0 else np.interp(t - controller.delay, t, asked)
+        limit, delay = voltage_bound(actuator), controller.reference_delay
+        reference = np.interp(t - delay, t, recording.q_ref[:, k]) if delay else recording.q_ref[:, k]
+        command = np.clip(controller.stiff_part(reference - recording.q[:, k]), -limit, limit)
+        command = _supplied(recording, actuator) * command
+        command = command - controller.kd * v[:, k]
+        out[:, k] = command if controller.delay == 0 else np.interp(t - controller.delay, t, command)
     return out
 
 
@@ -123,7 +120,7 @@ def gains_of_file(robot: Robot) -> dict[str, tuple[float, float]]:
 
 
 def motion_robot(robot: Robot) -> Robot:
-    """The robot with a command as torque source, as there are no torque columns to which another one could apply."""
+    """The robot with ``command`` as the source of its torque, as there is no measured torque."""
     return replace(robot, torque_source="command")
 
 
@@ -157,15 +154,14 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
     raise LogError(
         f"{recording.file}: robot.yaml states no controller with a gain kp of {', '.join(lacking)}: --motion-only "
         "needs it to know the torque, as positions alone do not separate a gain from the inertia that it moves. Add "
-        "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the "
-        "joint. "
+        "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the joint. "
         "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "
         "link, can be judged."
     )
 
 
 def commanded_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
-    """Torque [N m or N] that the stated controllers command, zero without a drive; read-only.
+    """Torque [N m or N] of the stated controllers (see `controller_torque`) within the drives' limits; read-only.
 
     Args:
         recording: A recording with references.
@@ -184,7 +180,7 @@ def commanded_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]
             "reference for every sample."
         )
     limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
-    torque = np.clip(asked_torque(recording, robot), -limits, limits)
+    torque = np.clip(controller_torque(recording, robot), -limits, limits)
     if not np.any(torque):
         raise LogError(f"{recording.file}: its controllers ask for no torque at all: check that q_ref is not q.")
     return read_only(torque)

@@ -12,7 +12,7 @@ from identification.data.change_kinds import KINDS, Kind
 from identification.data.changes import Change, KnownPayload, robot_in
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
-from identification.scenarios.motion_only import states_controllers, with_asked_torque
+from identification.scenarios.motion_only import states_controllers, with_controller_torque
 from phantom_dyn.errors import ParameterError, UsageError, known_names, shortened
 from phantom_dyn.model.files.settings_file import LARGEST, describe, list_at, load_mapping, number_at, text_at
 from phantom_dyn.model.robot import Controller, Robot
@@ -256,7 +256,7 @@ def read_changed(
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
     there = robot_in(robot, change)
-    asked = bool(change.controllers) and states_controllers(there)
+    by_controllers = bool(change.controllers) and states_controllers(there)
     left_out = (*excluded, *change.exclude)
     found = read_recording(
         (path, *change.beside),
@@ -265,7 +265,7 @@ def read_changed(
         topic=topic,
         ref_topic=ref_topic,
         excluded=left_out,
-        torque_needed=not asked,
+        torque_needed=not by_controllers,
         anyway=anyway,
     )
-    return with_asked_torque(found, there) if asked else found
+    return with_controller_torque(found, there) if by_controllers else found

@@ -24,35 +24,35 @@ if TYPE_CHECKING:
     import viser
 
 FIRST_PORT = 8080
-"""Taken where no port was asked for, or the next one that is free."""
+"""Default port; if it is taken, the next free one is used."""
 FRAMES_PER_S = 25.0
-"""How often the page is drawn anew."""
+"""Frames of the page per second."""
 _CHARTS_PER_S, _TABLES_PER_S = 12.0, 4.0
 _LINK_TINT = 0.4  # a link is paler than its joint, as in the report
-_SHADES = 32  # of a colour: a finer one would be sent at every frame
-_GHOST = 0.4  # opacity of simulated copies that stand where the measured one does
+_SHADES = 32  # number of shades of a colour: with more of them, a colour would be sent at nearly every frame
+_GHOST = 0.4  # opacity of simulated copies that are shown in the place of the measured one
 _SPEEDS = ("0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x")
 _WINDOWS = {"2 s": 2.0, "5 s": 5.0, "20 s": 20.0, "whole recording": np.inf}
 _APART, _TOGETHER = "side by side", "in one place"
 _PANEL, _CHART, _FREE, _FIRST_WIDTH, _LEAST_WIDTH = 384, 132, 12, 900, 320
 """Width of the controls, height of a chart, space around the charts, their first and their least width [px]."""
 _FITTED_AFTER_S = 0.7
-"""Time [s] between two looks at the width of the window, which is no other twice while it is laid out."""
+"""Time [s] between two readings of the window's width; two equal ones mean that its layout is finished."""
 _EYES = ((0.4, -1.0, 0.5), (1.0, -0.4, 0.5))
-"""Where the first view is from, for copies along x and along y."""
+"""Direction from which the first view looks, for copies side by side along x and along y."""
 _FOV, _FAR, _BELOW = 0.7, 1.3, 0.5
-"""Angle of the first view [rad], its distance relative to that from which all copies just fit, and how far below their
-middle it looks, relative to their size, as charts cover the lower part of the window."""
+"""Angle of view [rad]; distance, relative to the one at which all copies just fit into the window; and how far below
+the middle of the copies the view is centred, relative to their size, as charts cover the lower part of the window."""
 
 
 class _Body:
     """The nodes of one copy of the robot in the scene.
 
     Attributes:
-        root: What all of them hang on.
-        label: Its name above it.
+        root: The parent of all nodes.
+        label: Name of the copy, above it.
         places: The frame of each joint.
-        drums: What shows each joint, None for the root.
+        drums: The solid that shows each joint, None for the root.
     """
 
     def __init__(self, server: viser.ViserServer, copy: Copy, replay: Replay, solids: Solids):
@@ -69,7 +69,7 @@ class _Body:
         self._joints = [names.index(joint) for joint in replay.robot.joint_names]
 
     def place(self, frame: int) -> None:
-        """Move the links and colour the joints as they are at a frame; nothing is shown where nothing is known."""
+        """Move the links and colour the joints as at a frame; the copy is hidden if its pose is unknown."""
         pose = self._copy.poses[frame]
         known = bool(np.isfinite(pose).all())
         if self.root.visible != known:
@@ -87,17 +87,17 @@ class _Body:
         self._shades = shades
 
     def fade(self, opacity: float | None) -> None:
-        """Let the copy shine through, or not (None)."""
+        """Set the opacity of the copy; None makes it opaque."""
         for solid in (*self.drums, *self._links, *self._rails):
             if solid is not None:
                 solid.opacity = opacity
 
 
 class Page:
-    """The page of a replay: a server that browsers open, and the state of its controls.
+    """The page of a replay: its server, and the state of its controls.
 
     Attributes:
-        url: Where a browser finds it.
+        url: Address of the page.
         slider: The control of time.
         bodies: The copies of the robot.
     """
@@ -133,19 +133,19 @@ class Page:
 
     @property
     def time(self) -> float:
-        """Moment of the recording [s] that is shown: where the user has put the slider, else as far as it is played."""
+        """Time in the recording [s] that is shown: of the slider if the user has moved it, else of the play."""
         if self.slider.value != self._shown_moment:
             self._show_moment(float(self.slider.value))
         return self._moment
 
     def _show_moment(self, moment: float) -> None:
-        """Put the slider to a moment; it shows hundredths of a second, which slow play must not lose."""
+        """Set the slider to a time; the exact time is kept, as the slider is rounded to hundredths of a second."""
         self._moment, self._shown_moment = moment, round(moment, 2)
         if self.slider.value != self._shown_moment:
             self.slider.value = self._shown_moment
 
     def step(self, seconds: float) -> None:
-        """Go on by a time [s] if the replay is played, and draw what has changed."""
+        """Advance by a time [s] if the replay is playing, and draw what has changed."""
         if self._playing:
             moment = self.time + seconds * float(self._speed.value.split()[0])
             self._show_moment(float(min(moment, self._replay.t[-1])))
@@ -162,7 +162,7 @@ class Page:
         self._drawn = wanted
 
     def _draw_charts(self, moment: float, frame: int, wanted: tuple[object, ...]) -> None:
-        """Charts and table, less often than the robots while the replay is played."""
+        """Draw charts and table, less often than the robots while the replay is playing."""
         now = time.monotonic()
         if wanted != self._drawn:
             self._stale_chart = self._stale_table = True
@@ -225,7 +225,7 @@ class Page:
         gui.main_panel.set_width(_PANEL)
 
     def _arrange(self, together: bool) -> None:
-        """Put all copies side by side or in one place, where simulated ones shine through."""
+        """Show all copies side by side, or in one place with the simulated ones half transparent."""
         for k, body in enumerate(self.bodies):
             body.root.position = self._offsets.mean(axis=0) if together else self._offsets[k]
             body.label.visible = not together
@@ -245,7 +245,7 @@ class Page:
         self._panel, self._panel_width, self._seen_width, self._next_fit = panel, _FIRST_WIDTH, _FIRST_WIDTH, 0.0
 
     def _fit_panel(self) -> None:
-        """Make the charts as wide as what the controls leave of a browser's window, once that has come to rest."""
+        """Fit the width of the charts to the part of the browser's window beside the controls, once it is constant."""
         if time.monotonic() < self._next_fit:
             return
         self._next_fit = time.monotonic() + _FITTED_AFTER_S
@@ -273,12 +273,12 @@ def served(replay: Replay, *, host: str, port: int | None) -> Iterator[Page]:
     """A page that browsers can open while the context lasts.
 
     Args:
-        replay: What it shows.
-        host: Address that it listens on.
-        port: Where; None: `FIRST_PORT`, or the next one that is free.
+        replay: The replay.
+        host: Address on which the server listens.
+        port: Port of the server; None for `FIRST_PORT`, or the next free one.
 
     Raises:
-        UsageError: If viser is not installed, or nothing can listen there.
+        UsageError: If viser is not installed, or no server can listen there.
     """
     viser = optional_library("viser")
     _require_free(host, port)
@@ -292,12 +292,12 @@ def served(replay: Replay, *, host: str, port: int | None) -> Iterator[Page]:
 
 
 def _silent() -> contextlib.AbstractContextManager[object]:
-    """Without the lines that viser writes where it starts and stops."""
+    """Context in which the lines are dropped that viser prints when it starts and stops."""
     return contextlib.redirect_stdout(io.StringIO())
 
 
 def _require_free(host: str, port: int | None) -> None:
-    """Refuse an address that nothing can listen on; viser would try a thousand ports and raise something else."""
+    """Refuse an address on which no server can listen; viser would try a thousand ports and raise another error."""
     try:
         family, *_, address = socket.getaddrinfo(host, port or 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -311,7 +311,7 @@ def _require_free(host: str, port: int | None) -> None:
 
 
 def _shown(host: str) -> str:
-    """The host as a browser on this machine names it."""
+    """Name of the host for a browser on this machine."""
     return "localhost" if host in ("0.0.0.0", "::", "") else f"[{host}]" if ":" in host else host
 
 

@@ -1,4 +1,4 @@
-"""Torque of a recording beside that of models, in the judged band, and how far each joint departs from its model."""
+"""Torque of a recording and of models in the judged band, and the relative residual of each joint, for its colour."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
 WINDOW_S = 0.2
-"""Time [s] over which a residual is averaged for its colour: at each zero crossing the colour would flicker."""
+"""Time [s] over which a residual is averaged for its colour, which would flicker at each zero crossing otherwise."""
 LEAST_FULL, MOST_FULL = 0.1, 1.0
-"""Share of a joint's usual torque that has the full colour: from a tenth, as noise alone must not look like a gap, to
-all of it, as no model at all leaves."""
+"""Smallest and largest residual that is shown in full colour, as a share of the joint's usual torque. With less than a
+tenth, noise alone would look like a gap; without any model, the residual is the whole torque."""
 _PER_PERIOD = 12.0
-"""Samples of a curve within the period of the band's edge at least, where the recording has them."""
+"""Smallest number of samples of a curve per period of the band's edge, if the recording has as many."""
 _LARGEST = 99.0
-"""Percentile over time of the largest residual: a single spike does not make all the rest look small."""
+"""Percentile over time that counts as the largest residual, so that a spike does not make all others look small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class TorqueCurves:
 
     Attributes:
         t: Times [s], ``(m,)``.
-        measured: What was recorded, ``(m, nv)``.
-        modelled: What each model needs for the recorded motion, ``(m, nv)`` each.
+        measured: Recorded torque, ``(m, nv)``.
+        modelled: Torque that each model needs for the recorded motion, ``(m, nv)`` each.
     """
 
     t: Float[Array, " m"]
@@ -52,9 +52,9 @@ def torque_curves(
     Args:
         log: The recording.
         cutoff_hz: Edge of the judged band [Hz].
-        models: A robot with the effects that act beside it, each.
+        models: Robots, each with the effects that are part of the model as well.
     """
-    # What is enough for a fit makes a jagged curve.
+    # A rate that is enough for a fit makes a jagged curve.
     fine = max(1, min(log.band.step, int(log.band.rate_hz / (_PER_PERIOD * cutoff_hz))))
     drawn = replace(log, band=replace(log.band, step=fine))
     session = session_of_logs(models[0][0], (drawn,), cutoff_hz)
@@ -70,7 +70,7 @@ def torque_curves(
 def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]:
     """Residual of each model, root mean square over a short time, as a share of the joint's usual torque.
 
-    The usual torque is the root mean square of the measured one; of a joint without any torque the share is zero.
+    The usual torque is the root mean square of the measured one. For a joint without torque the share is zero.
     """
     usual = _root_mean_square(curves.measured)
     count = max(1, round(WINDOW_S / float(np.median(np.diff(curves.t)))))
@@ -82,7 +82,7 @@ def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]
 
 
 def full_colour(given: Float[Array, "m nv"]) -> float:
-    """Share of a joint's usual torque that is shown in full colour: nearly the largest of the given model.
+    """Relative residual that is shown in full colour: nearly the largest one of the given model.
 
     Args:
         given: Relative residual of the given model.
@@ -96,7 +96,7 @@ def _root_mean_square(x: Float[Array, "m nv"]) -> Float[Array, " nv"]:
 
 
 def _moving_rms(x: Float[Array, "m nv"], count: int) -> Float[Array, "m nv"]:
-    """Root mean square over ``count`` samples about each, of those that are numbers; NaN where none is."""
+    """Root mean square of the finite values among the ``count`` samples about each sample; NaN if there are none."""
     kernel = np.ones(min(count, len(x)))
     known = np.isfinite(x)
     squares = np.where(known, x, 0.0) ** 2

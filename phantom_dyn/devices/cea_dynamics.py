@@ -1,4 +1,4 @@
-r"""Inverse dynamics of the CEA branch in closed form (Table 4), and what a hand feels at its tip for any link lengths.
+r"""Inverse dynamics of the CEA branch in closed form (Table 4), and mass, friction and stiffness that a hand feels.
 
 :math:`\Gamma = A(q)\,a + H(q, v) + F_v v + F_c\,\mathrm{sign}\,v + \mathrm{offset} = D(q, v, a)\,x_b`, equations
 (1) and (2), from kinetic energy :math:`\frac12 v^T A v` and potential energy :math:`-g \cdot R_1 s` with
@@ -13,8 +13,8 @@ are misprints: the noise is :math:`E(\rho \rho^T) = \sigma^2 I` in (4), and (5) 
 
 At the tip, (18): :math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}`,
 :math:`F_{cop} = J^{-T} F_c` at chosen postures. Maps of the robot file are in `phantom_dyn.maps`; here the lengths are
-free, as the source gives neither them nor its posture. So the published ranges can be matched in size, and Figures 8
-and 9 be drawn about a posture that has them (``examples/cea_figures.py``), but not redrawn.
+arguments, as the source states neither the lengths nor the posture. So a posture can be found at which the published
+ranges are met, and figures like 8 and 9 can be drawn about it (``examples/cea_figures.py``), but not the same figures.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ UNITS = tuple(parameter.unit for parameter in INERTIAL.values())
 VALUES = np.array([parameter.value for parameter in INERTIAL.values()])
 VALUES.flags.writeable = False
 STIFFNESS_OF_RANGES = 450.0
-"""Joint stiffness [N m/rad] with which the published ranges of mass, Coulomb force and stiffness hold together.
+"""Joint stiffness [N m/rad] at which the published ranges of mass, Coulomb force and stiffness can all be met.
 
 The only possible reading of the printed unit gives 1000, see `phantom_dyn.devices.cea.STIFFNESS_UNITS`."""
 _SINGULAR = 1e-6
@@ -132,10 +132,10 @@ def longest_arm(parameters: Float[Array, " 16"] = VALUES) -> float:
 
 @dataclass(frozen=True)
 class Felt:
-    """Felt at the tip at N postures; nan where the tip cannot move in some direction.
+    """Mass, friction and stiffness that a hand feels at the tip; NaN where the tip cannot move in some direction.
 
     Attributes:
-        mass: Largest apparent mass of any direction [kg], shape ``(N,)``.
+        mass: Largest apparent mass over all directions [kg], shape ``(N,)``.
         coulomb: Largest Coulomb force [N], largest singular value of F_cop, shape ``(N,)``.
         stiffness: Diagonal of K_op in frame 0 [N/m], shape ``(N, 3)``.
     """
@@ -169,9 +169,9 @@ def felt(q: Float[Array, "N 3"], *, lengths: LinkLengths = LENGTHS, stiffness: f
 
 
 def nearest_posture(*, lengths: LinkLengths = LENGTHS) -> tuple[Float[Array, " 3"], Felt]:
-    """Posture at q1 = 0 that comes nearest to the published ranges, and what is felt there.
+    """Posture at q1 = 0 whose figures come nearest to the published ranges, and these figures.
 
-    "Nearest" is in logarithms; of postures within all ranges, the one of largest apparent mass.
+    Distances are those of logarithms. Of several postures within all ranges it is the one with the largest mass.
 
     Args:
         lengths: Lengths of the links.
@@ -184,12 +184,12 @@ def nearest_posture(*, lengths: LinkLengths = LENGTHS) -> tuple[Float[Array, " 3
     found = felt(q, lengths=lengths, stiffness=STIFFNESS_OF_RANGES)
     off = _outside(found.coulomb, *COULOMB_RANGE_N) + _outside(found.stiffness, *STIFFNESS_RANGE).sum(axis=1)
     off += _outside(found.mass, 0.0, MASS_RANGE_KG[1])
-    # Far below any distance that matters: it decides only among postures that are all within the ranges.
+    # The last term is far below any distance that matters: it decides only among postures within all ranges.
     k = int(np.nanargmin(off - 1e-6 * np.log(found.mass)))
     return q[k], Felt(found.mass[k : k + 1], found.coulomb[k : k + 1], found.stiffness[k : k + 1])
 
 
 def _outside(values: Array, low: float, high: float) -> Array:
-    """Square of how far, in logarithms, values lie outside a range."""
+    """Squared distance of values from a range, in logarithms; zero inside."""
     below = np.log(low / values).clip(min=0) if low > 0 else 0.0
     return below**2 + np.log(values / high).clip(min=0) ** 2

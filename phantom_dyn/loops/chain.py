@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A closed chain as data: a tree, the joints that drive it, the passive ones, and what its anchors demand.
+"""A closed chain as data: a tree, its active and passive joints, and the anchors that close its loops.
 
-What keeps two frames together is evaluated with Pinocchio: distance, its slope and its acceleration, and the unknowns
-at which the frames come nearest to each other, whether or not they meet.
+The constraints of the anchors are evaluated with Pinocchio: distance of the two frames, its Jacobian, and the unknowns
+at which the frames are nearest to each other, whether or not they meet.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from phantom_dyn.motion import configurations
 
 _MODELS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorConstraintModel}
 _LAST_STEP = 1e-11
-"""Step [rad or m] at which the search for the nearest frames ends: rounding."""
-_SEARCHES = 100
-"""Steps of that search at most; from a start near the solution it takes about ten."""
+"""Step [rad or m] below which the search for the nearest frames ends: smaller ones are rounding errors."""
+_MOST_STEPS = 100
+"""Largest number of steps of that search; from a start near the solution it takes about ten."""
 _DAMPING, _LEAST_DAMPING = 1e-3, 1e-12
-"""Levenberg's damping at the start, relative to the trace of the normal matrix, and the least that it falls to."""
+"""First and smallest damping of the Levenberg-Marquardt steps, relative to the trace of the normal matrix."""
 
 
 @dataclass(frozen=True)
@@ -43,20 +43,20 @@ class Anchor:
 
 @dataclass(frozen=True)
 class ClosedChain(ReadOnlyArrays):
-    r"""Joint positions of the tree as :math:`x = S\,(q, z) + o`, with ``z`` such that the anchors hold.
+    r"""Joint positions of the tree as :math:`x = S\,(q, z) + o`, with ``z`` such that all anchors are closed.
 
-    ``nt`` joints of the tree, ``nv`` active ones ``q``, and ``nz`` unknowns ``z``: the passive joints that no linear
-    expression gives. A chain of linear loops alone has no unknowns.
+    The tree has ``nt`` joints. Its ``nv`` active joints have the positions ``q``. The ``nz`` unknowns ``z`` are the
+    positions of passive joints that are no linear function of others. A chain with linear loops alone has no unknowns.
 
     Attributes:
-        active: Places of the active joints among the tree's velocities, ascending.
-        passive: Places of the others, ascending.
-        passive_names: Their names.
-        unknowns: Places of ``z`` among the tree's velocities, some of ``passive``.
+        active: Indices of the active joints among the tree's velocities, ascending.
+        passive: Indices of the passive joints, ascending.
+        passive_names: Names of the passive joints.
+        unknowns: Indices of ``z`` among the tree's velocities, some of ``passive``.
         linear_map: ``S``, shape ``(nt, nv + nz)``.
         offset: ``o`` [rad or m], shape ``(nt,)``.
         anchors: Loops that are solved numerically.
-        start: Tree positions [rad or m] at which every anchor holds, in the way of assembly that is meant.
+        start: Tree positions [rad or m] at which every anchor is closed; they select one of the ways of assembly.
         viscous_friction: Modelled viscous coefficients of the passive joints.
         coulomb_friction: Modelled Coulomb torques of the passive joints.
     """
@@ -95,7 +95,7 @@ class Constraints:
 
 
 def constraints_of(model: pin.Model, anchors: tuple[Anchor, ...]) -> Constraints:
-    """Working memory for the anchors of a model."""
+    """Constraint models of the anchors of a model, with their working memory."""
     made = []
     for anchor in anchors:
         a, b = model.frames[anchor.frame_a], model.frames[anchor.frame_b]
@@ -117,7 +117,7 @@ def error_and_slope(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Arra
 def nearest(
     chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
 ) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
-    """Unknowns at which the frames come nearest to each other (Levenberg-Marquardt), error and slope there."""
+    """Unknowns at which the frames are nearest to each other (Levenberg-Marquardt), and error and Jacobian there."""
     S, nv = chain.linear_map, chain.nv
     fixed, damping = S[:, :nv] @ q + chain.offset, _DAMPING
 
@@ -126,9 +126,9 @@ def nearest(
         return found, slope @ S[:, nv:]
 
     error, slope = evaluate(z)
-    for _ in range(_SEARCHES):
+    for _ in range(_MOST_STEPS):
         normal = slope.T @ slope
-        # Without a slope there would be nothing to scale the damping by.
+        # The damping must not vanish where the Jacobian is zero.
         size = max(np.trace(normal), 1e-12)
         step = np.linalg.solve(normal + damping * size * np.eye(len(z)), -slope.T @ error)
         tried, tried_slope = evaluate(z + step)

@@ -1,7 +1,7 @@
-"""Recursive filters: what a low pass leaves of samples, with its delay or, forwards and backwards, without.
+"""Recursive filters of samples: low passes with their delay, or without delay (forwards and backwards).
 
-`scipy.signal` has the same. Importing it loads all of `scipy.stats` and takes half a second, as long as the rest of a
-command's imports; it is the oracle of the tests.
+`scipy.signal` has the same filters, and is the oracle of the tests. It is not used here, as importing it loads all of
+`scipy.stats` and takes half a second, as long as all other imports of a command.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from phantom_dyn.array_types import Array, Float
 
 
 def recursive(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]) -> Float[Array, "N k"]:
-    r"""Samples behind a rational filter that gives back a constant, and had the first of them for all time before.
+    r"""Samples behind a rational filter of unit gain at zero frequency, whose input before the first sample equals it.
 
     .. math:: y_n = \sum_i b_i x_{n-i} - \sum_{i>0} a_i y_{n-i}, \qquad \sum_i b_i = \sum_i a_i
 
     Args:
         b: Numerator in powers of 1/z.
         a: Denominator in powers of 1/z; the first is 1.
-        x: Samples, one series a column.
+        x: Samples, one series in each column.
     """
     from scipy.linalg import get_lapack_funcs
 
@@ -35,17 +35,18 @@ def recursive(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]
 
 
 def low_passed(x: Array, cutoff_hz: float, rate_hz: float, *, order: int, padding: int | None = None) -> Array:
-    """Samples without what lies above a frequency, without delay: a Butterworth filter forwards and backwards.
+    """Low-passed samples without delay: a Butterworth filter that is applied forwards and backwards.
 
-    Its gain at ``cutoff_hz`` is a half. Before the first and after the last sample the series goes on as its own image
-    in the point of its end, as in `scipy.signal.sosfiltfilt`.
+    Its gain at ``cutoff_hz`` is a half. At both ends the series is extended by its point reflection about the end
+    sample (odd extension), as in `scipy.signal.sosfiltfilt`.
 
     Args:
-        x: Samples at a uniform rate, shape ``(N,)``, or ``(N, k)`` of one series a column.
-        cutoff_hz: Below half of ``rate_hz``.
+        x: Samples at a uniform rate, shape ``(N,)``, or ``(N, k)`` with one series in each column.
+        cutoff_hz: Cut-off frequency [Hz], below half of ``rate_hz``.
         rate_hz: Samples per second.
-        order: Order of the filter that is used twice; even.
-        padding: Samples of the image, fewer than ``N``; by default three for each coefficient.
+        order: Order of the filter, which is applied twice; even.
+        padding: Number of samples of the extension at each end, fewer than ``N``; by default three for each
+            coefficient.
     """
     columns = np.asarray(x, dtype=float).reshape(len(x), -1)
     ends = min(3 * (order + 1) if padding is None else padding, len(x) - 1)
@@ -59,7 +60,7 @@ def low_passed(x: Array, cutoff_hz: float, rate_hz: float, *, order: int, paddin
 
 
 def _butterworth(order: int, cutoff: float) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Sections of second order of a Butterworth low pass, from its bilinear transform; ``cutoff`` in samples' rates."""
+    """Second-order sections of a Butterworth low pass by bilinear transform; ``cutoff`` as a share of the rate."""
     w = np.tan(np.pi * cutoff)
     sections = []
     for k in range(order // 2):
@@ -71,12 +72,12 @@ def _butterworth(order: int, cutoff: float) -> list[tuple[tuple[float, ...], tup
 
 
 def lagging(x: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
-    """Samples behind a first-order lag of held inputs; the lag is at rest at the start."""
+    """Samples behind a first-order lag, for an input that is held between samples; at rest at the first sample."""
     step = float(-np.expm1(-dt / time_constant))
     return recursive((step,), (1.0, step - 1.0), x[:, None])[:, 0]
 
 
 def low_pass_kernel(half: int, cutoff_hz: float, rate_hz: float) -> Float[Array, " 2*half+1"]:
-    """Symmetric low pass of ``2 * half + 1`` samples: a windowed sinc (Hamming) that gives back a constant."""
+    """Symmetric low pass of ``2 * half + 1`` samples: a sinc with a Hamming window, of unit gain at zero frequency."""
     kernel = np.sinc(2 * cutoff_hz / rate_hz * np.arange(-half, half + 1)) * np.hamming(2 * half + 1)
     return kernel / kernel.sum()

@@ -1,8 +1,8 @@
 """The plan of a walk, phase by phase, and its samples: the pendulum and both feet with their derivatives.
 
 The plan is causal: each step is decided at the landing before it, from the setting of the joystick at that time, which
-is assumed to stay. If it changes, the zero moment point leaves the middle of the sole for one step, by two centimetres
-when the stick is thrown from full forward to full backward.
+is assumed to stay. If it changes, the zero moment point leaves the middle of the sole for one step: by two centimetres
+if the stick is moved from full forward to full backward.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Phase:
     Attributes:
         start: Time at which it starts [s].
         profile: Timing of the zero moment point.
-        points: Where the zero moment point starts and where it holds [m].
+        points: Zero moment point at the start and where it stays after the ramp [m].
         dcm: Divergent component at the start [m].
         com: Centre of mass at the start [m].
         stance: Feet at the start.
@@ -75,13 +75,13 @@ def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> 
     """Phases that cover ``duration`` [s] from standing at the origin.
 
     Args:
-        joystick: What the user does.
-        gait: How to step.
+        joystick: Commands of the user over time.
+        gait: Lengths, heights and times of the steps.
         duration: Time to plan for [s].
         omega: Square root of gravity over the height of the centre of mass [1/s].
 
     Raises:
-        ParameterError: If the joystick asks for more than the gait has.
+        ParameterError: If the joystick commands more than the gait allows.
     """
     stance = standing(gait)
     phases: list[Phase] = []
@@ -149,8 +149,8 @@ def _walk_until_stop(
         if not command.walking:
             landing = closed(stance, swing, gait)
             add(step, landing, swing, entry(landing.middle[None], (settle,), omega))
-            # The hold before was chosen so that this phase ends at rest over the middle. Its point is set there
-            # exactly, as rounding errors would grow.
+            # The point of the phase before was chosen so that this one ends at rest over the middle of the feet. The
+            # middle is set exactly, as rounding errors would grow.
             phases.append(Phase(time, settle, (point, landing.middle), dcm, com, landing, landing, None))
             return phases
         landing = stepped(stance, swing, command, gait)
@@ -161,7 +161,7 @@ def _walk_until_stop(
 
 
 def _onward(stance: Stance, swing: Side, command: Command, gait: Gait, omega: float) -> tuple[float, Array]:
-    """How to enter the step of ``swing`` and those after it, if the command stays as it is."""
+    """Divergent component at which the step of ``swing`` has to begin (see `entry`), if the command does not change."""
     points = []
     for _ in range(PREVIEW):
         points.append(stance.foot(other(swing)).point)

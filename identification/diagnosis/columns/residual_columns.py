@@ -24,7 +24,7 @@ from identification.diagnosis.columns.motion.standstill import (
 )
 from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, columns_of_moves, moves_of, touching
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
-from identification.diagnosis.columns.residual_of_moves import residual_of_moves, with_residual_of_fit
+from identification.diagnosis.columns.residual_after_moves import residual_after_moves, with_residual_of_fit
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term, merged
 from identification.engine.numerics.two_threads import in_two_threads
@@ -113,7 +113,7 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
-        residual = residual_of_moves(robot, given.moves, given.plain, given.residual, given.usable)
+        residual = residual_after_moves(robot, given.moves, given.plain, given.residual, given.usable)
     operations = tuple(
         with_residual_of_fit(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True)
     )

@@ -32,7 +32,7 @@ from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_b
 # Longest delay that is fitted [s]: beyond it the recorded torque and the motion are unrelated.
 _LONGEST = 1.0
 
-# Delays at which a fit starts [s], besides one sample; and the shortest delay of a secant: less would be rounding.
+# Delays at which a fit starts [s], besides one sample; and the shortest delay of a secant, to be above rounding errors.
 _STARTS = (0.002, 0.005, 0.012)
 _LEAST = 1e-5
 
@@ -111,10 +111,10 @@ class InputDelay(Effect):
         return torque_on_rows(robot, rows, -_ahead(operation, rows, theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Mean over the step of the command held from step to step and shifted: exact for any time step.
+        """Mean over each step of the delayed command, which is held from step to step: exact for any time step.
 
-        The state is the history as far as it is needed, one row for each step: its length and the commands during it,
-        flattened. It grows and shrinks; before the first command, that one is assumed.
+        The state is the part of the history that is still needed, flattened: one row for each step, with its length and
+        the commands during it. So its size changes. Before the first step, the command is taken to be the first one.
         """
         rows, delay = list(driven_rows(robot, joint)), theta.item()
 
@@ -125,7 +125,7 @@ class InputDelay(Effect):
             ends = np.cumsum(history[:, 0]) - history[:, 0].sum()  # time before the end of this step
             out = tau.copy()
             out[rows] = _mean_held(history, ends, -delay - dt, -delay)
-            # The next mean begins a delay ago: what ended by then is not needed any more.
+            # The next mean begins one delay before the end of this step: steps that ended before are not needed.
             return history[ends > -delay].ravel(), out
 
         def series(t: Array, tau: Array) -> Array:
@@ -144,22 +144,22 @@ class InputDelay(Effect):
 
 def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
     """Change of the expected torque over the next ``delay`` seconds; beyond the end the last value is held."""
-    asked = operation.expected[:, list(rows)]
-    if len(asked) < 2:
-        return np.zeros_like(asked)
+    expected = operation.expected[:, list(rows)]
+    if len(expected) < 2:
+        return np.zeros_like(expected)
     # Cubic with slopes from the neighbours only: a spline over all samples rings at every reversal of friction.
     t, slopes = operation.t, operation.expected_rate[:, list(rows)]
     later = np.minimum(t + delay, t[-1])
     k = np.clip(np.searchsorted(t, later, side="right") - 1, 0, len(t) - 2)
     step = (t[k + 1] - t[k])[:, None]
     share = (later - t[k])[:, None] / step
-    rise, first, last = asked[k + 1] - asked[k], step * slopes[k], step * slopes[k + 1]
+    rise, first, last = expected[k + 1] - expected[k], step * slopes[k], step * slopes[k + 1]
     bend = first + share * (3 * rise - 2 * first - last + share * (first + last - 2 * rise))
-    return asked[k] + share * bend - asked
+    return expected[k] + share * bend - expected
 
 
 def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: float, stop: float) -> Float[Array, " m"]:
-    """Mean of the held commands between two times; before the first step its command holds."""
+    """Mean of the held commands between two times; before the first step, its command is taken."""
     begin = np.maximum(ends - history[:, 0], start)
     begin[0] = start
     lengths = np.clip(np.minimum(ends, stop) - begin, 0.0, None)
@@ -171,14 +171,14 @@ def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: fl
 def delay_law(
     line: Float[Array, "n 2"], first: int, last: int, delay: float, dt: float, tau: float
 ) -> tuple[int, int, float]:
-    """The delay line one step later: its first and last place, and the mean command that leaves it.
+    """The delay line one step later: its first and last index, and the mean command that leaves it.
 
-    It holds ``delay`` seconds of commands: what goes in at one end pushes as much out at the other.
+    The line always contains ``delay`` seconds of commands: a step that enters pushes commands of the same length out.
 
     Args:
-        line: Lengths [s] and commands of the steps on their way, a ring; has to hold all steps of one delay and two.
-        first: Place of the oldest.
-        last: Place of the newest, -1 at the first step.
+        line: Lengths [s] and commands of the delayed steps, as a ring, with room for two steps more than a delay has.
+        first: Index of the oldest step.
+        last: Index of the newest step, -1 at the first call.
         delay: Delay of the line [s].
         dt: Length of this step [s].
         tau: Command during it.

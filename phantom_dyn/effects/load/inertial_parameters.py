@@ -1,7 +1,7 @@
-"""Inertial parameters of one link (or, with joint None, of every link) that are not those of the model.
+"""Inertial parameters of one link (or, with joint None, of every link) that differ from those of the model.
 
 They leave torques of gravity and inertia, in proportions that follow from the motion of the link. A recording
-identifies base parameters only, so a finding names those that changed.
+identifies only base parameters, so a finding names those that differ.
 URDF and MJCF: the link's inertial element.
 """
 
@@ -71,11 +71,11 @@ class InertialParameters(Effect):
         return (*robot.joint_names, None) if robot.nv > 1 else robot.joint_names
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """On one link, or on all of them (a robot may have a single one)."""
+        """True for one link, and for all links together (also if a robot has only one)."""
         return joint is None or joint in self.places(robot)
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """All ten of each free body."""
+        """All ten columns of each free body."""
         return tuple(10 * (body - 1) + k for body in bodies_of(robot, joint) for k in range(10))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -89,18 +89,18 @@ class InertialParameters(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """A mass at the centre of the (last) free body."""
+        """A mass at the centre of mass of the last free body."""
         bodies = bodies_of(robot, joint)
         return f"{robot.model.names[bodies[-1]]}.m", np.concatenate(
             [point_mass_parameters(float(body == bodies[-1]), robot.model.inertias[body].lever) for body in bodies]
         )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the torque that the changes need."""
+        """Minus the torque that the changed parameters need."""
         return -self.signature(robot, operation, joint, ()).columns @ theta
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Other links."""
+        """A robot with the changed links."""
         change = np.zeros_like(standard_parameters(robot))
         change[list(self.regressor_columns(robot, joint))] = theta
         return Simulated(robot=lambda moved: with_parameters(moved, change))

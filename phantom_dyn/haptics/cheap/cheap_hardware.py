@@ -1,8 +1,8 @@
-r"""Force that a hand feels on a simulated cheap device, from the motion of a good device and the force asked of it.
+r"""Force that a hand feels on a simulated cheap device, from the motion of a good device and the commanded force.
 
 One model of one degree of freedom per motor, composed as in Figure 7 of Brouwer and MacLean, Simulating Cheap Hardware:
 
-- the force that the virtual environment asks for is clipped at the motor's limit
+- the force that the virtual environment commands is clipped at the motor's limit
   (`phantom_dyn.effects.drive.torque_saturation`);
 - cogging at the probe's position (`phantom_dyn.effects.drive.cogging`), and friction that sticks, from the probe's
   position and velocity (`phantom_dyn.effects.friction.presliding_friction`), are added directly, not through the
@@ -14,11 +14,11 @@ The sampling rate may change from sample to sample: the published one varied bet
 samples delays the inertia by 24, 12 or 6 ms at 500, 1000 or 2000 Hz. At these rates an encoder of 8 um gives speeds in
 steps of 4, 8 and 16 mm/s, against a stick velocity of 5 mm/s: without the velocity's filter friction would not stick.
 
-**Inertia** that the device lacks is a mass in the computer, tied to the probe. To multiply an estimated acceleration by
-a mass is unstable. So the mass is integrated and coupled to the probe by a spring and a damper, the probe's velocity is
-low-passed, and the force that the hand feels is a mean over the last samples (Brouwer and MacLean, Simulating Cheap
-Hardware, section II A). With a stiff coupling it is the rotor inertia of the catalogue: :math:`-M\ddot x`. All laws
-take the time step, which may change from sample to sample.
+**Inertia** that the good device lacks is a virtual mass, coupled to the probe. A force computed as the mass times an
+estimated acceleration would make the loop unstable. So the motion of the mass is integrated, a spring and a damper
+couple it to the probe, the probe's velocity is low-passed, and the hand feels a mean over the last samples (Brouwer and
+MacLean, Simulating Cheap Hardware, section II A). With a stiff coupling it is the rotor inertia of the catalogue:
+:math:`-M\ddot x`. All laws take the time step, which may change from sample to sample.
 
 **Play** of full width ``gap`` lies between the probe and the virtual mass. Beyond half the gap the coupling is attached
 to the wall of the gap, (1) of the same paper. Inside there is a little viscous friction between probe and mass, a fifth
@@ -54,7 +54,7 @@ LAST, RAW, SPEED, MASS_X, MASS_V, STUCK, ANCHOR, COUNT = range(8)
 FORCES = 8
 """Index in the state at which the last `WINDOW` forces of the coupling begin."""
 FORCE, COUPLING, SIDE, X, PROBE_SPEED, STICKS = range(6)
-"""Columns of the output of `along`."""
+"""Columns of the output of `run_axis`."""
 COLUMNS = 6
 _clipped, _cogging = jit(held_within), jit(sum_of_waves)
 
@@ -128,7 +128,7 @@ def at_rest() -> Float[Array, " s"]:
 
 
 @jit
-def along(axis: AxisNumbers, state: Array, steps: Array, positions: Array, asked: Array, out: Array) -> None:
+def run_axis(axis: AxisNumbers, state: Array, steps: Array, positions: Array, commands: Array, out: Array) -> None:
     """Run one cycle per sample: update ``state`` and fill ``out``, shape ``(N, COLUMNS)``."""
     mass, stiffness, damping, gap, limit, slip, displacement, ratio = axis[:8]
     stick_velocity, cutoff = axis.stick_velocity, axis.cutoff_hz
@@ -166,7 +166,7 @@ def along(axis: AxisNumbers, state: Array, steps: Array, positions: Array, asked
             state[STUCK], state[ANCHOR], friction = stick_law(
                 last, state[STUCK], state[ANCHOR], x, speed, slip, displacement, ratio, stick_velocity
             )
-        direct = _clipped(asked[k], limit) + friction
+        direct = _clipped(commands[k], limit) + friction
         if len(orders) > 0:
             direct += _cogging(x, orders, amplitudes, phases)
         if side == 0.0:
@@ -252,17 +252,17 @@ class Rendered:
     stuck: Bool[Array, " N"]
 
 
-def felt(
+def run_cycle(
     axis: CheapAxis, state: Float[Array, " s"], dt: float, x: float, force: float
 ) -> tuple[Float[Array, " s"], float]:
-    """Next state, and the force on the hand: one cycle of a controller.
+    """Run one cycle of a controller: its next state, and the force on the hand.
 
     Args:
         axis: The cheap axis.
         state: State after the cycle before, or `at_rest`; it is not changed.
         dt: Time since the cycle before [s].
         x: Position of the probe [m or rad].
-        force: Force that the virtual environment asks for [N or N m].
+        force: Force that the virtual environment commands [N or N m].
 
     Raises:
         ParameterError: If a number is not finite, time goes back, or the step is too long for the velocity's filter.
@@ -271,7 +271,7 @@ def felt(
     require_numbers(position_of_the_probe=x, force=force)
     _require_rate(axis, dt)
     state, out = state.copy(), np.zeros((1, COLUMNS))
-    along(axis_numbers(axis), state, np.array([dt]), np.array([x]), np.array([force]), out)
+    run_axis(axis_numbers(axis), state, np.array([dt]), np.array([x]), np.array([force]), out)
     return state, float(out[0, FORCE])
 
 
@@ -282,7 +282,7 @@ def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], forc
         axis: The cheap axis.
         t: Sample times [s], shape ``(N,)``. The cut-off must be below half the rate (7 ms at 70 Hz).
         x: Positions of the probe [m or rad], shape ``(N,)``.
-        force: Force that the virtual environment asks for [N or N m], shape ``(N,)``.
+        force: Force that the virtual environment commands [N or N m], shape ``(N,)``.
 
     Raises:
         ParameterError: If there is no sample, a column has another length or holds no number, or if times do not
@@ -299,7 +299,7 @@ def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], forc
     _require_rate(axis, float(steps.max()))
     out = np.zeros((len(t), COLUMNS))
     x, force = (np.ascontiguousarray(values, dtype=float) for values in (x, force))
-    along(axis_numbers(axis), at_rest(), steps, x, force, out)
+    run_axis(axis_numbers(axis), at_rest(), steps, x, force, out)
     return Rendered(
         force=out[:, FORCE],
         coupling=out[:, COUPLING],

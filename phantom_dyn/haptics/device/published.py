@@ -1,9 +1,9 @@
-r"""Devices of the sources: LHIfAM with two cables, PHANToM 1.0, PHANToM 1.5.
+r"""Haptic devices as published: LHIfAM with two cables, PHANToM 1.0, PHANToM 1.5.
 
-**LHIfAM and PHANToM 1.0** [Gil]_. Of Table 2 the copy at hand has only motor damping and cable stiffness. Motor and
-body mass follow from total mass and resonance, (22), and the cable's damping from the distance Q = 78.16 dB of the
-peak, (23). The body's damping is missing. With 3.4 N s/m the new cable has one crossing and the original one its low
-one, as printed; so it is for anything from 3.14 to 7.71 N s/m. These figures then differ from the printed ones:
+**LHIfAM and PHANToM 1.0** [Gil]_. Our copy of Table 2 has only motor damping and cable stiffness. Motor and body mass
+follow from total mass and resonance, (22), and the cable's damping from the distance Q = 78.16 dB of the peak, (23).
+The body's damping is missing; we take 3.4 N s/m. With any value from 3.14 to 7.71 N s/m the new cable has one crossing
+and the original cable its low one, as printed. These figures then differ from the printed ones:
 
 ======================================  ================  =============================================================
 figure                                  printed           computed
@@ -16,11 +16,11 @@ undelayed experiment, 250 us inherent   more than 7 dB    11.2 dB lower (76.56 d
 PHANToM, "60 Hz in Cavusoglu et al."    its first axis    60 Hz is the y axis of [Cavusoglu]_; its x axis is at 90 Hz
 ======================================  ================  =============================================================
 
-**PHANToM 1.5** [Cavusoglu]_, fits of section 4.3, position over force. Their units are not stated, and no unit of force
-and position makes them agree with the dynamic model of the same source: 16.69, 15.96, 8.78 g (N and mm) against 77.31,
-52.49, 32.25 g at the origin. The text mentions resonances that the fits do not have: x at 90 Hz (the fit peaks at
-104.5 Hz), and y at 30, 125 and 250 Hz. The fits are kept as fractions, because the masses, spring and damper that
-`two_mass_of_fit` derives from them contradict each other.
+**PHANToM 1.5** [Cavusoglu]_, fits of section 4.3, position over force. Their units are not stated, and with no units of
+force and position do they agree with the dynamic model of the same source: their masses are 16.69, 15.96 and 8.78 g (in
+N and mm), those of the model 77.31, 52.49 and 32.25 g at the origin. The text mentions resonances that the fits do not
+have: x at 90 Hz (the fit peaks at 104.5 Hz), and y at 30, 125 and 250 Hz. The fits are kept as transfer functions,
+because the masses, spring and damper that `two_mass_of_fit` derives from them contradict each other.
 
 References:
     .. [Gil] J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, section 4.
@@ -77,8 +77,8 @@ def phantom_1_0(cable_damping: float, body_damping: float = 0.0) -> TwoMassAxis:
     """First axis of the PHANToM 1.0, about its joint.
 
     Args:
-        cable_damping: Missing in the copy at hand [N m s/rad]; tests try 0.001 to 0.008.
-        body_damping: Also missing [N m s/rad].
+        cable_damping: Damping of the cable [N m s/rad], missing in our copy; tests use 0.001 to 0.008.
+        body_damping: Damping of the body [N m s/rad], missing as well.
     """
     motor, body = masses_from_resonance(PHANTOM_INERTIA, 18.13, PHANTOM_RESONANCE)
     return TwoMassAxis(motor, body, 0.0085, body_damping, 18.13, cable_damping)
@@ -105,7 +105,7 @@ class FitReading:
         body_mass: m2.
         stiffness: k between them.
         mount_stiffness: k_t, stiffness of the spring in series; infinite in model (a).
-        dampings: b by each coefficient that contains it; a true two-mass model gives one value.
+        dampings: b computed from each coefficient that contains it; for a true two-mass model all are equal.
     """
 
     motor_mass: float

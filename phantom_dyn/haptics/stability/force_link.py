@@ -1,7 +1,8 @@
 r"""Force feedforward over a link that is noisy and loses samples, such as a wireless force sensor in a handle.
 
-The reading at sample k has white noise. It arrives with the delay of `Feedforward` or, independently with a given
-probability, not at all; then the motor repeats the last one. So the loop switches at random between two linear systems.
+The reading at sample k has white noise. It arrives with the delay of `Feedforward`, or is lost with a given
+probability, independently of the others; then the last reading is used again. So the loop switches at random between
+two linear systems.
 It is **stable in the mean square** if the second moment of its state decays,
 
 .. math:: \rho\{(1 - \pi)\, A_a \otimes A_a + \pi\, A_l \otimes A_l\} < 1,
@@ -64,7 +65,7 @@ class ForceLink:
 
 @dataclass(frozen=True)
 class NoiseFelt:
-    """Root mean squares of the effects of the sensor's noise while the hand holds still.
+    """Root mean squares of force and motion that the sensor's noise causes while the hand holds still.
 
     Attributes:
         motor_force: Force of the motor [N or N m].
@@ -77,7 +78,7 @@ class NoiseFelt:
 
 @dataclass(frozen=True)
 class LinkTrace(ReadOnlyArrays):
-    """A held device with force feedforward in time.
+    """Motion and forces over time of a held device with force feedforward.
 
     Attributes:
         t: Times [s], shape ``(N,)``.
@@ -218,17 +219,17 @@ class _Loop:
         m = len(B)
         wide = np.zeros((m + 1, m + 1))
         wide[:m, :m] = A
-        heard: Controller = (wide, np.append(B, 1.0), gain * np.append(C, 0.0), gain * D)
-        kept = wide.copy()
-        kept[:m, m], kept[m, m] = B, 1.0
-        deaf: Controller = (kept, np.zeros(m + 1), gain * np.append(C, D), 0.0)
-        arrived, lost = plant.closed_by(heard), plant.closed_by(deaf)
+        with_reading: Controller = (wide, np.append(B, 1.0), gain * np.append(C, 0.0), gain * D)
+        repeating = wide.copy()
+        repeating[:m, m], repeating[m, m] = B, 1.0
+        without_reading: Controller = (repeating, np.zeros(m + 1), gain * np.append(C, D), 0.0)
+        arrived, lost = plant.closed_by(with_reading), plant.closed_by(without_reading)
         n = len(plant.output)
         noise = np.zeros(len(arrived))
         noise[n] = -gain * D
         if plant.steps == 0:
             noise[:n] = plant.newer * noise[n]
-        noise[-(m + 1) :] = heard[1]
+        noise[-(m + 1) :] = with_reading[1]
         return _Loop(plant, held.tip, arrived, lost, noise)
 
     def moments(self, loss: float) -> Float[Array, "h h"]:
@@ -245,7 +246,7 @@ class _Loop:
             if share:
                 both = A[rows][:, rows] * A[columns][:, columns]
                 crossed = A[rows][:, columns] * A[columns][:, rows]
-                # An entry off the diagonal represents two.
+                # An entry off the diagonal stands for two entries of the symmetric matrix.
                 total += share * np.where(rows == columns, both, both + crossed)
         return total
 

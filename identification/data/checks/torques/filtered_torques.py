@@ -9,26 +9,28 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import listed
 from phantom_dyn.signals.spectra import power_density
 
-# Two bands of frequencies, in shares of the rate, where no robot moves: noise of sensors is as strong in both, while a
-# low-pass of first order and more leaves far less in the upper one.
+# Two bands of frequencies, as shares of the rate, in which no robot moves. White noise of sensors has the same power in
+# both; behind a low pass it has far less in the upper one.
 _LOWER, _UPPER = (0.12, 0.25), (0.35, 0.48)
-# Power of the upper over that of the lower band [dB]. A torque that is the mean over a sample has -10, real ones that
-# nobody filtered down to -16; a second-order low-pass at a twentieth of the rate has -25 and less.
-_FILTERED, _OPEN = -20.0, -12.0
-# The same of the positions less that of the torque, from which on the two were not treated alike.
-_APART = 15.0
-_FEWEST = 500  # samples that the spectrum needs
+# Power of the upper band relative to the lower one [dB], below which a torque counts as filtered, and above which a
+# position counts as unfiltered. A torque that is averaged over each sample has -10, recorded ones without a filter have
+# -16 or more, and one behind a second-order low pass at a twentieth of the rate has -25 or less.
+_FILTERED, _UNFILTERED = -20.0, -12.0
+# Smallest difference between these figures of the position and of the torque [dB] that shows different filters.
+_DIFFERENCE = 15.0
+_FEWEST = 500  # smallest number of samples
 
 
 def roll_off(x: Float[Array, "N k"]) -> Float[Array, " k"]:
-    """Power of the upper over that of the lower of two bands above all motion [dB]: 0 for white noise.
+    """Power in the upper of two bands above all motion, relative to the lower one [dB]: 0 for white noise.
 
     Args:
-        x: Samples at a uniform rate, one series a column.
+        x: Samples at a uniform rate, one series in each column.
     """
     if not x.shape[1]:
         return np.zeros(0)
-    # Differences first, taken back in the spectrum: what is strong at low frequencies must not leak into the bands.
+    # The spectrum is that of differences, and is corrected for it: low frequencies with much power must not leak into
+    # the bands.
     differences, length = np.diff(x, axis=0), min(512, len(x) // 4)
     f, power = power_density(differences, 1.0, length, window="blackmanharris", linear=True)
     power = power / np.maximum((2 * np.sin(np.pi * f)) ** 2, 1e-12)[:, None]
@@ -37,19 +39,19 @@ def roll_off(x: Float[Array, "N k"]) -> Float[Array, " k"]:
 
 
 def filtered_joints(recording: Recording) -> tuple[str, ...]:
-    """Joints whose torque went through a low pass of second order or more that their position did not go through."""
+    """Joints whose torque went through a low pass of at least second order, but whose position did not."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
     moves = np.flatnonzero((np.ptp(recording.q, axis=0) > 0) & (np.ptp(recording.tau, axis=0) > 0))
     of_torque = roll_off(recording.tau[:, moves])
     suspect, of_torque = moves[of_torque < _FILTERED], of_torque[of_torque < _FILTERED]
     of_position = roll_off(recording.q[:, suspect])
-    filtered = suspect[(of_position > _OPEN) & (of_position - of_torque > _APART)]
+    filtered = suspect[(of_position > _UNFILTERED) & (of_position - of_torque > _DIFFERENCE)]
     return tuple(recording.joint_names[joint] for joint in filtered)
 
 
 def check_filtered(recording: Recording, filtered: tuple[str, ...]) -> tuple[str, ...]:
-    """A sentence on torques that were filtered otherwise than the positions, see `filtered_joints`."""
+    """A sentence on torques that were filtered while the positions were not, see `filtered_joints`."""
     if not filtered:
         return ()
     which = "torque" if len(filtered) == 1 else "torques"

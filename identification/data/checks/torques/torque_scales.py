@@ -1,7 +1,7 @@
-"""Torques in another unit on some joints or on each (motor currents), found by weight and inertia of the links.
+"""Torques in a wrong unit on some joints or on all (such as motor currents), found by weight and inertia of the links.
 
-Drives of different sizes have different torques per ampere, so each joint has its own factor. It is the torque of the
-modelled links over the logged one, fitted beside friction of any size, and is as accurate as that model.
+Drives of different sizes have different torques per ampere, so each joint has its own factor: modelled torque of the
+links over logged torque, fitted together with friction of any size. It is as accurate as the model.
 """
 
 from __future__ import annotations
@@ -19,23 +19,24 @@ from phantom_dyn.model.robot import Robot
 
 # Logarithm of a factor that is too large for a wrong torque constant or inertia.
 _OTHER_UNIT = float(np.log(4.0))
-# Logarithm from which a joint gets its own factor, if another joint has one of the above size.
+# Logarithm from which a joint gets a factor, if another joint has one of the size above.
 _OWN = float(np.log(1.5))
-# Joints whose factors differ by less than a factor of two share one.
+# Largest difference of the logarithms of factors that count as one factor of all joints.
 _AGREE = float(np.log(2.0))
-# Logarithm of the largest distance of a factor from that of a unit or gear: masses and torque constants may be wrong.
+# Largest distance of a factor from that of a unit or gear, as a logarithm: masses and torque constants may be wrong.
 _NEAR = float(np.log(1.5))
-# The same where only the size of a torque is compared, as friction may be most of it.
+# The same where only the standard deviations of torques are compared, as friction may be most of a torque.
 _SIZE = float(np.log(3.0))
-# Largest difference of the logarithms of factors that are one, as of currents of equal drives, and the smallest size of
-# such a factor: torque constants may be wrong by two.
+# Largest difference of the logarithms of factors that agree closely, as those of currents of equal drives do, and the
+# smallest logarithm of such a factor: torque constants may be wrong by a factor of two.
 _ONE_FACTOR, _BEYOND_CONSTANT = float(np.log(1.15)), float(np.log(2.5))
-# Largest difference of the logarithms from both halves of a recording; least share of the torque that is explained.
+# Largest difference of the logarithms of factors from both halves of a recording, and the smallest share of the torque
+# that the model has to explain.
 _ALIKE, _SHARE = float(np.log(1.3)), 0.5
 
 
 def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
-    """Modelled torque [N m or N] per unit of the measured one; NaN for joints whose motion does not show it.
+    """Modelled torque [N m or N] per unit of the measured one; NaN for joints whose motion does not determine it.
 
     Args:
         robot: The given model.
@@ -53,10 +54,10 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 
 
 def common_scale(scales: Float[Array, " nv"]) -> float | None:
-    """Modelled torque per unit of the measured one, if it is the same on all joints that show it; else None.
+    """Modelled torque per unit of the measured one, if it is the same for all joints with a known one; else None.
 
-    A load that the model lacks gives one factor on all joints, too; on a single joint the two look the same. Where
-    several joints agree closely, a smaller factor is enough.
+    A load that the model lacks also gives about one factor for all joints. With a single joint the two cannot be
+    distinguished. If several joints agree closely, a smaller factor is enough.
 
     Args:
         scales: Scale of each joint, see `torque_scales`.
@@ -72,15 +73,15 @@ def common_scale(scales: Float[Array, " nv"]) -> float | None:
 
 
 def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dict[str, str]] | None:
-    """Possible causes of torques in all of which the same factor is too much, or in some a large one, as in currents.
+    """Possible causes of torques that are off by one factor on all joints or by large factors on some, as currents are.
 
     Args:
         robot: The given model.
         scales: Scale of each joint, see `torque_scales`.
 
     Returns:
-        The first part of a sentence, and the entries of a column map if the torques are currents; None where the
-        factors are those of usual torques.
+        The first part of a sentence, and the entries of a column map for the case that the torques are currents. None
+        if the factors are those of usual torques.
     """
     size, scale = np.nan_to_num(np.abs(np.log(scales))), common_scale(scales)
     if scale is None and size.max(initial=0.0) <= _OTHER_UNIT:
@@ -106,7 +107,7 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
 
 
 def unit_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """Torques of some joints, and not of all, in another unit or on the motor's side of a stated gear.
+    """Suspicions that torques of some joints, but not of all, are in another unit, or before the stated gear.
 
     Args:
         robot: The given model.
@@ -114,7 +115,7 @@ def unit_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     """
     scales, sizes = torque_scales(robot, reading), _sizes(robot, reading)
     gears = np.array([abs(actuator.gear_ratio) for actuator in robot.actuators])
-    # A joint without a drive has a small torque, as if it were in kN m.
+    # Only smaller units: a joint without a drive has a small torque, which would look like one in kN m.
     units = [(unit, factor) for unit, factor in TORQUE_UNITS.items() if factor < 1]
     readings = [(f"in {unit} and not in N m", f"unit: {unit}", np.full(robot.nv, factor)) for unit, factor in units]
     if np.any(gears > np.exp(_OTHER_UNIT)):
@@ -150,14 +151,14 @@ def _sizes(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 def _joints_with(
     scales: Float[Array, " nv"], sizes: Float[Array, " nv"], factors: Float[Array, " nv"]
 ) -> tuple[int, ...]:
-    """Joints whose torque has a factor by their weight and inertia, and, if there are some, also by its size alone."""
+    """Joints whose torque has one of the factors by weight and inertia; if there are any, also those by size alone."""
     by_scale = np.nan_to_num(np.abs(np.log(scales / factors)), nan=np.inf) < _NEAR
     by_size = np.nan_to_num(np.abs(np.log(sizes / factors)), nan=np.inf) < _SIZE
     return tuple(np.flatnonzero(by_scale | by_size).tolist()) if by_scale.any() else ()
 
 
 def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """The suspicion that torques are in another unit on each joint, if some factor is too large for a torque constant.
+    """The suspicion that the torque of each joint is in a unit of its own, as currents are; empty for usual factors.
 
     Args:
         robot: The given model.
@@ -165,10 +166,10 @@ def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     """
     scales = torque_scales(robot, reading)
     far = np.nan_to_num(np.abs(np.log(scales))) > _OTHER_UNIT
-    # A load gives one factor on all joints too, see `load_or_current`.
+    # One factor on all joints may also be a load, see `load_or_current`.
     if not far.any() or common_scale(scales) is not None:
         return []
-    # Where the motion does not show the factor of a joint, that of others holds for it if the sizes agree.
+    # A joint whose motion does not determine its factor gets that of the others, if the sizes of its torques agree.
     middle = np.full(robot.nv, np.exp(np.median(np.log(scales[far]))))
     alike = _joints_with(scales, _sizes(robot, reading), middle)
     scales[list(alike)] = np.where(np.isnan(scales), middle, scales)[list(alike)]
@@ -177,8 +178,8 @@ def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     factor = np.where(np.isin(np.arange(robot.nv), joints), scales, 1.0)
     units = ["N/A" if robot.prismatic[j] else "N m/A" for j in joints]
     per = [f"{scales[j]:.2g} {unit} on {robot.joint_names[j]}" for j, unit in zip(joints, units, strict=True)]
-    open_ = tuple(np.flatnonzero(np.isnan(scales)).tolist())
-    rest = f" (the motion does not show that of {names(robot, open_)})" if open_ else ""
+    unknown = tuple(np.flatnonzero(np.isnan(scales)).tolist())
+    rest = f" (the motion does not show that of {names(robot, unknown)})" if unknown else ""
     return [
         Suspect(
             "torque",

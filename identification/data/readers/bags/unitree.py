@@ -1,7 +1,7 @@
-"""Values of the base in Unitree's ``LowState``: inertial sensor, and which feet are on the ground.
+"""Readings of the base in Unitree's ``LowState``: inertial sensor, and which feet are on the ground.
 
-The messages name no frames: the sensor is taken to be at the link ``imu``, as in the maker's files of quadrupeds. The
-force of a foot is an integer without a unit, in which a foot in the air and one on the ground are two levels.
+The messages name no frames: the sensor is assumed to be at the link ``imu``, as in the maker's files of quadrupeds. The
+force of a foot is an integer without a unit. It has two levels, one in the air and one on the ground.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ MOTOR_ORDERS = (_LEGS, _G1)
 
 
 FEET = ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
-"""In the order of the maker's documentation."""
-_APART = 3.0
-"""Spreads within them, beyond which two levels of a force are apart."""
-_LEAST = 10.0
-"""Counts between them, at least."""
+"""Feet in the order of the maker's documentation."""
+_LEAST_SPREADS = 3.0
+"""Smallest distance of the two levels of a force, in standard deviations of the lower one."""
+_LEAST_COUNTS = 10.0
+"""Smallest distance of the two levels of a force."""
 _SENSED = tuple(f"{quantity}.imu.{axis}" for quantity in ("w", "sf") for axis in "xyz")
 
 
 def base_of(message: Any) -> Float[Array, " 10"]:
-    """Angular velocity [rad/s], specific force [m/s^2] and the forces of four feet, NaN where there are none."""
+    """Angular velocity [rad/s], specific force [m/s^2], and forces of four feet, NaN if there are none."""
     imu = message.imu_state if hasattr(message, "imu_state") else message.imu
     feet = getattr(message, "foot_force", getattr(message, "footForce", np.full(4, np.nan)))
     return np.concatenate([imu.gyroscope, imu.accelerometer, feet]).astype(float)
 
 
 def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapping[str, Array], tuple[str, ...]]:
-    """Columns of the sensor and of contacts, and a sentence on them; none where the sensor reads nothing.
+    """Columns of the sensor and of contacts, and a sentence on contacts; both empty if all readings are zero.
 
     Args:
-        file: The bag, for messages.
-        values: Values of each message.
+        file: Name of the bag, for messages.
+        values: Readings of each message, as `base_of` returns them.
     """
     every = np.array(values).reshape(-1, 10)
     if not every[:, :6].any():
@@ -64,7 +64,7 @@ def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapp
 
 
 def threshold(force: Float[Array, " N"]) -> float | None:
-    """Halfway between the two levels of a force, by the least spread about them; None where there are not two."""
+    """Force halfway between its two levels, which are the clusters of least spread; None if there are not two."""
     if not np.isfinite(force).all():
         return None
     ordered = np.sort(force)
@@ -75,6 +75,6 @@ def threshold(force: Float[Array, " N"]) -> float | None:
     k = int(np.argmin(left + right))
     low, high = ordered[: k + 1], ordered[k + 1 :]
     apart = float(high.mean() - low.mean())
-    if apart < max(_LEAST, _APART * float(low.std())):
+    if apart < max(_LEAST_COUNTS, _LEAST_SPREADS * float(low.std())):
         return None
     return float(0.5 * (low.mean() + high.mean()))

@@ -23,11 +23,11 @@ from phantom_dyn.haptics.cheap.cheap_hardware import (
     at_rest,
     butterworth_weights,
     coupling_force,
-    felt,
     low_passed,
     mass_step,
     rendered,
     rendered_axes,
+    run_cycle,
     side_of,
 )
 
@@ -222,7 +222,7 @@ def test_one_cycle_after_the_other_is_the_whole(rng):
     x, force = 0.01 * np.sin(20 * t), rng.standard_normal(300)
     state, out = at_rest(), []
     for dt, place, asked in zip(np.diff(t, prepend=t[0]), x, force, strict=True):
-        state, given = felt(EVERYTHING, state, float(dt), float(place), float(asked))
+        state, given = run_cycle(EVERYTHING, state, float(dt), float(place), float(asked))
         out.append(given)
     np.testing.assert_array_equal(out, rendered(EVERYTHING, t, x, force).force)
 

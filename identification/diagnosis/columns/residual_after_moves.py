@@ -1,4 +1,4 @@
-"""Residual of a recording after a fit of the moves within the tolerances alone."""
+"""Residual of a recording after a fit of the nuisance columns alone: moves of the model within its tolerances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.splines import interpolated
 
 
-def residual_of_moves(
+def residual_after_moves(
     robot: Robot,
     moves: tuple[Move, ...],
     columns: tuple[list[list[Float[Array, " n"]]], ...],
@@ -22,10 +22,17 @@ def residual_of_moves(
 ) -> tuple[Float[Array, "n nv"], ...]:
     """Residual of a weighted least squares fit of the moves, with the tolerances as prior.
 
-    The noise of each row is taken as a tenth of its residual, which is about right where the model is wrong.
+    The noise of each joint is assumed to be a tenth of its residual. That is about right where the model is wrong.
+
+    Args:
+        robot: The given model.
+        moves: Moves of the model within its tolerances.
+        columns: For each log and joint, the columns of the moves that touch the joint, then any others.
+        residual: Measured less modelled torque of each log.
+        usable: Samples that may be used.
     """
     rows = range(residual[0].shape[1])
-    touched = [list(mine) for mine in touching(robot, moves)]
+    touched = [list(own) for own in touching(robot, moves)]
     a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
     b = np.zeros(len(moves))
     for j in rows:
