@@ -109,7 +109,7 @@ def drive_loop(
     drop = _drop(t, y, q_ref, q, finite & ~clipped & ~_lone(q), delays[::_PER_STEP])
     dropped = np.zeros(len(y), dtype=bool) if drop is None else _beyond(t, q_ref, q, *drop)
     use = _without_bad(t, y, q_ref, q, finite & ~clipped & ~dropped, delays, np.inf if limit is None else limit)
-    if limit is not None and not _asks_for_more(t, y, q_ref, q, use, clipped, delays):
+    if limit is not None and not _commands_more(t, y, q_ref, q, use, clipped, delays):
         limit, clipped = None, np.zeros(len(y), dtype=bool)
         use = _without_bad(t, y, q_ref, q, finite & ~dropped, delays, np.inf)
     if use.sum() < _FEWEST:
@@ -206,7 +206,7 @@ def read_delays(
 
 
 def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float | None, Bool[Array, " N"]]:
-    """Limit of the output and the rows that are there; none where the largest values are a few peaks."""
+    """Limit of the output and the rows at the limit; None and no rows if the largest values are only a few peaks."""
     largest = float(np.abs(y[finite]).max())
     there = finite & (np.abs(y) >= (1.0 - _NEAR) * largest)
     runs = int(np.sum(there[1:] & there[:-1]))
@@ -215,32 +215,32 @@ def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float |
     return float(np.median(np.abs(y[there]))), there
 
 
-def _asks_for_more(
+def _commands_more(
     t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], clipped: Bool[Array, " N"], delays: Array
 ) -> bool:
-    """True if the loop asks for more than is put out where that is largest: at its peak no more is asked for."""
+    """True if the loop commands more than the largest outputs; at a peak of an output without a limit it does not."""
     if use.sum() < _FEWEST:
         return True
-    asked = _asked(t, y, q_ref, q, use, delays)
-    return bool(np.median(asked[clipped] / y[clipped]) > 1.0 + _NEAR)
+    commanded = _commanded(t, y, q_ref, q, use, delays)
+    return bool(np.median(commanded[clipped] / y[clipped]) > 1.0 + _NEAR)
 
 
 def _without_bad(
     t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"], limit: float
 ) -> Bool[Array, " N"]:
-    """Rows without those that the loop says are at the limit, and without single readings far from the loop."""
+    """Rows without those at which the loop commands the limit, and without single readings far from the command."""
     for _ in range(3):
-        asked = _asked(t, y, q_ref, q, use, delays)
-        within = use & (np.abs(asked) < (1.0 - 2 * _NEAR) * limit)
+        commanded = _commanded(t, y, q_ref, q, use, delays)
+        within = use & (np.abs(commanded) < (1.0 - 2 * _NEAR) * limit)
         use = within if within.sum() >= _FEWEST else use
-        away = np.abs(y - asked - np.median((y - asked)[use]))
+        away = np.abs(y - commanded - np.median((y - commanded)[use]))
         bad = use & (away > _FAR * 1.4826 * max(float(np.median(away[use])), 1e-12))
         if bad.sum() <= _MOST_BAD * use.sum():
             use = use & ~bad
     return use
 
 
-def _asked(
+def _commanded(
     t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"]
 ) -> Float[Array, " N"]:
     """Output that a loop asks for with the gain that fits best, and with the best delay of whole samples."""

@@ -257,11 +257,11 @@ def _references(
     # The damping of a controller is part of a torque that is clipped; where a voltage is, back-EMF comes on top.
     inside = recording.controlled & np.isinf([voltage_bound(actuator) for actuator in robot.actuators])
     damping = np.zeros(len(gain)) if recording.slowing is None else np.where(inside, recording.slowing, 0.0)
-    asked = gain * (q_ref - q) - damping * v
+    commanded = gain * (q_ref - q) - damping * v
     if robot.torque_hold == "zoh":
-        q_ref, asked = align_held_torque(q_ref), align_held_torque(asked)
+        q_ref, commanded = align_held_torque(q_ref), align_held_torque(commanded)
     frame = float(np.median(np.diff(recording.t))) if holds_references(recording, robot) else 0.0
-    return References(t, q_ref, asked, gain, limits, *read_delays(recording.loops, len(gain), frame))
+    return References(t, q_ref, commanded, gain, limits, *read_delays(recording.loops, len(gain), frame))
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
@@ -282,12 +282,14 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
     signals = [(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)]
     # A computed torque was not smoothed by a recorder, and a position servo commands little at high frequencies.
-    asked = all(recording.controlled for recording in recordings)
-    smoothed = np.inf if asked else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
-    judged = _within_rate(_moving_edge(signals), signals) if asked else choose_cutoff(signals)
+    controlled = all(recording.controlled for recording in recordings)
+    smoothed = np.inf if controlled else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    judged = _within_rate(_moving_edge(signals), signals) if controlled else choose_cutoff(signals)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
     # Contact forces on feet excite motion as drives do.
-    driven = np.inf if asked or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
+    driven = (
+        np.inf if controlled or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
+    )
     judged, wide = min(judged, driven), min(wide, 1.3 * driven)
     if (swings := band_of_swings(recordings, robot, judged)) is not None:
         judged = wide = swings

@@ -49,12 +49,12 @@ class Claim(Generic[Name]):
 
     Attributes:
         effects: The cause.
-        gates: Results in the order in which the gates are asked, up to the first that the claim failed.
+        gates: Results in the order in which the gates are applied, up to the first that the claim failed.
         outcome: ``claimed``; ``minor`` if it is seen but too small to matter; ``displaced`` if others explain it
             instead; else ``not_claimed``.
         instead: Causes that replaced it.
         figures: Further numbers, by name.
-        judged_by: Kind of recordings that the gates were asked on; ``rests`` are recordings of a robot at rest.
+        judged_by: Kind of recordings to which the gates were applied; ``rests`` are recordings of a robot at rest.
     """
 
     effects: tuple[Name, ...]

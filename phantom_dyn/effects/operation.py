@@ -37,7 +37,7 @@ class References(ReadOnlyArrays):
     Attributes:
         t: Times [s], increasing, shape ``(N,)``.
         q_ref: References as they were sent [rad or m], shape ``(N, nv)``.
-        asked: Torque that each controller commands with them, before any limit [N m or N], shape ``(N, nv)``.
+        commanded: Torque that each controller commands with them, before any limit [N m or N], shape ``(N, nv)``.
         gain: Torque per unit of the reference [N m/rad or N/m], zero for joints without one, shape ``(nv,)``.
         limits: Torque at which the drives clip the command, infinite if they do not, shape ``(nv,)``.
         least: Least delay of each reference [s] that a reading of the drives' output allows, shape ``(nv,)``.
@@ -46,7 +46,7 @@ class References(ReadOnlyArrays):
 
     t: Float[Array, " N"]
     q_ref: Float[Array, "N nv"]
-    asked: Float[Array, "N nv"]
+    commanded: Float[Array, "N nv"]
     gain: Float[Array, " nv"]
     limits: Float[Array, " nv"]
     least: Float[Array, " nv"]
@@ -66,8 +66,8 @@ class References(ReadOnlyArrays):
 
     def with_references(self, q_ref: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
         """Change of the drive torque with other references [rad or m]."""
-        then = self.asked + self.gain * (q_ref - self.q_ref)
-        return np.clip(then, -self.limits, self.limits) - np.clip(self.asked, -self.limits, self.limits)
+        then = self.commanded + self.gain * (q_ref - self.q_ref)
+        return np.clip(then, -self.limits, self.limits) - np.clip(self.commanded, -self.limits, self.limits)
 
 
 # Cached quantities that do not change with a fit or its residual.

@@ -108,11 +108,11 @@ def _compared(
     for delay in _DELAYS + controller.delay + controller.reference_delay:
         error = np.interp(t - delay, t, recording.q_ref[:, j]) - q
         most, limit = voltage_bound(actuator), actuator.torque_limit or np.inf
-        asked = np.clip(np.clip(controller.stiff_part(error), -most, most) - controller.kd * v, -limit, limit)
-        asked = asked - asked.mean()
-        power = float(asked @ asked)
+        commanded = np.clip(np.clip(controller.stiff_part(error), -most, most) - controller.kd * v, -limit, limit)
+        commanded = commanded - commanded.mean()
+        power = float(commanded @ commanded)
         if power > 0:
-            gain = float(asked @ tau) / power
-            rest = tau - gain * asked
+            gain = float(commanded @ tau) / power
+            rest = tau - gain * commanded
             best = max(best, (gain, 1.0 - float(rest @ rest) / float(tau @ tau)), key=lambda one: one[1])
     return best

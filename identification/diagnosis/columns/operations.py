@@ -79,7 +79,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     """The operation with the torque of known effects.
 
     Each is computed from the torque that it acts on, as in the fit that found it: friction under load from the
-    transmitted torque, a late drive from the torque that it is asked for, a torque constant from all of that. A mass
+    transmitted torque, a late drive from the commanded torque, a torque constant from all of that. A mass
     acts at the true positions of the links, and in the true gravity.
 
     Args:

@@ -134,7 +134,7 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
     Args:
         session: The other logs.
         like: Columns with the same effects, places and shapes.
-        found: Effects of a fit, from which the torque that drives are asked for is computed.
+        found: Effects of a fit, from which the commanded torque of the drives is computed.
     """
     out, values = columns_by_log(session, like, found)
     return replace(out, values=tuple(map(values, range(len(session.logs)))))

@@ -206,10 +206,10 @@ def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> Ref
         return None
     still = [np.zeros_like(operation.q) for operation in operations]
     q_ref = np.concatenate([x if one is None else one.q_ref for one, x in zip(known, still, strict=True)])
-    asked = np.concatenate([x if one is None else one.asked for one, x in zip(known, still, strict=True)])
+    commanded = np.concatenate([x if one is None else one.commanded for one, x in zip(known, still, strict=True)])
     there = [one for one in known if one is not None]
     gain, limits, most = (np.max([getattr(one, of) for one in there], axis=0) for of in ("gain", "limits", "most"))
-    return References(t, q_ref, asked, gain, limits, np.min([one.least for one in there], axis=0), most)
+    return References(t, q_ref, commanded, gain, limits, np.min([one.least for one in there], axis=0), most)
 
 
 def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:

@@ -56,9 +56,9 @@ def test_a_drive_at_its_limit_gives_no_more_for_a_late_reference(arm, followed):
     # By hand: where both torques are beyond the limit nothing changes.
     limits = np.array([3.0, 3.0, 3.0])
     clipped = replace(followed, references=replace(followed.references, limits=limits))
-    asked = followed.references.asked
-    then = asked + GAIN * (sine(followed.t - 0.02) - sine(followed.t))
-    same = (np.minimum(asked, then) > 3.0) | (np.maximum(asked, then) < -3.0)
+    commanded = followed.references.commanded
+    then = commanded + GAIN * (sine(followed.t - 0.02) - sine(followed.t))
+    same = (np.minimum(commanded, then) > 3.0) | (np.maximum(commanded, then) < -3.0)
     found = EFFECT.torque(arm, clipped, None, np.array([0.02]))
     assert same[50:, 0].sum() > 100
     assert np.all(np.abs(found[50:][same[50:]]) < 1e-9)
