@@ -91,7 +91,7 @@ class Note:
 
     Attributes:
         code: What it is about.
-        joint: Of which joint, None of no single one.
+        joint: Name of the joint; None if the note is not on a single joint.
         numbers: What its sentence states, by name: numbers, names of files and joints.
     """
 

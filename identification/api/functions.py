@@ -235,9 +235,9 @@ def excite(
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
         duration: Length [s].
         rate: Rows per second.
-        harmonics: Of the Fourier series that it is made of.
+        harmonics: Number of harmonics of the Fourier series that it consists of.
         share: Part of the velocity and torque limits to use.
-        seed: Of the random motions that it starts from.
+        seed: Seed of the random motions from which the search starts.
         progress: Told in words what is being done.
 
     Raises:

@@ -70,7 +70,7 @@ class Evidence:
         """Measured less modelled torque [N m or N], NaN where the row of a joint is not used, ``(N, nv)``.
 
         Args:
-            tau: Of the model.
+            tau: Torque of the model.
         """
         left = self.tau_measured - tau
         return left if self.touched is None else np.where(self.touched, np.nan, left)

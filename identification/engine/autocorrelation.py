@@ -23,7 +23,7 @@ def positive_sequence(products: Float[Array, " n"]) -> Float[Array, " m"]:
     """Autocorrelation from lag 0 on; lags count while the sum of two neighbours is positive.
 
     Args:
-        products: Of the series with itself, by lag, see `lagged_products`; those of several series are added.
+        products: Products of the series with itself, by lag, see `lagged_products`; those of several series are added.
     """
     if len(products) < 2 or products[0] <= 0:
         return np.ones(1)

@@ -325,7 +325,7 @@ def base_of_reduction(reduction: Reduction) -> BaseParameters:
     """Base parameters that a reduction determines.
 
     Args:
-        reduction: Of one recording or several.
+        reduction: Reduction of one recording or several.
     """
     factor = reduction.factor()[:, :-1]
     return base_parameters_of_matrix(factor, reduction.names, reduction.units)
@@ -335,7 +335,7 @@ def refit(reduction: Reduction, base: BaseParameters | None = None) -> ReducedFi
     """Ordinary least squares of all equations in a reduction.
 
     Args:
-        reduction: Of one recording or several, with weights or without.
+        reduction: Reduction of one recording or several, with weights or without.
         base: The unknowns, if they are to stay those of another fit; by default those that this reduction determines.
 
     Raises:

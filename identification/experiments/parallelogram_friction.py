@@ -101,7 +101,7 @@ def fit_friction_test(test: str, motion: Motion, tau: Float[Array, "N 3"]) -> di
 
     Args:
         test: Which of the three.
-        motion: Of q1, q2, q5.
+        motion: Motion of q1, q2, q5.
         tau: Drive torque of q1, q2, q5 [N m].
 
     Returns:

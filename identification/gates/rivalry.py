@@ -23,7 +23,7 @@ def plausible_size(outside: float, unit: str, *, rival_is: bool) -> GateResult:
 
     Args:
         outside: How far its size is out of that range; zero inside.
-        unit: Of the size.
+        unit: Unit of the size.
         rival_is: True if a rival has a plausible size.
     """
     return GateResult("plausible size", 0.0 - outside, 0.0, unit, outside == 0.0 or not rival_is)

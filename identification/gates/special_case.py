@@ -50,7 +50,7 @@ def more_than_a_missing_part(share: float) -> GateResult:
     They pass where the absence of the part leaves more than a tenth of the squared torque that they explain.
 
     Args:
-        share: Of that squared torque, which the absence of the part explains.
+        share: Share of that squared torque that the absence of the part explains.
     """
     left = 1.0 - share
     return GateResult(

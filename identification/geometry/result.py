@@ -154,14 +154,14 @@ class GeometryResult:
     Attributes:
         verdict: Verdict on the poses alone.
         closed: Share of the gap that all findings close; None where there is no gap.
-        interval: Of ``closed``, 95 %.
+        interval: 95 % interval of ``closed``.
         frames: Gap of each frame.
         findings: Named causes, the largest first.
         minor: Causes that are seen but close less than a hundredth of the gap and less than half a noise floor.
         bounds: Detection limits.
         not_testable: Terms that these poses cannot show.
         fitted: Poses of base and target that the recordings do not give.
-        delays: Of recordings that are motions.
+        delays: Delays of recordings that are motions.
         rank: Number of base kinematic parameters: independent combinations of all terms that the poses show.
         structured: True if the residual depends on the posture.
         warnings: Notes on the data.

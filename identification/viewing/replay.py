@@ -76,7 +76,7 @@ def replayed_motion(
         models: What moves, by name.
         horizons: To choose from [s], the longest first.
         controlled: Under the stated controllers and recorded references in place of the recorded torque.
-        progress: Takes the stages.
+        progress: Called with each stage.
     """
     found: dict[str, tuple[float, Array]] = {}
     notes: list[str] = []
@@ -244,7 +244,7 @@ def replay_of(
         correction: What a diagnosis adds to the model; None: the given model alone is simulated.
         known: Effects that belong to the given model already.
         horizon_s: How long simulated motion is followed [s]; by default as long as the diagnosis did.
-        progress: Takes the stages.
+        progress: Called with each stage.
 
     Raises:
         LogError: If the recording cannot be used, or is certainly wrong and not to be shown anyway.

@@ -93,7 +93,7 @@ def boxes(poses: Float[Array, "f J 7"], meshes: tuple[Mesh, ...]) -> Float[Array
     """Lowest and highest corner [m] of meshes, and of the frames that they are in, at each posture.
 
     Args:
-        poses: Of `identification.viewing.replay.link_poses`.
+        poses: Poses, as `identification.viewing.replay.link_poses` returns them.
         meshes: Triangles in each frame.
     """
     out = []

@@ -173,7 +173,7 @@ class Rods:
             None leaves the rod out.
         forearm_offset: From the elbow to the foot of the third rod, in the axes of the piece CDG [m]; None leaves the
             rod out.
-        rod_mass: Of either rod [kg].
+        rod_mass: Mass of either rod [kg].
         piece_mass: Mass of the piece CDG [kg].
 
     Raises:
@@ -250,8 +250,8 @@ def add_link(robot: ET.Element, name: str, mass: float, center: Vector, moments:
         robot: The element of the robot.
         name: Name of the link.
         mass: [kg].
-        center: Of mass, in the link's axes [m].
-        moments: Of inertia about the centre of mass, along the link's axes [kg m2].
+        center: Centre of mass, in the link's axes [m].
+        moments: Moments of inertia about the centre of mass, along the link's axes [kg m2].
     """
     inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
     ET.SubElement(inertial, "origin", xyz=_words(center))

@@ -46,7 +46,7 @@ class PhantomParameters:
         inertia_base: Moment of the base about y, with its rotor.
         rotor_inertia: Rotor of theta2 and of theta3 seen at the joint: the part of ``inertia_be[0]`` and
             ``inertia_df[0]`` that belongs to no link.
-        gear_ratio: Of theta2 and theta3.
+        gear_ratio: Gear ratio of theta2 and theta3.
     """
 
     l1: float

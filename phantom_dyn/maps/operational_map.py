@@ -61,7 +61,7 @@ def operational_map(
     Args:
         model: From `phantom_dyn.maps.map_model.map_model`.
         grid: Over the tip or over joints. What it leaves out stays as in ``model.posture``.
-        names: Of quantities.
+        names: Names of quantities.
         jobs: Processes at most; by default one per processor core. On Dask or Ray through `joblib.parallel_config`,
             see `phantom_dyn.large_work`.
         progress: Called with the number of points that are done.

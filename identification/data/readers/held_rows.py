@@ -27,7 +27,7 @@ def rows_once_read(columns: Mapping[str, Float[Array, " N"]]) -> tuple[Bool[Arra
     Of a standstill, in which readings do not change, one row per reading is kept.
 
     Args:
-        columns: Of a log by name, time ``t`` among them.
+        columns: Columns of a log by name, with the time ``t``.
     """
     values = np.column_stack([column for name, column in columns.items() if name != "t"])
     every = np.ones(len(values), dtype=bool)

@@ -15,7 +15,7 @@ def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, di
     """Columns of the moves, the rigid bodies and some effects, and for each of these effects its term among them.
 
     Args:
-        columns: Of all effects.
+        columns: Columns of all effects.
         terms: The effects; others that need no further columns are kept, too.
     """
     first = min((block.first for block in columns.local), default=len(columns.names))

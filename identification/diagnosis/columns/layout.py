@@ -109,7 +109,7 @@ def together(session: Session, operation: Operation) -> tuple[str, ...]:
 
     Args:
         session: Robot and logs.
-        operation: Of all logs, one after the other, with the torque of the given model.
+        operation: Operation of all logs, one after the other, with the torque of the given model.
     """
     robot = session.robot
     if robot.nv < 2:

@@ -47,7 +47,7 @@ class Columns:
 
     Attributes:
         names: One per column; the first ``len(nuisances)`` are nuisances, then the rigid-body regressor's, then others.
-        nuisances: Of the first columns.
+        nuisances: The nuisance of each of the first columns.
         terms: Rivals.
         rows: For each row, the indices of the columns that touch it.
         values: For each log and row, in-band samples of those columns, ``values[log][row] (n, len(rows[row]))``.
@@ -292,7 +292,7 @@ def plain_columns(
         session: Robot and logs.
         log: Index of the log.
         operation: Its motion.
-        moves: Of the model.
+        moves: Moves of the model.
         displacing: Effects that displace the links.
         beyond: Where columns made of accelerations end, in edges of the judged band.
     """
@@ -312,7 +312,7 @@ def _regressor_in_band(
 
     Args:
         robot: The model.
-        motion: Of its links.
+        motion: Motion of its links.
         band: Filter.
         per_load: Derivative of the drive torque by the torque on the link; None: one.
     """

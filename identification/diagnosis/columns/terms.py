@@ -155,7 +155,7 @@ def untestable_places(
 
     Args:
         robot: Says what can be where.
-        operation: Of all recordings.
+        operation: Operation of all recordings.
         tried: Effects and places that took part in the search; None: all that the recording can show.
     """
     out = []

@@ -44,8 +44,8 @@ class Body:
     """A body whose ten parameters a fit changes, and which of these changes make a body that can exist.
 
     Attributes:
-        name: Of the joint that moves it.
-        columns: Of its changes, among those of a fit.
+        name: Name of the joint that moves it.
+        columns: Columns of its changes, among those of a fit.
         given: The body of the model, the nearest possible one where that cannot exist.
         reach: Rows ``reach @ parameters >= 0`` of bodies whose centre is within reach.
     """
@@ -154,7 +154,7 @@ def among_possible_bodies(
         square: Columns times columns.
         line: Columns times residual.
         precision: Prior precision of each coefficient.
-        bounds: Of each coefficient.
+        bounds: Bounds of each coefficient.
         folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
         bodies: Bodies with the places of their changes.
     """

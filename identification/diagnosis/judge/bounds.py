@@ -34,7 +34,7 @@ def smallest_seen(
     device, is not testable.
 
     Args:
-        operation: Of all recordings.
+        operation: Operation of all recordings.
         search: Rivals, with whitened fits, and the thresholds of a claim.
         plain: The same with plain fits in the judged band.
         chosen: The findings.

@@ -97,7 +97,7 @@ def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float)
     Args:
         robot: Gives the inertias.
         log: Readings and their steps.
-        row: Of the joint.
+        row: Index of the joint.
         start: First time [s].
         stop: Last time [s]; nothing is looked for over less than the shortest window.
     """
@@ -239,7 +239,7 @@ def burst_notes(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tupl
     """A note on every burst, with what to leave out.
 
     Args:
-        bursts: Of a judgement.
+        bursts: Bursts of a judgement.
         joints: Their units.
     """
     units = {joint.joint: joint.unit for joint in joints}
@@ -273,7 +273,7 @@ def moving_torque(torque: Float[Array, " n"], rate_hz: float, cutoff_hz: float) 
 
     Args:
         torque: Modelled torque in the band.
-        rate_hz: Of its samples.
+        rate_hz: Rate of its samples [Hz].
         cutoff_hz: Edge of the band, whose filter carries a peak that far.
     """
     change = np.gradient(torque) * rate_hz / (np.pi * cutoff_hz)

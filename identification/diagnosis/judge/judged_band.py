@@ -58,7 +58,7 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
     Args:
         search: Rivals.
         columns: Its columns, or only those of the rivals that are needed: their products take most memory.
-        noise: Of each log's torque.
+        noise: Noise of each log's torque.
         edges: Frequencies [Hz].
     """
     session = search.problem.session

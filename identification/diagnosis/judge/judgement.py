@@ -118,7 +118,7 @@ class _Left:
     """Residual of each log's torque after a set of effects, and the noise floor that it is compared with.
 
     Attributes:
-        torque: Of the corrected model for each log.
+        torque: Torque of the corrected model for each log.
         residual: After the named effects, in the judged band.
         whole: After all effects, structures without a name included.
         doubt: Variance of uncertain friction, see `_open_friction`.

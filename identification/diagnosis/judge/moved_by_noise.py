@@ -62,7 +62,7 @@ def foreseen_noise(
         judge: Noise floor of each joint, without this noise.
         search: Plain fits in the judged band.
         kept: Effects that are shown.
-        noise: Of each log's torque.
+        noise: Noise of each log's torque.
         left: Residual of each joint after the effects, root mean square.
     """
     out, joints = np.zeros(len(left)), search.problem.session.robot.joint_names
@@ -129,7 +129,7 @@ def loud_search(
         search: Plain fits in the judged band.
         chosen: The effects that explain the recordings; their residual is the noise here.
         tested: Effects that are to be tested.
-        noise: Of each log's torque.
+        noise: Noise of each log's torque.
 
     Returns:
         The search, and the term of each of these effects in it.

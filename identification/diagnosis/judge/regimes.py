@@ -39,8 +39,8 @@ class RegimeSplit:
     """Distribution of one joint's residual energy over regimes.
 
     Attributes:
-        shares: Of the energy, by regime.
-        times: Of the samples, by regime.
+        shares: Shares of the energy, by regime.
+        times: Times of the samples, by regime.
         best: The regime that holds most beyond its share of time, or ``everywhere``.
     """
 

@@ -24,7 +24,7 @@ class Range:
 
     Attributes:
         quantity: Its name in words.
-        units: Of the parameters that it limits, on a hinge and on a linear joint.
+        units: Units of the parameters that it limits, on a hinge and on a linear joint.
         by_speed: True if it is relative to the largest torque over the largest speed, else to the largest torque.
         most: Upper end of the range in these units.
         because: The reason, from how a drive works.

@@ -49,7 +49,7 @@ class SolvedSet:
 
     Attributes:
         problem: What is fitted.
-        columns: Of the set, ``(n,)``.
+        columns: Columns of the set, ``(n,)``.
         whole: Its fit.
     """
 

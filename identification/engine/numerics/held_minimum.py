@@ -24,7 +24,7 @@ class HeldMinimum(NamedTuple):
 
     Attributes:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
-        slope: Of the loss by each, zero where it is free, ``(n + m,)``.
+        slope: Derivative of the loss by each, zero where it is free, ``(n + m,)``.
         places: Unknowns that are free here and held in the solved problem, or the other way round, and then those that
             are held elsewhere, ``(d,)``.
         action: A force on each of these that was free, a shift of each that was held, ``(d,)``.

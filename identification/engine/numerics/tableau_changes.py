@@ -28,7 +28,7 @@ class ChangedMinimum:
 
     Attributes:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
-        slope: Of the loss by each, zero where it is free, ``(n + m,)``.
+        slope: Derivative of the loss by each, zero where it is free, ``(n + m,)``.
         value: ``x a x - 2 b x`` of the changed problem.
         converged: False where rounding is too large or steps were not enough: solve the problem from scratch.
         flipped: Unknowns that are free here and held in the solved problem, or the other way round, ``(k,)``.

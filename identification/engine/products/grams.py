@@ -156,7 +156,7 @@ def row_grams(
 
     Args:
         columns: All columns.
-        blocks: Of the same logs.
+        blocks: Blocks of the same logs.
         folds: Which blocks are held out together; -1 for blocks that no fit may see.
         weights: Noise per row.
         row: Which.

@@ -30,8 +30,8 @@ class SetFits:
     """Products of residual and columns in units of noise, projected off the nuisances: fits of any set in microseconds.
 
     Attributes:
-        products: Of the columns, ``(p, p)``.
-        slopes: Of the columns with the residual, ``(p,)``.
+        products: Products of the columns, ``(p, p)``.
+        slopes: Products of the columns with the residual, ``(p,)``.
         total: Square of the residual.
         lower, upper: Bounds of each coefficient, ``(p,)``; a set whose fit is beyond them counts as impossible.
         seen: Places of the columns that nuisances alone cannot make.
@@ -93,7 +93,7 @@ def few_columns(fits: SetFits, price: float) -> Chosen:
 
     Args:
         fits: Products.
-        price: Of a column.
+        price: Price of a column.
     """
     best: tuple[float, Chosen] = (_rounded(fits, (), price), ())
     front: list[Chosen] = [()]

@@ -61,7 +61,7 @@ def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
 
     Args:
         robot: The robot that was fitted; its inertias are the reference.
-        fit: Of `torque_regressor` equations.
+        fit: Fit of `torque_regressor` equations.
 
     Raises:
         ParameterError: If the fit has no rigid body or no covariance.

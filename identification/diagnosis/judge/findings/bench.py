@@ -118,7 +118,7 @@ class Bench:
     Attributes:
         search: Rivals, with fits to whitened torques.
         plain: The same with plain fits in the judged band.
-        noise: Of each log's torque.
+        noise: Noise of each log's torque.
         residuals: Residuals of sets of effects.
     """
 
