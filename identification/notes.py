@@ -90,9 +90,9 @@ class Note:
     """Something that a user should know.
 
     Attributes:
-        code: What it is about.
+        code: Subject of the note.
         joint: Name of the joint; None if the note is not on a single joint.
-        numbers: What its sentence states, by name: numbers, names of files and joints.
+        numbers: Values that its sentence states, by name: numbers, names of files and joints.
     """
 
     code: Code

@@ -23,7 +23,7 @@ def begun(work: Callable[[], T]) -> Callable[[], T]:
     for: an error is raised here then.
 
     Args:
-        work: What is done. Its result has to be one that can be pickled.
+        work: Function to call. It has to be possible to pickle its result.
     """
     if not _has_free_core():
         return cache(work)

@@ -51,8 +51,8 @@ class Announcement:
     Attributes:
         stage: Stage of the run.
         done: Parts of the stage that are done.
-        of: How many parts the stage has; 0 where nobody counts.
-        detail: What else there is to say, by name: a file, an estimator, a cost.
+        of: Number of parts of the stage; 0 if they are not counted.
+        detail: Further values, by name: a file, an estimator, a cost.
     """
 
     stage: Stage

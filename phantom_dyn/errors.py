@@ -65,8 +65,8 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
     """Say which names exist and which one was probably meant.
 
     Args:
-        name: What the user wrote.
-        known: What exists, in the order to list.
+        name: The name that the user wrote.
+        known: Names that exist, in the order in which they are listed.
         what: Plural noun of the known things, such as ``joints``.
 
     Returns:

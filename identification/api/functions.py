@@ -294,7 +294,7 @@ def compare(*diagnoses: Diagnosis | str | Path) -> comparison.Comparison:
     """Say what changed between two diagnoses or more: verdicts, findings, sizes with their 95 % intervals.
 
     Args:
-        diagnoses: What `diagnose` returned, or paths of ``diagnosis.json`` or of its folder.
+        diagnoses: Results of `diagnose`, or paths of ``diagnosis.json`` or of its folder.
 
     Raises:
         UsageError: If one of them is no diagnosis.
@@ -328,7 +328,7 @@ def simulate(
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
-        reference: What `excite` returned, a motion, or a table with ``t`` and ``q_ref.<joint>``.
+        reference: Result of `excite`, a motion, or a table with ``t`` and ``q_ref.<joint>``.
         effects: What the robot has beside its model: triples of effect, joint and parameters, a diagnosis, or its
             ``corrected.yaml``.
         own_effects: Effects of your own that ``effects`` names: a Python file, classes or instances. A triple may hold

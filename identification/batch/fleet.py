@@ -104,7 +104,7 @@ class Change:
         first: Its place among the recordings of the robot.
         before: Mean, or level before a drift.
         after: Mean after a step, or level that a drift has come to.
-        p: How often chance shows as much.
+        p: Probability of such a result by chance.
     """
 
     robot: str
@@ -271,7 +271,7 @@ def _drawn(
         rng: Draws them.
         own: Values and weights in the order of time.
         scatter: Departures of recordings that do not change from their mean, ``(m,)``; None: nothing is known of them.
-        count: How many.
+        count: Number of draws.
     """
     length = own.shape[1]
     if scatter is None:

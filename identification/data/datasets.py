@@ -46,7 +46,7 @@ class Dataset:
         licence: Licence of the data, or of the repository that publishes them.
         source: Public page at the commit that was used.
         citation: Whom to cite.
-        files: What its folder holds.
+        files: Files of its folder.
     """
 
     name: str

@@ -38,7 +38,7 @@ def block_counts(blocks: int, rng: np.random.Generator, replicates: int = REPLIC
     Args:
         blocks: Number of blocks, and of draws in a replicate.
         rng: Random stream of this use.
-        replicates: How many; a smaller number gives the first ones of a larger.
+        replicates: Number of replicates; a smaller number gives the first ones of a larger number.
     """
     draws = rng.integers(0, blocks, size=(replicates, blocks))
     # One count over all replicates: those of each begin where those of the one before end.

@@ -60,7 +60,7 @@ class Fit:
         effects: The terms that were fitted.
         first_effect: First column that belongs to an effect.
         samples: Number of samples.
-        cautions: What to be careful with.
+        cautions: Warnings on the use of the fit.
     """
 
     estimator: str
@@ -315,7 +315,7 @@ def reductions(robot: Robot, logs: Iterable[Log], effects: Sequence[EffectOnJoin
     Args:
         robot: Gives the rigid body.
         logs: May be a generator that reads them one by one; none is kept.
-        effects: What acts on the joints beside the rigid body.
+        effects: Effects on the joints beside the rigid bodies.
     """
     for log in logs:
         yield torque_regressor(robot, log, effects).reduction

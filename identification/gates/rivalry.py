@@ -22,7 +22,7 @@ def plausible_size(outside: float, unit: str, *, rival_is: bool) -> GateResult:
     It passes inside the range that the effect states as plausible, or if no rival is plausible either.
 
     Args:
-        outside: How far its size is out of that range; zero inside.
+        outside: Distance of its size from that range; zero inside.
         unit: Unit of the size.
         rival_is: True if a rival has a plausible size.
     """

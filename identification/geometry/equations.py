@@ -59,7 +59,7 @@ class Equations:
         left: Measured less predicted [m or rad], ``(m,)``.
         nuisance: Columns that are always in the fit, ``(m, k)``.
         columns: Columns of the terms, ``(m, p)``.
-        kinds: What each column of ``nuisance`` is.
+        kinds: Kind of each column of ``nuisance``.
         pose: Number of the pose that a row belongs to, counted over all sets, ``(m,)``.
         series: Number of the noise that is in a row: twice the set, plus one for orientations, ``(m,)``.
     """

@@ -214,7 +214,7 @@ def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[
     Args:
         robot: Gives the rigid body.
         logs: One recording or several.
-        effects: What may act on the joints beside the rigid body.
+        effects: Effects that may act on the joints beside the rigid bodies.
 
     Raises:
         LogError: If a log has other joints than the robot, or no valid sample is left.

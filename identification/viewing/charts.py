@@ -26,7 +26,7 @@ class Chart:
     """Curves over the whole recording.
 
     Attributes:
-        title: What is drawn, with its unit.
+        title: The quantity that is drawn, with its unit.
         names: Names of the curves.
         colours: ``#rrggbb`` of each curve.
         t: Times [s], ``(m,)``.

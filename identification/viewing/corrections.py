@@ -21,7 +21,7 @@ class Correction:
     Attributes:
         effects: Findings that act in all recordings.
         adjusted: Moves of the model within its tolerances.
-        horizon_s: How long the diagnosis followed simulated motion [s]; None where the file does not say.
+        horizon_s: Time for which the diagnosis simulated motion [s]; None if the file does not state it.
     """
 
     effects: tuple[KnownEffect, ...] = ()

@@ -48,7 +48,7 @@ class ReplayedMotion:
     """Positions of models along one recording.
 
     Attributes:
-        horizon_s: How long each stretch was followed [s]; None where nothing could be simulated.
+        horizon_s: Length of each simulated stretch [s]; None if nothing could be simulated.
         q: Readings [rad or m] of each model at every sample, ``(N, nv)``; NaN where a sample must not be used, or
             where the model cannot be simulated.
         notes: Sentences: a horizon that was shortened, or why a model was not simulated.
@@ -73,7 +73,7 @@ def replayed_motion(
     Args:
         log: The recording.
         states: Its smoothed states.
-        models: What moves, by name.
+        models: The moving models, by name.
         horizons: To choose from [s], the longest first.
         controlled: Under the stated controllers and recorded references in place of the recorded torque.
         progress: Called with each stage.
@@ -144,7 +144,7 @@ def _read(shot: Shot, model: Model, torque: Float[Array, "N nv"], step: float | 
 
     Args:
         shot: The stretch.
-        model: What moves.
+        model: The moving model.
         torque: Behind its drives.
         step: Longest step [s] under the stated controllers; None: under the recorded torque.
     """
@@ -179,7 +179,7 @@ class Copy:
     """One copy of the robot.
 
     Attributes:
-        name: What moves it.
+        name: Name of the source of its motion: the recording or a model.
         q: Its joint positions [rad or m], ``(n, nv)``; NaN where it was not simulated.
         poses: Poses of each joint's frame, see `link_poses`, ``(n, J, 7)``.
         strength: Colour of each joint, 0 for no residual to 1 for the full colour, ``(n, nv)``.
@@ -241,9 +241,9 @@ def replay_of(
     Args:
         robot: The given model.
         recording: With a torque, recorded or asked for by controllers.
-        correction: What a diagnosis adds to the model; None: the given model alone is simulated.
+        correction: Changes of the model by a diagnosis; None to simulate the given model alone.
         known: Effects that belong to the given model already.
-        horizon_s: How long simulated motion is followed [s]; by default as long as the diagnosis did.
+        horizon_s: Time for which motion is simulated [s]; by default that of the diagnosis.
         progress: Called with each stage.
 
     Raises:

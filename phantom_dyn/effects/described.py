@@ -43,8 +43,8 @@ class EffectWords:
 
     Attributes:
         name: A noun that "on joint j2" can follow.
-        meaning: What it is, a phrase.
-        next_step: What to do about it, a sentence.
+        meaning: Description of the effect, a phrase.
+        next_step: Advice on the next step, a sentence.
         less: Name when the first parameter is negative, where that has a meaning of its own.
         size: Phrase after the name that states its size, such as ``of {torque}``; a field is a parameter.
         parameters: Meaning of each parameter, where its name does not give it already.

@@ -243,7 +243,7 @@ def drift(
     Args:
         model: The tree.
         chain: Its loops.
-        solution: What `solve` gave.
+        solution: Result of `solve`.
         v: Velocities of the tree.
         arrays: The tree as compiled loops take it.
     """

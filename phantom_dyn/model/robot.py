@@ -108,8 +108,8 @@ class Robot:
         torque_hold: ``zoh`` if ``tau[k]`` acts from ``t[k]`` to ``t[k+1]``.
         reference_hold: ``zoh`` if ``q_ref[k]`` acts from ``t[k]`` to ``t[k+1]``; None: as
             the log's format says or the log shows.
-        torque_source: What the torque columns of recordings are.
-        tolerance: How far the model is trusted.
+        torque_source: Quantity in the torque columns of recordings.
+        tolerance: Allowed errors of the model.
         payload_frame: Frame that carries a payload, or None for frame ``tip`` if there is one, else the last link.
         warnings: Sentences about the robot file that the user should read.
         locked: Joints of the file that are held fixed and are no longer in the model.

@@ -217,7 +217,7 @@ def numbers(
         attribute: Its name.
         owner: Whose it is, for messages.
         path: The file, for messages.
-        count: How many there must be; None: one or more.
+        count: Required number; None for one or more.
         most: The largest magnitude.
 
     Raises:

@@ -97,7 +97,7 @@ def simulate(
 
     Args:
         robot: The given model.
-        causes: What the real robot has besides.
+        causes: Effects that the real robot has in addition.
         controller: Torque from time, readings and velocities; a plain function, without memory.
         t: Sample times [s], increasing, of any spacing.
         q0: True link positions at the start [rad or m].

@@ -64,7 +64,7 @@ class Joystick(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class Gait:
-    """How to step; times in s, lengths in m, angles in rad.
+    """Lengths and times of the steps; times in s, lengths in m, angles in rad.
 
     Attributes:
         foot_distance: Sideways distance between the middles of the soles, as `Walker.foot_distance` of the posture.

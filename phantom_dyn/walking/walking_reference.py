@@ -22,8 +22,8 @@ class WalkingReference(ReadOnlyArrays):
 
     Attributes:
         t: Time [s], shape ``(N,)``.
-        joystick: What the user did.
-        gait: How it steps.
+        joystick: Commands of the user over time.
+        gait: Lengths, heights and times of the steps.
         phases: The plan.
         pendulum: Planned zero moment point, divergent component and centre of mass.
         left: Motion of the left sole.

@@ -32,7 +32,7 @@ def with_references(table: RawTable, reference: SentReferences) -> RawTable:
 
     Args:
         table: States with a column ``t`` [s].
-        reference: What was asked for; columns that the table has already are replaced.
+        reference: References that were sent; columns that the table has already are replaced.
 
     Raises:
         LogError: If no state is left.

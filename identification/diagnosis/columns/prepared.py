@@ -68,7 +68,7 @@ def prepared(
     Args:
         robot: The given model.
         recordings: With torque, or with measured poses alone.
-        held_out: How many of them, from the last, no fit sees.
+        held_out: Number of recordings, from the last, that no fit sees.
         known: Effects that belong to the given model already.
         changes: Known differences between the recordings; empty if there are none.
 

@@ -29,7 +29,7 @@ class Fitted:
     """Result of one fit.
 
     Attributes:
-        problem: What was fitted.
+        problem: The problem that was fitted.
         point: The estimate about which nonlinear laws were linearised.
         theta: All coefficients, zero where a column is not in the model, ``(K,)``.
         active: Columns in the model.
@@ -37,7 +37,7 @@ class Fitted:
         objective: In-sample loss over all training blocks with penalty and priors, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
-        denied: How much lower the in-sample loss would be if bodies that cannot exist were allowed.
+        denied: Amount by which the in-sample loss would be lower if bodies that cannot exist were allowed.
     """
 
     problem: Problem

@@ -71,7 +71,7 @@ def ridge_predictions(
 
     Args:
         x: Features of each log.
-        y: What to predict, of each log.
+        y: Series to predict, one for each log.
         use: Which samples of each log are used.
         blocks: Blocks of the logs.
         folds: Fold of each block; a block of fold -1 is predicted by the fit on all folds.

@@ -44,7 +44,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
 
     Args:
         problem: Columns and blocks.
-        residual: What the explanation leaves of each log, in the judged band.
+        residual: Residual of each log after the explanation, in the judged band.
         doubt: Variance of each log's residual where joints stand, creep or reverse, in the band.
     """
     session, columns, out = problem.session, problem.columns, []
@@ -119,7 +119,7 @@ def from_quiet(
     Args:
         bursts: In all recordings.
         problem: Columns of these.
-        residual: What the explanation leaves of each log, in the judged band.
+        residual: Residual of each log after the explanation, in the judged band.
         floor: Noise floor of each joint.
     """
     if not bursts:
@@ -291,7 +291,7 @@ def expected_error(
     do not raise it.
 
     Args:
-        residual: What the explanation leaves.
+        residual: Residual after the explanation.
         causes: What it may grow with.
         use: Samples that count.
         fold: Samples of one number are judged by the others.

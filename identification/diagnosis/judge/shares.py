@@ -63,7 +63,7 @@ def least_closed(
     Args:
         left: Squared residuals of a set of them in the judged band.
         chosen: The effects.
-        sound: What a sound model leaves of each joint.
+        sound: Residual of each joint with a sound model.
     """
     base, out = left(chosen), {}
     once, drawn = np.ones((1, len(base.counts))), drawn_blocks(base)

@@ -38,7 +38,7 @@ class Fits:
     A fit depends on its set alone and, but for rounding, not on the order of the calls.
 
     Args:
-        problem: What is fitted.
+        problem: The problem that is fitted.
         allowed: Has an item for each fit that may be made, and is shared by searches with one limit; None: no limit.
 
     Raises:

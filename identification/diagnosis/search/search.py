@@ -71,7 +71,7 @@ class Search:
     """Rivals of one problem and the scores of sets of them.
 
     Attributes:
-        problem: What is fitted.
+        problem: The problem that is fitted.
         terms: All rivals.
         sizes: Number of parameters that each rival really adds (its rank), by rival.
         fits: Fits of sets of rivals, each made once.

@@ -64,7 +64,7 @@ class NearFits:
     """Fits of sets of effects that are linear in all their coefficients, each from the nearest solved set.
 
     Args:
-        problem: What is fitted.
+        problem: The problem that is fitted.
         start: Coefficients from which a set is solved as a whole, NaN where there are none, ``(K,)``.
     """
 
@@ -192,7 +192,7 @@ class _Beside:
     """Columns beside a fit, projected off its free columns.
 
     Args:
-        solved: What the fit was computed from.
+        solved: The solved problem from which the fit was computed.
         new: Columns of the fit that are not in that set.
         found: The fit.
         wanted: The columns, in order.

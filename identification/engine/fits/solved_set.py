@@ -48,7 +48,7 @@ class SolvedSet:
     """One set of columns, solved on all blocks and once without each fold.
 
     Attributes:
-        problem: What is fitted.
+        problem: The problem that is fitted.
         columns: Columns of the set, ``(n,)``.
         whole: Its fit.
     """

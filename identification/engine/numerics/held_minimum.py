@@ -28,7 +28,7 @@ class HeldMinimum(NamedTuple):
         places: Unknowns that are free here and held in the solved problem, or the other way round, and then those that
             are held elsewhere, ``(d,)``.
         action: A force on each of these that was free, a shift of each that was held, ``(d,)``.
-        flipped: How many of these are of the first kind.
+        flipped: Number of these that are of the first kind.
     """
 
     x: Float[Array, " v"]

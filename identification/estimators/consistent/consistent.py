@@ -43,7 +43,7 @@ class FullParameters:
         names: Names of all ``p`` columns of the fit.
         pi: Standard parameters of all bodies and coefficients of the effects, shape ``(p,)``.
         theta: Base parameters that they give, shape ``(r,)``.
-        moved: How far these are from the fit's, in standard deviations, shape ``(r,)``.
+        moved: Distances of these from the fit's, in standard deviations, shape ``(r,)``.
     """
 
     names: tuple[str, ...]

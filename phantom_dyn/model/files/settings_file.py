@@ -25,7 +25,7 @@ def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
     Args:
         path: The file.
-        error: What to raise.
+        error: Type of the error to raise.
 
     Raises:
         PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, holds no mapping, or a

@@ -154,7 +154,7 @@ def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...]) -> dict[str, 
 
     Args:
         model: The whole model of the file; changed.
-        loops: What `mjcf_facts` found.
+        loops: Loops that `mjcf_facts` found.
     """
     home = drawn_configuration(model)
     start = {

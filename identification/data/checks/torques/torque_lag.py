@@ -99,7 +99,7 @@ class _Clear:
         columns: Columns of its torque.
         shifted: Torque at each lag, ``(n, lags)``.
         tau, slope: Torque without a lag and its derivative [per s].
-        independent: How many of the samples are independent.
+        independent: Number of independent samples.
     """
 
     joint: str
