@@ -11,12 +11,16 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
+from identification.diagnosis.noise.certain_samples import certainty
 from identification.diagnosis.noise.whitening import whitened_noise
 from identification.diagnosis.search.search import Search
 from identification.engine.autocorrelation import autocorrelation_time
 from identification.engine.numerics.two_threads import in_two_threads
 from identification.engine.products.grams import Weights
 from phantom_dyn.array_types import Array, Bool, Float, Int
+
+# Times that a flexible fit is made with the weights that its own error gives, and least weight that makes none needed.
+_WEIGHED, _SURE = 2, 0.95
 
 
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
@@ -41,16 +45,25 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
             np.column_stack([x, state_features(columns, log, k, j)])
             for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
-        whole, inside = y, y
-        least, least_inside = rms(_used(y, use)), _inside(session, y, use)
         first = (*steps, plain[0].shape[1])
-        for predicted, _ in ridge_predictions(rich, y, use, session.blocks, session.folds, first):
-            error = [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
-            left, left_inside = rms(_used(error, use)), _inside(session, error, use)
-            if left < least:
-                whole, least = error, left
-            if left_inside < least_inside:
-                inside, least_inside = error, left_inside
+        whole, inside = y, y
+        for _ in range(_WEIGHED):
+            sure = certainty(columns, whole, j)
+            whole, inside = y, y
+            least, least_inside = rms(_used(y, use, sure)), _inside(session, y, use, sure)
+            weighed = [x * own[:, None] for x, own in zip(rich, sure, strict=True)]
+            of_sure = [part * own for part, own in zip(y, sure, strict=True)]
+            for predicted, _ in ridge_predictions(weighed, of_sure, use, session.blocks, session.folds, first):
+                error = [
+                    np.where(u, given - p / own, 0.0) for u, given, p, own in zip(use, y, predicted, sure, strict=True)
+                ]
+                left, left_inside = rms(_used(error, use, sure)), _inside(session, error, use, sure)
+                if left < least:
+                    whole, least = error, left
+                if left_inside < least_inside:
+                    inside, least_inside = error, left_inside
+            if min(float(own.min(initial=1.0)) for own in sure) > _SURE:
+                break
         return whole, inside
 
     rows = in_two_threads(unpredicted, range(len(columns.rows)))
@@ -74,17 +87,23 @@ def quieter_in_band(
     """
     out = [part.copy() for part in noise]
     for j in range(len(columns.rows)):
-        use = [u[:, j] for u in columns.usable]
-        one, other = (_inside(session, [part[:, j] for part in series], use) for series in (noise, inside))
+        use, own = [u[:, j] for u in columns.usable], [part[:, j] for part in noise]
+        sure = certainty(columns, own, j)
+        one, other = (_inside(session, series, use, sure) for series in (own, [part[:, j] for part in inside]))
         if least[j] <= other < one:
-            for part, own in zip(out, inside, strict=True):
-                part[:, j] = own[:, j]
+            for part, quiet in zip(out, inside, strict=True):
+                part[:, j] = quiet[:, j]
     return tuple(out)
 
 
-def _inside(session: Session, parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]]) -> float:
+def _inside(
+    session: Session,
+    parts: Sequence[Float[Array, " n"]],
+    use: Sequence[Bool[Array, " n"]],
+    sure: Sequence[Float[Array, " n"]],
+) -> float:
     """Root mean square of one row in the judged band."""
-    return rms(_used([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use))
+    return rms(_used([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use, sure))
 
 
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
@@ -130,8 +149,11 @@ def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Arra
     return np.maximum(own, least_noise(columns))
 
 
-def _used(parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]]) -> list[Float[Array, " n"]]:
-    return [part[u] for part, u in zip(parts, use, strict=True)]
+def _used(
+    parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]], sure: Sequence[Float[Array, " n"]]
+) -> list[Float[Array, " n"]]:
+    """Usable samples, each times the root of its weight."""
+    return [(part * own)[u] for part, u, own in zip(parts, use, sure, strict=True)]
 
 
 def rms(parts: list[Float[Array, " n"]]) -> float:
@@ -154,8 +176,9 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
     ratio = 1.0
     for j in range(len(problem.columns.rows)):
         use = [u[:, j] for u in problem.columns.usable]
-        new = rms([r[:, j][u] for r, u in zip(residual, use, strict=True)])
-        old = rms([e[:, j][u] for e, u in zip(noise, use, strict=True)])
+        own = [part[:, j] for part in noise]
+        sure = certainty(problem.columns, own, j)
+        new, old = rms(_used([part[:, j] for part in residual], use, sure)), rms(_used(own, use, sure))
         if 0 < new < old:
             ratio = min(ratio, new / old)
             for k, r in enumerate(residual):

@@ -13,6 +13,7 @@ import numpy as np
 
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
+from identification.diagnosis.noise.certain_samples import certain_variance, certainty
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
@@ -124,10 +125,12 @@ class Whitening:
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
     """Filters and weights that make the noise of columns white, see `whitened`; values of columns are not needed."""
-    kernels = [
-        noise_filter([part[:, j] for part in noise], longest_order([use[:, j] for use in columns.usable]))
-        for j in range(noise[0].shape[1])
-    ]
+    kernels = []
+    for j in range(noise[0].shape[1]):
+        own = [part[:, j] for part in noise]
+        sure = certainty(columns, own, j)
+        most = longest_order([use[:, j] & (weight**2 > 0.5) for use, weight in zip(columns.usable, sure, strict=True)])
+        kernels.append(noise_filter([part * weight for part, weight in zip(own, sure, strict=True)], most))
     return Whitening(kernels, _trust(columns, kernels, noise))
 
 
@@ -182,9 +185,11 @@ def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -
         np.column_stack([doubt_of(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
         for log in range(len(noise))
     ]
-    total = sum(np.where(use, w, 0.0).sum(axis=0) for w, use in zip(white, columns.usable, strict=True))
     count = sum(use.sum(axis=0) for use in columns.usable)
-    variance = np.maximum(total / np.maximum(count, 1), 1e-300)
+    used = np.concatenate(columns.usable)
+    squares, beside = np.concatenate(white), np.concatenate(doubt)
+    each = [certain_variance(squares[u, row], beside[u, row]) for row, u in enumerate(used.T)]
+    variance = np.maximum(each, 1e-300)
     share = [variance / (variance + d) for d in doubt]
     mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
