@@ -13,7 +13,8 @@ from identification.diagnosis.columns.residual_columns import Columns, columns_l
 from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_filter
+from identification.diagnosis.noise.certain_samples import certain_variance
+from identification.diagnosis.noise.whitening import doubt_of, filtered, whitening_of
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -82,8 +83,8 @@ def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"
     """Variance of a row's white noise in the recordings, and its mean share in the sum of noise and doubt."""
     use = [part[:, row] for part in columns.usable]
     white = np.concatenate([filtered(kernel, part[:, row])[u] ** 2 for part, u in zip(noise, use, strict=True)])
-    variance = max(float(np.mean(white)), 1e-300) if len(white) else 1e-300
     doubt = np.concatenate([doubt_of(columns, log, row, kernel)[u] for log, u in enumerate(use)])
+    variance = max(certain_variance(white, doubt), 1e-300)
     return variance, max(float(np.mean(variance / (variance + doubt))), 1e-300) if len(doubt) else 1.0
 
 
@@ -95,7 +96,7 @@ def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: 
         block for block in columns.local if wanted.intersection(range(block.first, block.first + block.count))
     )
     session = problem.session
-    kernels = tuple(noise_filter([part[:, j] for part in noise]) for j in range(session.robot.nv))
+    kernels = tuple(whitening_of(columns, noise).kernels)
     trusted = [_trusted(columns, noise, j, kernel) for j, kernel in enumerate(kernels)]
     variance, trust = (np.array(values) for values in zip(*trusted, strict=True))
     like, band = replace(columns, local=local), coarser(session.logs[0].band)
