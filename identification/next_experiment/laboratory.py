@@ -13,8 +13,7 @@ from identification.diagnosis.columns.residual_columns import Columns, columns_l
 from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.certain_samples import certain_variance
-from identification.diagnosis.noise.whitening import doubt_of, filtered, whitening_of
+from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_variance, whitening_of
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -82,9 +81,8 @@ class Laboratory:
 def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"]) -> tuple[float, float]:
     """Variance of a row's white noise in the recordings, and its mean share in the sum of noise and doubt."""
     use = [part[:, row] for part in columns.usable]
-    white = np.concatenate([filtered(kernel, part[:, row])[u] ** 2 for part, u in zip(noise, use, strict=True)])
     doubt = np.concatenate([doubt_of(columns, log, row, kernel)[u] for log, u in enumerate(use)])
-    variance = max(certain_variance(white, doubt), 1e-300)
+    variance = noise_variance(columns, [part[:, row] for part in noise], row, kernel)
     return variance, max(float(np.mean(variance / (variance + doubt))), 1e-300) if len(doubt) else 1.0
 
 

@@ -1,8 +1,8 @@
-"""Noise of samples whose friction is certain: a standstill or a reversal says little about the noise of a torque.
+"""Noise of samples in which a joint moves: a standstill says little about the noise of a torque.
 
-A joint that stands has any friction up to its breakaway torque, so its residual there may be many times its noise. In a
-recording that mostly stands, that residual would count as the noise, and friction that shows plainly in motion would be
-below it.
+A joint at standstill has any friction up to its breakaway torque, so its residual there may be many times its noise. In
+a recording that is mostly standstill, that residual would count as the noise, and friction that shows plainly in motion
+would be below it. Errors at reversals do count: they recur with the motion, and more of them do not average out.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.residual_columns import Columns
-from identification.diagnosis.columns.session import Series
 from phantom_dyn.array_types import Array, Float
 
 _ROUNDS = 30  # most times that variance and weights are computed from each other
@@ -21,14 +20,14 @@ _SETTLED = 0.99  # ratio of two variances after which they are the same
 
 
 def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> float:
-    """Variance of noise, each sample with the weight of its noise relative to noise and uncertain friction together.
+    """Variance of noise, with the weight of each sample by its noise relative to noise and uncertain friction together.
 
     Weights and variance depend on each other; they are computed in turn, from the mean of all samples on, as long as
     the weights are those of a fair share of the samples.
 
     Args:
         squares: Squared noise of each usable sample.
-        doubt: Variance of its friction.
+        doubt: Variance of its friction at standstill.
     """
     if not len(squares):
         return 0.0
@@ -44,15 +43,17 @@ def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> 
 
 
 def certainty(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> list[Float[Array, " n"]]:
-    """Root of the weight of each sample of a row, for each log: one where its friction is certain.
+    """Root of the weight of each sample of a row, for each log: one where the joint moves.
 
     Args:
-        columns: Which samples are usable, and where friction is uncertain.
+        columns: Which samples are usable, and the friction of standing joints.
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
-    doubt = [part[:, row] ** 2 + own[:, row] ** 2 for part, own in zip(columns.doubt, columns.standing, strict=True)]
+    doubt = [part[:, row] ** 2 for part in columns.standing]
     use = [part[:, row] for part in columns.usable]
-    squares, beside = (np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt))
+    squares, beside = (
+        np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)
+    )
     variance = max(certain_variance(squares**2, beside), 1e-300)
     return [np.sqrt(variance / (variance + part)) for part in doubt]

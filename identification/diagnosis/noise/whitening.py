@@ -7,6 +7,7 @@ at low ones; a wide whitened band keeps both.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -176,22 +177,41 @@ def doubt_of(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -
     The uncertain time of a reversal shifts a step, which is filtered as such. The static friction of a joint at
     standstill may change from sample to sample, so the largest possible output of the filter is taken.
     """
-    shifted = filtered(kernel, columns.doubt[log][:, row])
-    return shifted**2 + filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
+    return filtered(kernel, columns.doubt[log][:, row]) ** 2 + standstill_of(columns, log, row, kernel)
+
+
+def standstill_of(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
+    """The part of standstill in `doubt_of`."""
+    return filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
+
+
+def noise_variance(
+    columns: Columns, noise: Sequence[Float[Array, " n"]], row: int, kernel: Float[Array, " m"]
+) -> float:
+    """Variance of the whitened noise of a row, of the samples in which the joint moves; above zero.
+
+    Args:
+        columns: Which samples are usable, and the friction of standing joints.
+        noise: Noise of the row, for each log.
+        row: Index of the row.
+        kernel: Filter that makes it white.
+    """
+    use = [part[:, row] for part in columns.usable]
+    white = [filtered(kernel, part)[u] ** 2 for part, u in zip(noise, use, strict=True)]
+    still = [standstill_of(columns, log, row, kernel)[u] for log, u in enumerate(use)]
+    return max(certain_variance(np.concatenate(white), np.concatenate(still)), 1e-300)
 
 
 def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
     """Weight of each sample: noise relative to noise and uncertain friction together; mean square one on each row."""
-    white = [_white(kernels, part) ** 2 for part in noise]
     doubt = [
         np.column_stack([doubt_of(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
         for log in range(len(noise))
     ]
     count = sum(use.sum(axis=0) for use in columns.usable)
-    used = np.concatenate(columns.usable)
-    squares, beside = np.concatenate(white), np.concatenate(doubt)
-    each = [certain_variance(squares[u, row], beside[u, row]) for row, u in enumerate(used.T)]
-    variance = np.maximum(each, 1e-300)
+    variance = np.array(
+        [noise_variance(columns, [part[:, j] for part in noise], j, kernel) for j, kernel in enumerate(kernels)]
+    )
     share = [variance / (variance + d) for d in doubt]
     mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
