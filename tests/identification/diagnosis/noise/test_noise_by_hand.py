@@ -14,7 +14,14 @@ from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
 from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST, discrepancy, slow_samples
 from identification.diagnosis.noise.noise_floor import _plain_first, noise_without, smaller_noise, weights_of
-from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened, whitened_noise
+from identification.diagnosis.noise.whitening import (
+    filtered,
+    noise_filter,
+    noise_variance,
+    whitened,
+    whitened_noise,
+    whitening_of,
+)
 from identification.engine.autocorrelation import autocorrelation_time
 from identification.engine.products.grams import Weights
 from identification.pipeline import diagnose
@@ -62,7 +69,7 @@ def two_logs(quiet, **changes):
     """Columns of two logs of unequal length, thirty and ten samples, all usable."""
     shapes = ((30, 2), (10, 2))
     given = {"usable": tuple(np.ones(shape, dtype=bool) for shape in shapes)}
-    given |= {name: tuple(np.zeros(shape) for shape in shapes) for name in ("model_torque", "residual")}
+    given |= {name: tuple(np.zeros(shape) for shape in shapes) for name in ("model_torque", "residual", "standing")}
     return replace(quiet.columns, **(given | changes))
 
 
@@ -238,14 +245,13 @@ def test_what_standing_joints_leave_open_counts_at_the_most_that_the_filter_make
     columns = quiet.columns
     noise = (np.where(columns.usable[0], rng.normal(size=columns.residual[0].shape), 0.0),)
     standing = (3.0 * rng.random(columns.residual[0].shape) * (rng.random(columns.residual[0].shape) < 0.2),)
-    none = (np.zeros_like(standing[0]),)
-    plain, _ = whitened(replace(columns, doubt=none, standing=none), noise)
-    white, _ = whitened(replace(columns, doubt=none, standing=standing), noise)
-    for j in range(2):
-        kernel, use = noise_filter([noise[0][:, j]]), columns.usable[0][:, j]
-        variance = np.mean(filtered(kernel, noise[0][:, j])[use] ** 2)
+    made = replace(columns, doubt=(np.zeros_like(standing[0]),), standing=standing)
+    white, _ = whitened(made, noise)
+    for j, kernel in enumerate(whitening_of(made, noise).kernels):
+        use, own = columns.usable[0][:, j], noise[0][:, j]
+        variance = noise_variance(made, [own], j, kernel)
         share = variance / (variance + filtered(np.abs(kernel), standing[0][:, j]) ** 2)
-        expected = plain.residual[0][:, j] * np.sqrt(share / share[use].mean())
+        expected = filtered(kernel, columns.residual[0][:, j]) * np.sqrt(share / share[use].mean())
         np.testing.assert_allclose(white.residual[0][:, j], expected, rtol=1e-9)
 
 
