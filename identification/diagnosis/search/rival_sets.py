@@ -115,6 +115,11 @@ def stand(
             continue
         odds = min(odds_of_richer(search, chosen, swapped), 1.0)
         shares[place] = max(shares.get(place, 0.0), odds * shares[()])
+    for swapped, others in names.items():
+        # The same two sets have the same odds, whichever of them holds the finding.
+        if places[swapped] and all(contains(term, other) for other in others):
+            odds = min(odds_of_richer(search, swapped, chosen), 1.0)
+            shares[()] = max(shares[()], odds * shares[places[swapped]])
     own = shares[()]
     listed = min(contract_levels.LISTED, max(shares.values()))
     kept = {effects: share for effects, share in shares.items() if share >= listed and effects}
