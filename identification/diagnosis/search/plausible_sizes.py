@@ -2,7 +2,8 @@
 
 Ranges that hold for every robot are written in each effect, with their reason. Those of this table are relative to the
 recorded torque and speed of the joint. No sound robot has a size outside of its range: a rival of a plausible size
-leads in its place, and where there is none, the finding does not count for the verdict "explained".
+leads in its place, and where there is none, the finding does not count for the verdict "explained". A size whose
+interval reaches into the range may be plausible: a slow motion hardly shows the mass of a load.
 """
 
 from __future__ import annotations
@@ -16,6 +17,10 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.search.containment import joints_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect, Parameter
+
+
+# Deviations by which a size has to be outside of its range.
+_DEVIATIONS = 2.0
 
 
 @dataclass(frozen=True)
@@ -58,28 +63,47 @@ RANGES: tuple[Range, ...] = (
 )
 
 
-def implausible(session: Session, term: Term, theta: Float[Array, " k"]) -> tuple[Parameter, float] | None:
+def implausible(
+    session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"] | None = None
+) -> tuple[Parameter, float] | None:
     """The first parameter of a fitted effect that no sound robot has, and its value; None if a robot may have all.
 
     Args:
         session: The given model, and what its drives did.
         term: An effect.
         theta: Coefficients of its columns.
+        cov: Their covariance; None: they are exact.
     """
     if not isinstance(term.effect, Effect) or term.effect.inertial == "free":
         return None
-    robot = session.robot
-    parameters = term.effect.parameters(robot, term.joint)
-    values = np.reshape(term.effect.from_coefficients(robot, term.joint, theta, term.shape), (len(parameters), -1))
-    for stated, own in zip(parameters, values, strict=True):
+    parameters = term.effect.parameters(session.robot, term.joint)
+    values = _sizes(session, term, theta, len(parameters))
+    reach = np.zeros_like(values) if cov is None else _DEVIATIONS * _deviations(session, term, theta, cov, values)
+    for stated, own, may_err in zip(parameters, values, reach, strict=True):
         parameter = _limited(session, term, stated)
         if parameter.plausible is None:
             continue
         low, high = parameter.plausible
-        outside = own[(own < low) | (own > high)]
+        outside = own[(own + may_err < low) | (own - may_err > high)]
         if len(outside):
             return parameter, float(outside[0])
     return None
+
+
+def _sizes(session: Session, term: Term, theta: Float[Array, " k"], count: int) -> Float[Array, "p n"]:
+    """Sizes of an effect, one row for each of its parameters."""
+    assert isinstance(term.effect, Effect)
+    return np.reshape(term.effect.from_coefficients(session.robot, term.joint, theta, term.shape), (count, -1))
+
+
+def _deviations(
+    session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"], values: Float[Array, "p n"]
+) -> Float[Array, "p n"]:
+    """Standard deviation of each size, by the change of all sizes along each axis of the covariance."""
+    squares, axes = np.linalg.eigh(cov)
+    steps = (axes * np.sqrt(np.maximum(squares, 0.0))).T
+    changed = [_sizes(session, term, theta + step, len(values)) - values for step in steps]
+    return np.sqrt(np.sum(np.square(changed), axis=0))
 
 
 def _limited(session: Session, term: Term, parameter: Parameter) -> Parameter:

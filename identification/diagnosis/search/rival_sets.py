@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import contains, scales_all_bodies
 from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, odds_of_richer
@@ -264,8 +265,7 @@ def _leader(
 
 def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
     """Distance of an effect's size from its plausible range, and the unit; zero if all sizes are plausible."""
-    theta = search.evaluate(chosen).theta[list(term.columns)]
-    fault = implausible(search.problem.session, term, theta)
+    fault = implausible(search.problem.session, term, *_size_in(search.evaluate(chosen), term))
     if fault is None:
         return 0.0, ""
     parameter, value = fault
@@ -275,8 +275,14 @@ def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
 
 def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
     """True if the sizes of some effects of a set are plausible."""
-    session, theta = search.problem.session, search.evaluate(chosen).theta
-    return all(implausible(session, one, theta[list(one.columns)]) is None for one in theirs)
+    session, found = search.problem.session, search.evaluate(chosen)
+    return all(implausible(session, one, *_size_in(found, one)) is None for one in theirs)
+
+
+def _size_in(found: Fitted, term: Term) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
+    """Coefficients of an effect in a fit, and their covariance."""
+    own = np.searchsorted(found.active, term.columns)
+    return found.theta[list(term.columns)], found.cov[np.ix_(own, own)]
 
 
 def _new_in_old(search: Search, theirs: Iterable[Term]) -> bool:

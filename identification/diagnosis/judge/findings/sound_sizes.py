@@ -27,7 +27,8 @@ def size_notes(shown: Shown) -> list[Note]:
     """A note for each implausible size of a finding, and for each joint whose friction drives it."""
     session, out = shown.problem.session, list[Note]()
     for term in ordered(shown.named):
-        fault = implausible(session, term, shown.joint_fit.coefficients(term))
+        own = shown.joint_fit.place(term).coefficients
+        fault = implausible(session, term, shown.joint_fit.coefficients(term), shown.joint_fit.cov[own, own])
         if fault is not None and isinstance(term.effect, Effect):
             parameter, value = fault
             low, high = parameter.plausible or (-np.inf, np.inf)

@@ -78,7 +78,7 @@ def test_exact_twins_share_their_wins(heavier):
 
 def test_a_rival_of_a_size_that_no_robot_has_is_none_where_another_may_be(heavier, monkeypatch):
     # By hand: of four effects that predict the same, one is said to have an impossible size.
-    def impossible(robot, term, theta):
+    def impossible(robot, term, theta, cov):
         return (None, 0.0) if term.effect.name == "torque_constant" else None
 
     monkeypatch.setattr(rivals, "implausible", impossible)
@@ -97,7 +97,7 @@ def test_a_plausible_cause_that_explains_most_leads_beside_a_better_fit_of_an_im
     search = prepared.search
     coulomb, viscous = (prepared.term(name, "elbow") for name in ("coulomb_friction", "viscous_friction"))
 
-    def impossible(robot, term, theta):
+    def impossible(robot, term, theta, cov):
         return None if term is viscous else (coulomb.effect.parameters(planar2, "elbow")[0], 0.5)
 
     chosen = frozenset([coulomb])
