@@ -173,6 +173,15 @@ def test_a_torque_constant_is_plausible_between_a_half_and_two(quiet, excess, ra
     assert (None if fault is None else fault[1]) == (ratio if ratio is None else pytest.approx(ratio))
 
 
+@pytest.mark.parametrize(("deviation", "possible"), [(0.0, False), (0.05, False), (0.15, True)])
+def test_a_size_whose_interval_reaches_into_its_range_may_be_plausible(quiet, deviation, possible):
+    # Closed form: a size a fifth above the end of its range; two deviations of 0.15 reach into it, of 0.05 they do not.
+    most = 2.0 * float(quiet.session.largest_torque[1])
+    cov = np.array([[(deviation * most) ** 2]])
+    fault = implausible(quiet.session, quiet.term("coulomb_friction", "elbow"), np.array([1.2 * most]), cov)
+    assert (fault is None) is possible
+
+
 @pytest.mark.parametrize(("effect", "by_speed"), [("coulomb_friction", False), ("viscous_friction", True)])
 def test_no_drive_moves_a_joint_against_twice_the_torque_that_it_ever_gave(quiet, effect, by_speed):
     # By hand: twice the largest torque of the elbow, for viscous friction over its largest speed.
