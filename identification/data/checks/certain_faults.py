@@ -17,6 +17,7 @@ from identification.data.checks.model_units import wrong_units
 from identification.data.checks.readings.plausible_fit import ENOUGH
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.readings.suspects import Suspect, highest_speed
+from identification.data.checks.torques.missing_torques import missing_torque
 from identification.data.checks.torques.torque_scales import load_or_current, torque_scales
 from identification.data.checks.torques.unsigned_torques import unsigned_fault
 from identification.data.readers.map_entries import entries_words
@@ -54,12 +55,17 @@ def certain_faults(
         reading: Some of its samples, smoothed; None where there is no torque to compare with the model.
     """
     of_model = massless_model(robot) or wrong_units(robot)
-    if of_model or reading is None or robot.nv > _MOST_JOINTS:
+    if of_model or reading is None:
         return of_model, ()
+    needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    missing = missing_torque(recording, robot, reading, needed)
+    if missing is not None:
+        return (missing,), ()
+    if robot.nv > _MOST_JOINTS:
+        return (), ()
     exchanged = exchanged_columns(recording, robot, reading)
     if exchanged is not None:
         return (exchanged,), ()
-    needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     unsigned = unsigned_fault(recording, reading, needed)
     if unsigned is not None:
         return (unsigned,), ()

@@ -18,7 +18,6 @@ from identification.diagnosis.search.containment import joints_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect, Parameter
 
-
 # Deviations by which a size has to be outside of its range.
 _DEVIATIONS = 2.0
 

@@ -323,3 +323,31 @@ def test_a_torque_computed_from_a_voltage_may_lack_a_part_of_the_back_emf(clean)
 
 def smooth_velocity(recording: Recording) -> np.ndarray:
     return np.gradient(recording.q, recording.t, axis=0)
+
+
+def test_a_torque_that_nobody_recorded_is_refused_with_the_entries_that_leave_it_out(arm, changed, recording):
+    tau = recording.tau.copy()
+    tau[:, 1] = 0.0
+    fault = only(checked(changed(recording, tau=tau), arm).wrong)
+    assert fault.what == f"the torque of {arm.joint_names[1]} is 0 in every row"
+    assert f"{arm.joint_names[1]}: {{drive: unknown}}" in fault.mend
+
+
+def test_a_joint_that_swings_by_itself_needs_no_torque(planar2, changed, planar_log):
+    # Known truth: the elbow moves as gravity and the shoulder make it, by Pinocchio's equations of motion.
+    rate, seconds = 500.0, 20.0
+    t = np.arange(int(rate * seconds)) / rate
+    shoulder, speed, acceleration = (0.5 * np.sin(2 * t), np.cos(2 * t), -2 * np.sin(2 * t))
+    q, v, data = np.array([0.0, 1.5]), np.array([1.0, 0.0]), planar2.model.createData()
+    way = np.zeros((len(t), 2))
+    for k, (place, quick, quicker) in enumerate(zip(shoulder, speed, acceleration, strict=True)):
+        q[0], v[0] = place, quick
+        way[k] = q
+        M, b = pin.crba(planar2.model, data, q), pin.nle(planar2.model, data, q, v)
+        v[1] += -(b[1] + M[1, 0] * quicker) / M[1, 1] / rate
+        q[1] += v[1] / rate
+    drive = np.zeros_like(way)
+    drive[:, 0] = 1.0 + np.sin(2 * t)
+    free = replace(planar2, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
+    wrong = checked(changed(replace(planar_log, v=None), t=t, q=way, tau=drive), free).wrong
+    assert not any("0 in every row" in fault.what for fault in wrong)

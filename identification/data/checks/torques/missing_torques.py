@@ -1,0 +1,50 @@
+"""Torques of zero in every row, of joints that a drive moves: registers that nobody fills."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.checks.readings.reading import Reading
+from identification.data.recording import Fault, Recording
+from phantom_dyn.array_types import Array, Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.errors import listed
+from phantom_dyn.model.robot import Robot
+
+# A joint without a drive moves as its weight and inertia cancel: its model then needs less than this share of them.
+_CANCELS = 0.3
+# Travel [rad or m] of a joint that moves.
+_MOVES = 0.01
+
+
+def missing_torque(recording: Recording, robot: Robot, reading: Reading, needed: Float[Array, "N nv"]) -> Fault | None:
+    """The fault of driven joints whose torque is zero in every row, though their motion needs one.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model.
+        reading: Some of the samples, smoothed.
+        needed: Torque of the model without friction at the same samples [N m or N].
+    """
+    if recording.tau is None:
+        return None
+    still = np.zeros_like(reading.motion.v)
+    weight = inverse_dynamics(robot, replace(reading.motion, v=still, a=still))
+    size = np.sqrt(np.mean((needed - reading.external) ** 2, axis=0))
+    parts = np.sqrt(np.mean(weight**2 + (needed - weight) ** 2, axis=0))
+    driven = np.array([one.actuated and one.drive_known for one in robot.actuators])
+    empty = driven & ~recording.tau.any(axis=0) & (np.ptp(recording.q, axis=0) > _MOVES) & (size > _CANCELS * parts)
+    names = [recording.joint_names[j] for j in np.flatnonzero(empty)]
+    if not names:
+        return None
+    one = len(names) == 1
+    needs = listed([f"{size[j]:.3g} {robot.torque_units[j]}" for j in np.flatnonzero(empty)])
+    entries = ", ".join(f"{name}: {{drive: unknown}}" for name in names)
+    return Fault(
+        f"the torque of {listed(names)} is 0 in every row",
+        f"{'it moves' if one else 'they move'}, for which the model needs {needs} (root mean square)",
+        f"record {'it' if one else 'them'}; until then state {entries} in robot.yaml, so that the other joints are "
+        f"judged, or actuated: false for a joint without a drive",
+    )
