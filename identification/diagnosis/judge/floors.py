@@ -220,7 +220,7 @@ def left_in_doubt(
         open_ = variance > floor[j] ** 2
         sure = ~open_
         enough = np.count_nonzero(sure) >= max(rules.SURE_SHARE * len(sure), 1.0)
-        if enough and np.mean(left[sure] ** 2) > wide[j] ** 2 * np.mean(own[sure] ** 2):
+        if enough and np.mean(left[sure] ** 2) > wide[j] ** 2 * max(np.mean(own[sure] ** 2), floor[j] ** 2):
             continue
         out[j] = np.minimum(left[open_] ** 2, 4.0 * variance[open_]).sum() / max(len(left), 1)
     return out
