@@ -55,6 +55,11 @@ class Fitted:
         """Held-out loss over all blocks plus the penalty."""
         return float(self.loss.sum()) + self.penalty
 
+    def size(self, term: Term) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+        """Coefficients of an effect, and their covariance."""
+        own = np.searchsorted(self.active, term.columns)
+        return self.theta[list(term.columns)], self.cov[np.ix_(own, own)]
+
     @cached_property
     def row_losses(self) -> Float[Array, " nv"]:
         """Weighted squared residual of each row over the cores, by the fit to all training blocks."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import contains, scales_all_bodies
 from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, odds_of_richer
@@ -265,7 +264,7 @@ def _leader(
 
 def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
     """Distance of an effect's size from its plausible range, and the unit; zero if all sizes are plausible."""
-    fault = implausible(search.problem.session, term, *_size_in(search.evaluate(chosen), term))
+    fault = implausible(search.problem.session, term, *search.evaluate(chosen).size(term))
     if fault is None:
         return 0.0, ""
     parameter, value = fault
@@ -276,13 +275,7 @@ def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
 def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
     """True if the sizes of some effects of a set are plausible."""
     session, found = search.problem.session, search.evaluate(chosen)
-    return all(implausible(session, one, *_size_in(found, one)) is None for one in theirs)
-
-
-def _size_in(found: Fitted, term: Term) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
-    """Coefficients of an effect in a fit, and their covariance."""
-    own = np.searchsorted(found.active, term.columns)
-    return found.theta[list(term.columns)], found.cov[np.ix_(own, own)]
+    return all(implausible(session, one, *found.size(one)) is None for one in theirs)
 
 
 def _new_in_old(search: Search, theirs: Iterable[Term]) -> bool:
