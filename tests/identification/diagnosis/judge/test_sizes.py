@@ -70,7 +70,11 @@ def shown_with(quiet, sizes) -> Any:
     terms = [quiet.term(effect, "elbow") for effect in sizes]
     for term, size in zip(terms, sizes.values(), strict=True):
         theta[list(term.columns)] = size
-    fit = SimpleNamespace(coefficients=lambda term: theta[list(term.columns)])
+    fit = SimpleNamespace(
+        coefficients=lambda term: theta[list(term.columns)],
+        place=lambda term: SimpleNamespace(coefficients=slice(term.columns[0], term.columns[-1] + 1)),
+        cov=np.zeros((len(theta), len(theta))),
+    )
     found = SimpleNamespace(theta=theta)
     return SimpleNamespace(problem=quiet.problem, named=frozenset(terms), found=found, joint_fit=fit)
 
