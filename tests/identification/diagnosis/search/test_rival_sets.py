@@ -123,6 +123,21 @@ def test_coulomb_friction_with_an_offset_and_direction_dependent_friction_are_tw
     assert {"coulomb_friction", "torque_offset"} in options
 
 
+def test_a_law_has_at_least_the_odds_that_its_parts_give_it(lab, pendulum):
+    # Known truth: a Coulomb torque with an offset, so that the law of both has numbers that nothing needs.
+    motion = lab.motion(1, 3)
+    torque = np.where(motion.v > 0, -0.5, 0.2) - 0.002 * motion.v
+    prepared = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque, noise=0.1),))
+    names = ("coulomb_friction", "torque_offset", "direction_dependent_friction")
+    coulomb, offset, rich = (prepared.term(name, "pin") for name in names)
+    parts, whole = frozenset([coulomb, offset]), frozenset([rich])
+    odds = odds_of_richer(prepared.search, parts, whole)
+    standing = stand(prepared.search, whole, rich)
+    of_parts = next(one for one in standing.rivals if {e.effect for e in one.effects} == set(names[:2]))
+    assert 0.0 < odds < 1.0
+    assert standing.probability >= odds * of_parts.probability > 0.0
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(lab, pendulum, seed):
     # A weak difference of the directions, which several laws explain; those that win seldom are not listed.
