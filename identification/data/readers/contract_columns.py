@@ -213,8 +213,14 @@ def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mappi
         row = int(bad[0])
         value = values[row]
         where = f"{raw.file}, {raw.place(row)}, column {shortened(name)}"
+        if not np.isfinite(values).any():
+            raise LogError(
+                f"{raw.file}: column {shortened(name)} is {value} in every row: record it, or leave the column out."
+            )
         if not np.isfinite(value):
-            raise LogError(f"{where} is {value}: every value must be a number; repair or delete the row.")
+            others = int(np.count_nonzero(~np.isfinite(values))) - 1
+            more, rows = (f", and {others} more rows are no numbers", "these rows") if others else ("", "the row")
+            raise LogError(f"{where} is {value}{more}: every value must be a number; repair or delete {rows}.")
         hint = "give the time in seconds" if name == "t" else "give SI units (--columns converts), or delete the row"
         raise LogError(f"{where} is {value:g}, which no sensor gives (limit {largest:g}): {hint}.")
 

@@ -145,6 +145,18 @@ def test_a_value_that_is_not_finite_is_told_with_row_and_column(columns, value):
         table(columns, **{"tau.b": put(columns["tau.b"], 7, value)})
 
 
+def test_more_rows_without_a_number_are_counted(columns):
+    said = r"row 8, column tau\.b is nan, and 2 more rows are no numbers: .* delete these rows"
+    with pytest.raises(LogError, match=said):
+        table(columns, **{"tau.b": put(columns["tau.b"], [7, 9, 10], np.nan)})
+
+
+def test_a_column_without_any_number_is_one_to_leave_out(columns):
+    said = r"log\.csv: column tau\.b is nan in every row: record it, or leave the column out"
+    with pytest.raises(LogError, match=said):
+        table(columns, **{"tau.b": np.full(len(columns["tau.b"]), np.nan)})
+
+
 @pytest.mark.parametrize(("name", "value"), [("q.a", 2e6), ("tau.a", -2e9), ("v.b", 1e30)])
 def test_a_value_that_no_sensor_gives_is_told(columns, name, value):
     with pytest.raises(
