@@ -19,7 +19,6 @@ from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
 _ORDER = 8  # coefficients of a filter: with four a load of a real servo gets another answer
-_SAMPLES = 20  # least samples for each coefficient
 _LOST = 0.5  # largest share of the usable samples that the start of a filter may cost
 _ROWS = 64  # samples that are filtered at once
 
@@ -27,12 +26,11 @@ _ROWS = 64  # samples that are filtered at once
 def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Array, " m"]:
     """Finite filter ``1, -a_1 .. -a_order`` that whitens series of the same noise, by the Yule-Walker equations."""
     count = sum(len(part) for part in e)
-    order = min(order, count // _SAMPLES)
     lags = np.zeros(order + 1)
     for part in e:
         for lag in range(min(order + 1, len(part))):
             lags[lag] += part[lag:] @ part[: len(part) - lag]
-    if not order or lags[0] == 0:
+    if count < 20 * _ORDER or lags[0] == 0:
         return np.array([1.0])
     # A millionth of the variance keeps the equations solvable for noise that is nothing but low frequencies.
     matrix = lags[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))] + 1e-6 * lags[0] * np.eye(order)
