@@ -13,7 +13,7 @@ from identification.diagnosis.columns.residual_columns import Columns, columns_l
 from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_variance, whitening_of
+from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_filters, noise_variance
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -94,7 +94,7 @@ def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: 
         block for block in columns.local if wanted.intersection(range(block.first, block.first + block.count))
     )
     session = problem.session
-    kernels = tuple(whitening_of(columns, noise).kernels)
+    kernels = tuple(noise_filters(columns, noise))
     trusted = [_trusted(columns, noise, j, kernel) for j, kernel in enumerate(kernels)]
     variance, trust = (np.array(values) for values in zip(*trusted, strict=True))
     like, band = replace(columns, local=local), coarser(session.logs[0].band)

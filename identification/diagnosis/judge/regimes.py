@@ -40,7 +40,7 @@ class RegimeSplit:
 
     Attributes:
         shares: Shares of the energy, by regime.
-        times: Times of the samples, by regime.
+        times: Shares of the samples, by regime.
         best: The regime that holds most beyond its share of time, or ``everywhere``.
     """
 

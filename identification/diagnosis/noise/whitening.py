@@ -126,13 +126,19 @@ class Whitening:
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
     """Filters and weights that make the noise of columns white, see `whitened`; values of columns are not needed."""
+    kernels = noise_filters(columns, noise)
+    return Whitening(kernels, _trust(columns, kernels, noise))
+
+
+def noise_filters(columns: Columns, noise: Series) -> list[Float[Array, " m"]]:
+    """Filter of each row that makes its noise white, see `noise_filter`; by the samples in which the joint moves."""
     kernels = []
     for j in range(noise[0].shape[1]):
         own = [part[:, j] for part in noise]
         sure = certainty(columns, own, j)
         most = longest_order([use[:, j] & (weight**2 > 0.5) for use, weight in zip(columns.usable, sure, strict=True)])
         kernels.append(noise_filter([part * weight for part, weight in zip(own, sure, strict=True)], most))
-    return Whitening(kernels, _trust(columns, kernels, noise))
+    return kernels
 
 
 def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Series:

@@ -39,7 +39,7 @@ class Standing:
 
     Attributes:
         probability: Probability of the finding.
-        rivals: Probabilities of the rivals, the most probable first.
+        rivals: The rivals with their probabilities, the most probable first.
         instead: The whole set with a rival that leads in the finding's place (the most probable of those with plausible
             sizes, or of all if none is plausible); None if the finding leads.
         gates: Results of the gates of rivals for the finding.
