@@ -38,15 +38,21 @@ from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.spectra import power_density
 
 # Frequencies [Hz] at which the link swings on its spring that are tried; above the last one nothing but the size of
-# the effect depends on the stiffness in the band of a recording.
+# the effect depends on the stiffness in the band of a recording. Soft springs swing within the band, where a frequency
+# that is a quarter off no longer fits.
 _SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
+_SOFT_SWINGS = np.array([7.2, 5.7, 4.5, 3.6, 2.9, 2.3, 1.8, 1.45])
 # A frequency may be off by half the way to the next one: so far may a coefficient be off its shape, in squares.
 _SPREAD = 2.5
 # Compliances that are tried about one that was found, as shares of it.
 _NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
-# Damping ratio of the swing that is computed: at its own frequency the motor of a true spring nearly stands still, so
-# much of what is read there is noise, which less damping would amplify more.
-_SMOOTHING = 0.1
+# Damping ratios of the swing that is computed. At the frequency of a stiff spring much of what is read is noise, since
+# the motor nearly stands still: less damping would amplify it more. A soft spring that swings is seen to ring.
+USUAL_DAMPING = 0.1
+_DAMPING_OF_SOFT = 0.04
+# Ratios between which it is tried about one that was found, and the shares of it.
+_DAMPING_RANGE = (0.005, 0.3)
+_NEARBY_DAMPING = (0.4, 0.7, 1.4, 2.5)
 # The load is followed up to an edge [Hz]: where the noise of the stated encoder has half its amplitude, within the
 # first and third number; the second where no step is stated.
 Edges = tuple[float, float, float]
@@ -89,22 +95,33 @@ class TransmissionCompliance(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Compliances at which the link swings at some frequencies, from stiff to soft."""
+        """Compliances at which the link swings at some frequencies, from stiff to soft, each with a damping ratio."""
         inertia = float(np.median(load_and_inertia(operation, row_of(robot, joint))[1]))
-        return tuple((float(1.0 / (inertia * (2.0 * np.pi * f) ** 2)),) for f in _SWINGS)
+        tried = ((_SWINGS, USUAL_DAMPING), (_SOFT_SWINGS, _DAMPING_OF_SOFT))
+        return tuple(
+            (float(1.0 / (inertia * (2.0 * np.pi * f) ** 2)), damping) for swings, damping in tried for f in swings
+        )
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
         """Shapes near the last one, and the last estimate; near a resonance that fits its height, not its frequency."""
-        return (*((factor * shape[0],) for factor in _NEARBY), self.at_estimate(coefficients, shape))
+        compliance, damping = shape
+        least, most = _DAMPING_RANGE
+        dampings = (share * damping for share in _NEARBY_DAMPING)
+        return (
+            *((factor * compliance, damping) for factor in _NEARBY),
+            *((compliance, other) for other in dampings if least <= other <= most),
+            self.at_estimate(coefficients, shape),
+        )
 
     def at_estimate(self, coefficients: Array, shape: Shape) -> Shape:
-        """The coefficient."""
-        return (max(float(coefficients[0]), _LEAST),)
+        """The coefficient, with the same damping ratio."""
+        return (max(float(coefficients[0]), _LEAST), shape[1])
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Additional drive torque per unit of compliance, as a secant from zero to ``shape``."""
+        """Additional drive torque per unit of compliance, as a secant from zero to that of ``shape``."""
         row = row_of(robot, joint)
-        change = change_by_link(operation, row, *swing(operation, row, 1.0 / shape[0])) / shape[0]
+        compliance, damping = shape
+        change = change_by_link(operation, row, *swing(operation, row, 1.0 / compliance, damping)) / compliance
         unit = self.probe_unit(robot, joint, "compliance")
         rows = branch_rows(robot, joint)
         return Signature(rows, change[:, list(rows), None], ("compliance",), (unit,))
@@ -169,18 +186,26 @@ def link_inertia(robot: Robot, row: int) -> float:
     return float(mass_matrix(robot, np.zeros((1, robot.nv)))[0, row, row]) - float(robot.rotor_inertia[row])
 
 
-def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Array, Array]:
+def swing(
+    operation: Operation, row: int, stiffness: float, damping: float = USUAL_DAMPING
+) -> tuple[Array, Array, Array]:
     r"""How far the link of a joint is ahead of its motor, and its first two time derivatives, each of shape ``(N,)``.
 
     :math:`m\,\ddot\delta + (d + c)\,\dot\delta + (k + g)\,\delta = -t_l`, with the torque :math:`t_l` that the link
     would need to follow its motor and the derivatives :math:`m, c, g` of that torque; by the trapezoidal rule, which
     no stiffness makes unstable, from where the spring is in balance.
+
+    Args:
+        operation: Motion and torque.
+        row: Row of the joint.
+        stiffness: Of the spring [N m/rad or N/m].
+        damping: Ratio of the damping to the critical one of the link on its spring.
     """
     load, inertia = followed_load(operation, row, _EDGES)
     to_q, to_v = (part[:, row, row] for part in operation.partials[:2])
     pull = -load / inertia
     spring = np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia
-    drag = np.maximum(2.0 * _SMOOTHING * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
+    drag = np.maximum(2.0 * damping * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
     place, speed, gain = swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
     return place, speed, gain
 

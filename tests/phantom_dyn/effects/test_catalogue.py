@@ -296,11 +296,16 @@ def test_the_next_shapes_lie_about_the_last_by_less_than_a_half(arm, smooth):
 
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [("backlash", 2e-3), ("stribeck_friction", 2e-3), ("input_delay", 3e-3), ("transmission_compliance", 3e-3)],
+    [("backlash", 2e-3), ("stribeck_friction", 2e-3), ("input_delay", 3e-3)],
 )
 def test_a_law_agrees_with_its_coefficients_at_its_shape_or_at_the_last_estimate(name, expected):
-    # A play or a Stribeck velocity is no coefficient: the shape stays. A delay and a compliance are their coefficients.
+    # A play or a Stribeck velocity is no coefficient: the shape stays. A delay is its coefficient.
     assert effect_named(name).at_estimate(np.array([3e-3]), (2e-3,)) == pytest.approx((expected,))
+
+
+def test_a_compliance_is_its_coefficient_and_keeps_its_damping():
+    spring = effect_named("transmission_compliance")
+    assert spring.at_estimate(np.array([3e-3]), (2e-3, 0.1)) == pytest.approx((3e-3, 0.1))
 
 
 # What sets single effects apart, by their laws: a gain of the whole torque; lists of waves, whose orders the positions
@@ -341,7 +346,8 @@ def test_the_next_shapes_are_as_long_as_the_last_and_end_with_the_estimate_where
         coefficients = np.full(len(signature.names), 0.1)
         *_, last = shapes = effect.refined(coefficients, shape)
         assert {len(next_shape) for next_shape in shapes} == {len(shape)}, effect.name
-        assert (len(shape) > 0 and np.array_equal(last, coefficients)) is effect.shape_is_estimate, effect.name
+        estimate = last[: len(coefficients)]  # behind that of a spring is its damping
+        assert (len(shape) > 0 and np.array_equal(estimate, coefficients)) is effect.shape_is_estimate, effect.name
 
 
 def test_numbers_that_are_not_stated_are_none():

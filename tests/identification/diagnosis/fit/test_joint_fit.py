@@ -70,7 +70,7 @@ def test_a_coefficient_is_known_less_well_when_its_shape_is_not(slipping, planar
     [
         (("stribeck_friction", "elbow"), (0.25,), [0.3, 0.6]),
         (("input_delay", "elbow"), (0.004,), [0.004]),
-        (("transmission_compliance", "elbow"), (2e-3,), [2e-3]),
+        (("transmission_compliance", "elbow"), (2e-3, 0.1), [2e-3]),
         (("encoder_offset", "elbow"), (0.05,), [0.05]),
         (("encoder_eccentricity", "elbow"), (), [0.03, 0.02]),
         (("torque_constant", "elbow"), (), [0.1]),

@@ -114,7 +114,7 @@ def test_a_slow_load_deflects_a_spring_by_load_over_stiffness(planar):
 
 def test_the_column_of_a_spring_is_the_law_per_compliance_to_first_order(arm, smooth):
     stiffness = 1e6
-    column = COMPLIANCE.signature(arm, smooth, "tilt", (1 / stiffness,)).columns[:, :, 0]
+    column = COMPLIANCE.signature(arm, smooth, "tilt", (1 / stiffness, 0.1)).columns[:, :, 0]
     law = COMPLIANCE.torque(arm, smooth, "tilt", np.array([stiffness]))
     np.testing.assert_allclose(law, -column / stiffness, atol=1e-3 * np.abs(law).max())
 
@@ -125,7 +125,7 @@ def test_the_column_of_a_gap_is_the_law(arm, smooth):
 
 
 def test_stiffness_is_one_over_the_coefficient(arm):
-    assert COMPLIANCE.from_coefficients(arm, "tilt", np.array([1e-3]), (2e-3,)) == pytest.approx([1000.0])
+    assert COMPLIANCE.from_coefficients(arm, "tilt", np.array([1e-3]), (2e-3, 0.1)) == pytest.approx([1000.0])
 
 
 def test_a_load_that_never_changes_sign_shows_no_backlash(planar):
@@ -150,8 +150,15 @@ def test_shapes_are_positive_and_refined_about_the_last(arm, smooth, effect):
 
 def test_a_compliance_is_sought_about_its_shape_however_high_its_resonance_comes_out():
     # A coefficient of twice the shape says that the link swings twice as far there, not that it swings more slowly.
-    shapes = [shape for (shape,) in COMPLIANCE.refined(np.array([2e-3]), (1e-3,))]
+    shapes = [
+        compliance for compliance, damping in COMPLIANCE.refined(np.array([2e-3]), (1e-3, 0.1)) if damping == 0.1
+    ]
     assert sorted(shapes) == pytest.approx([0.75e-3, 0.9e-3, 1e-3, 1.11e-3, 1.33e-3, 2e-3])
+
+
+def test_the_damping_of_a_spring_is_sought_between_half_a_per_cent_and_a_third():
+    tried = [damping for compliance, damping in COMPLIANCE.refined(np.array([2e-3]), (1e-3, 0.01)) if compliance == 1e-3]
+    assert sorted(tried) == pytest.approx([0.007, 0.01, 0.014, 0.025])
 
 
 @pytest.mark.parametrize("effect", [BACKLASH, COMPLIANCE], ids=lambda effect: effect.name)
