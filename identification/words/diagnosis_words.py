@@ -30,6 +30,7 @@ SURENESS = (
 )
 PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
 _BESIDE = " beside the others"
+_NO_PART = "no measurable part"
 # Largest number of parameters that a sentence lists by name.
 _MOST_OPEN = 4
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
@@ -204,20 +205,22 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
 def share_of_gap(finding: Finding) -> str:
     """Share of a finding in the gap that all findings close; if unknown, the gap that returns without the finding.
 
-    An effect that only helps together with others has a negative mean share over all orders, which is not shown.
+    An effect that only helps together with others has a negative mean share over all orders, which is not shown. Where
+    noise alone is left on held-out data, neither says anything.
     """
     if finding.share is None:
         return gap_closed(finding)
     if finding.share >= 0.0:
         return percent_short_of_all(finding.share)
+    if finding.gap_closed < 0.0:
+        return _NO_PART
     return f"{percent_short_of_all(finding.gap_closed)}{_BESIDE}"
 
 
 def of_the_gap(finding: Finding) -> str:
     """``71 % of the gap``; for an effect that only helps with others, ``1 % of the gap beside the others``."""
-    if finding.share is not None and finding.share < 0.0:
-        return f"{percent_short_of_all(finding.gap_closed)} of the gap{_BESIDE}"
-    return f"{share_of_gap(finding)} of the gap"
+    share = share_of_gap(finding)
+    return f"{share.removesuffix(_BESIDE)} of the gap{_BESIDE}" if share.endswith(_BESIDE) else f"{share} of the gap"
 
 
 def shown_parameters(finding: Finding) -> dict[str, Value]:

@@ -36,8 +36,11 @@ from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
 
-# Times of flight whose gaps are tried [s]. After longer ones a link no longer flies from side to side, it rattles.
-_FLIGHTS = np.geomspace(0.008, 0.06, 12)
+# Shortest time of flight whose gap is tried [s], the ratio of one gap to the one before, and the least gap, as a share
+# of the widest: two seconds of arc, half a micrometre.
+_FLIGHT = 0.008
+_GAP_STEP = 1.7
+_FINEST = 1e-4
 # Least, usual and highest cutoff [Hz] of the low pass of the load, whose changes of sign have to remain visible.
 _EDGES = (15.0, 60.0, 60.0)
 # Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, with hardly any bouncing.
@@ -84,18 +87,21 @@ class Backlash(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Gaps that a link crosses in 8 to 60 ms from a torque that changes its sign as fast as it does here."""
-        load, inertia = load_and_inertia(operation, row_of(robot, joint))
+        """Gaps from what a link crosses in 8 ms, where its torque changes its sign as it does here, to the widest."""
+        row = row_of(robot, joint)
+        load, inertia = followed_load(operation, row, _EDGES)
         crossings = np.flatnonzero(load[1:] * load[:-1] < 0)
         if len(crossings) == 0:
             return ()
         steps = operation.t[crossings + 1] - operation.t[crossings]
         slopes = np.abs(load[crossings + 1] - load[crossings]) / steps / inertia[crossings]
-        return tuple((float(gap),) for gap in np.median(slopes) * _FLIGHTS**3 / 6.0)
+        widest = _WIDEST_LINEAR if robot.prismatic[row] else _WIDEST
+        least = min(max(float(np.median(slopes)) * _FLIGHT**3 / 6.0, _FINEST * widest), widest)
+        return tuple((least * _GAP_STEP**k,) for k in range(int(np.log(widest / least) / np.log(_GAP_STEP)) + 1))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same gap, one a fifth smaller and one a quarter larger."""
-        return tuple((factor * shape[0],) for factor in (0.8, 1.0, 1.25))
+        """The same gap, and some up to a fifth smaller and a quarter larger."""
+        return tuple((factor * shape[0],) for factor in (0.8, 0.93, 1.0, 1.07, 1.25))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Additional drive torque with the gap ``shape``: missing load in flight, impacts, reaction of other joints."""

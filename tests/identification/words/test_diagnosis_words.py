@@ -377,6 +377,12 @@ def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
     assert words.of_the_gap(finding).replace(NO_BREAK, " ") == "12 % of the gap beside the others"
 
 
+def test_a_finding_that_closes_nothing_on_held_out_data_has_no_measurable_part():
+    # Where noise alone is left there, shares are of nothing and may be -1417 %.
+    finding = replace(made("backlash", "theta1"), share=-14.2, gap_closed=-14.2)
+    assert words.of_the_gap(finding) == "no measurable part of the gap"
+
+
 def test_the_verdict_names_the_largest_share_first(made_up):
     small, large = (
         dataclasses.replace(made_up().findings[0], effect=effect, joint=joint, share=share)
