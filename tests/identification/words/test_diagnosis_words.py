@@ -377,9 +377,9 @@ def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
     assert words.of_the_gap(finding).replace(NO_BREAK, " ") == "12 % of the gap beside the others"
 
 
-def test_a_finding_that_closes_nothing_on_held_out_data_has_no_measurable_part():
+def test_a_finding_that_closes_nothing_on_held_out_data_has_no_measurable_part(made_up):
     # Where noise alone is left there, shares are of nothing and may be -1417 %.
-    finding = replace(made("backlash", "theta1"), share=-14.2, gap_closed=-14.2)
+    finding = dataclasses.replace(made_up().findings[0], share=-14.2, gap_closed=-14.2)
     assert words.of_the_gap(finding) == "no measurable part of the gap"
 
 
