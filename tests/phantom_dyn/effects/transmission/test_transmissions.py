@@ -208,7 +208,7 @@ def falling(planar) -> Operation:
 
 
 def test_gaps_are_tried_from_what_is_crossed_in_eight_milliseconds(planar, falling):
-    # Closed form: under a pull that grows by s a second a link falls s T^3 / 6; here s = m g l q' / I, 1000 times faster.
+    # Closed form: under a pull that grows by s a second a link falls s T^3 / 6; here s = m g l v / I at 20 rad/s.
     fast = Operation.of(falling.robot, Motion(falling.t, 1000.0 * falling.q, 0 * falling.q, 0 * falling.q))
     inertia = fast.partials[2][0, 1, 1] - 0.1
     near = np.abs(fast.q[:, 1]) < 0.1
