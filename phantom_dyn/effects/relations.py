@@ -10,7 +10,14 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Literal, NamedTuple
 
-Kind = Literal["contains", "tends to", "resembles on each joint", "may be a sum with", "nearly same in closed loop"]
+Kind = Literal[
+    "contains",
+    "tends to",
+    "resembles on each joint",
+    "may be a sum with",
+    "nearly same in closed loop",
+    "same shapes as",
+]
 
 
 class Relation(NamedTuple):
@@ -22,7 +29,9 @@ class Relation(NamedTuple):
             comes arbitrarily near to on the same joint without being it. An effect between two joints ``resembles on
             each joint`` what, on both of them, may leave much the same. It ``may be a sum with`` several others, the
             sum of which is a special case of it, so that no data distinguish the two. It is ``nearly same in closed
-            loop`` as what leaves nearly the same while a controller keeps a joint close to its reference.
+            loop`` as what leaves nearly the same while a controller keeps a joint close to its reference. It has the
+            ``same shapes as`` a law of the same orders over the position, from which a constant load does not separate
+            it.
         other: Name of the second effect.
     """
 
@@ -50,6 +59,8 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("reference_delay", "nearly same in closed loop", "viscous_friction"),
     # A soft spring that is at rest far away.
     Relation("parasitic_spring", "tends to", "torque_offset"),
+    Relation("cogging", "same shapes as", "torque_ripple"),
+    Relation("torque_ripple", "same shapes as", "cogging"),
 )
 
 

@@ -141,6 +141,11 @@ class Rival(ABC):
         return related(self.name, "nearly same in closed loop")
 
     @property
+    def same_shapes(self) -> tuple[str, ...]:
+        """Names of effects on the same joint that are tried with its shape once it is found."""
+        return related(self.name, "same shapes as")
+
+    @property
     def uses_acceleration(self) -> bool:
         """True if its columns carry the noise of a twice differentiated position."""
         return "acceleration" in self.made_of

@@ -108,6 +108,7 @@ def shapes_of(
         operation: Samples of all recordings.
         found: Effects that the last fit found; shapes near theirs replace the effect's grid of shapes.
         seen: Effects that a separate method found, such as resonances; their shapes are tried in addition to the grid.
+            So are those of found effects that have the same shapes.
         own: Effects that act in one of several recordings only.
         together: Joints, their names joined by ``+``, on which one cause may have one number.
     """
@@ -124,8 +125,11 @@ def shapes_of(
                 continue
             point = near.get((effect.name, joint))
             if point is None:
-                beside = (point.shape for point in seen if point.place == (effect.name, joint))
-                shapes = (*effect.shapes(robot, operation, joint), *beside)
+                beside = [point.shape for point in seen if point.place == (effect.name, joint)]
+                beside += [
+                    point.shape for point in found if point.joint == joint and effect.name in point.effect.same_shapes
+                ]
+                shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *beside)))
             else:
                 shapes = effect.refined(point.coefficients, point.shape)
             out.append((effect, joint, tuple(shapes)))

@@ -92,3 +92,14 @@ def test_an_effect_that_may_be_a_sum_makes_the_columns_of_all_its_parts(arm, smo
         parts = [effect_named(name) for name in effect_named(rich).same_as_sum]
         assert len(parts) > 1
         assert all(made_by(effect_named(rich), part, arm, smooth) for part in parts)
+
+
+@pytest.mark.parametrize("row", [row for row in RELATIONS if row.kind == "same shapes as"], ids=lambda row: row.effect)
+def test_laws_of_the_same_shapes_are_one_under_a_constant_load(row, arm):
+    # Oracle: the columns. A mass that slides slowly in a fixed direction is a constant load.
+    q = np.zeros((200, 3))
+    q[:, 1], q[:, 2] = 0.6, np.linspace(0.0, 0.3, 200)
+    slow = Operation.of(arm, Motion(np.arange(200) / 100.0, q, 0 * q, 0 * q))
+    assert np.ptp(slow.transmitted[:, 2]) < 1e-9 < np.abs(slow.transmitted[0, 2])
+    own, other = (effect_named(name).signature(arm, slow, "slide", (40.0,)) for name in (row.effect, row.other))
+    assert all(left_of(column, own.columns[:, 0]) < LEFT for column in other.columns[:, 0].T)

@@ -76,6 +76,16 @@ def test_a_delay_is_taken_again_about_its_last_estimate(operation, planar2):
     assert tried(planar2, operation, (found,))["input_delay", None] == ((0.0043,),)
 
 
+@pytest.mark.parametrize(("name", "other"), [("cogging", "torque_ripple"), ("torque_ripple", "cogging")])
+def test_waves_of_an_order_that_was_found_are_tried_with_and_without_the_load(operation, planar2, name, other):
+    # A load that hardly changes does not separate them: neither is certain before the other was tried.
+    found = FoundEffect(effect_named(name), "elbow", (37.0,), np.array([0.1, 0.0]))
+    assert (37.0,) not in tried(planar2, operation)[other, "elbow"]
+    again = tried(planar2, operation, (found,))
+    assert (37.0,) in again[other, "elbow"]
+    assert (37.0,) not in again[other, "shoulder"]
+
+
 def test_a_structure_has_no_name_in_the_catalogue(quiet):
     assert not quiet.term("drifting_friction", "elbow").named
     assert quiet.term("coulomb_friction", "elbow").named
