@@ -17,6 +17,7 @@ from scipy import ndimage
 from identification.data.derivatives import motion_edge, position_edges
 from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
+from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
@@ -33,6 +34,8 @@ _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
 _WATCHED, _HIDDEN, _COUNTS = 0.25, 0.3, 8.0
 # Factor over the estimate for white noise, as the noise of readings is not white.
 _CAUTION = 3.0
+# Largest share of standstill in a sample of the judged band, weighted by the kernel.
+_STANDING = 0.25
 
 
 def moving_joints(log: Log) -> Bool[Array, " nv"]:
@@ -117,12 +120,14 @@ def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
 
 
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
-    """In-band samples whose filter kernel covers no excluded sample, no contact, and hardly any standstill."""
-    at_standstill = standing_still(log)
-    half, at = log.band.half, log.samples
-    count = np.vstack([np.zeros(at_standstill.shape[1], dtype=int), np.cumsum(at_standstill, axis=0)])
-    share = (count[at + half + 1] - count[at - half]) / (2 * half + 1)
-    return (share < 0.25) & log.valid_in_band[:, None] & log.untouched_in_band
+    """In-band samples whose filter kernel covers no excluded sample, no contact, and hardly any standstill.
+
+    Standstill counts as the kernel weights it: at the ends of a kernel of more than a second, as that of a log of 50 Hz,
+    a joint that moves from point to point always stands.
+    """
+    weights = np.abs(log.band.kernel)
+    share = filtered(weights / weights.sum(), standing_still(log).astype(float), log.band.step)
+    return (share < _STANDING) & log.valid_in_band[:, None] & log.untouched_in_band
 
 
 def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
