@@ -38,13 +38,15 @@ def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Arra
 
 
 def longest_order(usable: list[Bool[Array, " n"]]) -> int:
-    """Largest order of a filter that keeps enough usable samples: a swing of a leg has few in a row.
+    """Largest order of a filter that keeps enough usable samples: a swing of a leg has few in a row; 0 without any.
 
     Args:
         usable: Usable samples of one joint, for each log.
     """
     ends = [np.flatnonzero(np.diff(np.concatenate([[False], part, [False]]))) for part in usable]
     runs = np.concatenate([np.diff(at)[::2] for at in ends])
+    if not len(runs):
+        return 0
     return max(m for m in range(_ORDER + 1) if np.minimum(runs, m).sum() <= _LOST * runs.sum())
 
 

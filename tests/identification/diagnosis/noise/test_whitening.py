@@ -107,6 +107,11 @@ def test_looking_back_takes_at_most_half_of_short_swings(run, order):
     assert longest_order([swings, swings[:run]]) == order
 
 
+def test_a_joint_without_a_sample_of_certain_friction_has_no_filter():
+    # A filter of any length keeps half of nothing, and all samples of uncertain friction would be lost to its start.
+    assert longest_order([np.zeros(50, dtype=bool)]) == 0
+
+
 def test_a_joint_that_is_free_in_short_swings_alone_keeps_half_of_its_samples(quiet):
     usable = np.ones_like(quiet.columns.usable[0])
     usable[:, 0] = np.arange(len(usable)) % 12 < 6
