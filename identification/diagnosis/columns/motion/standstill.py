@@ -122,8 +122,8 @@ def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
     """In-band samples whose filter kernel covers no excluded sample, no contact, and hardly any standstill.
 
-    Standstill counts as the kernel weights it: at the ends of a kernel of more than a second, as that of a log of 50 Hz,
-    a joint that moves from point to point always stands.
+    Standstill counts as the kernel weights it: at the ends of a kernel of more than a second, such as that of a log of
+    50 Hz, a joint that moves from point to point always stands.
     """
     weights = np.abs(log.band.kernel)
     share = filtered(weights / weights.sum(), standing_still(log).astype(float), log.band.step)
