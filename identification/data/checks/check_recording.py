@@ -30,8 +30,9 @@ from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_flat, check_timing, check_zeros
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
+from identification.data.checks.torques.late_torques import late_torques
 from identification.data.checks.torques.taken_friction import check_friction_taken
-from identification.data.checks.torques.torque_lag import check_lag
+from identification.data.checks.torques.torque_lag import check_lag, lags_and_low_passes, worth_a_sentence
 from identification.data.checks.torques.unsigned_torques import check_unsigned
 from identification.data.checks.torques.weight_and_friction import check_weights
 from identification.data.drives.joint_torque import external_torque
@@ -116,7 +117,8 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
         felt = replace(recording, tau=recording.tau + external, forces={})
         smooth = replace(smooth, tau=smooth.tau + forces.tau)
-    return Checked((*out, *_check_against_model(recording, robot, smooth, felt, filtered)))
+    against = _check_against_model(recording, robot, smooth, felt, filtered)
+    return Checked((*out, *against.warnings), against.wrong)
 
 
 def _external_torque(recording: Recording, robot: Robot) -> Array | None:
@@ -126,7 +128,7 @@ def _external_torque(recording: Recording, robot: Robot) -> Array | None:
 
 def _check_against_model(
     recording: Recording, robot: Robot, smooth: Smooth, felt: Recording, filtered: tuple[str, ...]
-) -> list[str]:
+) -> Checked:
     """Checks of the torque against the model, up to the first that finds an error, which would disturb the next ones.
 
     Args:
@@ -138,19 +140,24 @@ def _check_against_model(
     """
     data = spread_samples(smooth)
     if data is None:
-        return list(check_degrees(recording, robot, None, None))
+        return Checked(tuple(check_degrees(recording, robot, None, None)))
     model = model_torque(robot, data.motion)
     degrees = check_degrees(recording, robot, data, model)
     if degrees:
-        return list(degrees)
+        return Checked(tuple(degrees))
     swapped, found = check_swapped(recording, robot, data, model)
     if found:
-        return list(swapped)
-    return [
+        return Checked(tuple(swapped))
+    lags = lags_and_low_passes(robot, felt, smooth)
+    late = late_torques(felt, [lag for lag, _ in lags if lag is not None and worth_a_sentence(lag)], smooth.step)
+    if late is not None:
+        return Checked((), (late,))
+    said = [
         *check_one_line(robot, smooth),
         *check_weights(recording.file, robot, smooth),
         *check_flipped(recording, data, model),
         *check_unsigned(recording, data, model),
-        *check_lag(felt, robot, smooth, steep=filtered),
+        *check_lag(felt, robot, smooth, lags, steep=filtered),
         *check_friction_taken(recording, robot, smooth),
     ]
+    return Checked(tuple(said))

@@ -62,12 +62,13 @@ class Body:
         return self.given.standard / self.given.scale, reach / np.abs(reach).max(axis=1, keepdims=True)
 
     def exists(self, change: Float[Array, "*b 10"]) -> Array:
-        """True where the given body with a change can exist, to rounding, ``(*b,)``."""
-        parameters = (self.given.standard + change) / self.given.scale
+        """True where the given body with a change can exist, to rounding, ``(*b,)``; false where it is not finite."""
+        finite = np.isfinite(change).all(axis=-1)
+        parameters = (self.given.standard + np.where(finite[..., None], change, 0.0)) / self.given.scale
         least = np.linalg.eigvalsh(pseudo_inertia(parameters))[..., 0]
         within = parameters @ (self.reach * self.given.scale).T
         allowed = -_ROUNDING * np.abs(self.reach[:, 1:4]).max(initial=1.0)
-        return (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
+        return finite & (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
 
 
 @dataclass(frozen=True)

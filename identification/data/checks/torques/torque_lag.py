@@ -1,7 +1,7 @@
 """The lag of the torque against the motion, a shift or a low pass of first order, read where friction cannot feign one.
 
 The torque is shifted, or the low pass taken back, until a rigid body with free inertial parameters and free friction
-leaves the smallest residual.
+leaves the smallest residual; in a recording that is too short for these, the given model with any scale.
 Where a joint turns about or stands, dry friction jumps, and it jumps earlier or later than the velocity changes sign:
 the joint sticks, or bends before it slides. Such a jump would be taken for a torque that is late or early. So only
 samples count whose filter touches no reversal and no stop, and friction may be any function of the velocity.
@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Bool, Float, Int
-from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated, quintic_derivatives
@@ -99,7 +99,6 @@ class _Clear:
         columns: Columns of its torque.
         shifted: Torque at each lag, ``(n, lags)``.
         tau, slope: Torque without a lag and its derivative [per s].
-        independent: Number of independent samples.
     """
 
     joint: str
@@ -107,7 +106,6 @@ class _Clear:
     shifted: Float[Array, "n m"]
     tau: Float[Array, " n"]
     slope: Float[Array, " n"]
-    independent: float
 
 
 def lags_and_low_passes(
@@ -151,18 +149,15 @@ def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Flo
             continue
         rows = at[np.linspace(0, len(at) - 1, min(_ROWS, len(at))).astype(int)]
         needed = rows[:, None] + offsets
-        columns = _columns(robot, motion, needed.ravel(), j).reshape(*needed.shape, -1)
         measured, t = CubicSpline(motion.t, tau[:, j]), motion.t[needed] + stated * smooth.step
-        clear = _Clear(
-            joint,
-            _of_length_one(np.einsum("nmk,m->nk", columns, weights)),
-            np.column_stack([measured(t + lag * smooth.step) @ weights for lag in lags]),
-            measured(t) @ weights,
-            measured(t, 1) @ weights,
-            2 * smooth.cutoff_hz * smooth.step * len(at),
-        )
-        if clear.independent >= _PER_COLUMN * np.linalg.matrix_rank(clear.columns, tol=_SAME):
-            out.append(clear)
+        shifted = np.column_stack([measured(t + lag * smooth.step) @ weights for lag in lags])
+        independent = 2 * smooth.cutoff_hz * smooth.step * len(at)
+        for columns_of in (_columns, _few_columns):
+            columns = columns_of(robot, motion, needed.ravel(), j).reshape(*needed.shape, -1)
+            columns = _of_length_one(np.einsum("nmk,m->nk", columns, weights))
+            if independent >= _PER_COLUMN * np.linalg.matrix_rank(columns, tol=_SAME):
+                out.append(_Clear(joint, columns, shifted, measured(t) @ weights, measured(t, 1) @ weights))
+                break
     return out
 
 
@@ -198,6 +193,17 @@ def _columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -> Fl
     part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
     # Rotors are no part of the regressor: their inertia is that of the joint's own acceleration.
     return np.column_stack([rigid_body_regressor(robot, part)[:, j], part.a[:, j], friction_columns(part.v[:, j])])
+
+
+def _few_columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -> Float[Array, "n k"]:
+    """The same of the given model: its torque, of any scale, beside a rotor, friction and an offset.
+
+    A slow motion that often turns about has few samples between its reversals.
+    """
+    part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
+    bodies = (rigid_body_regressor(robot, part) @ standard_parameters(robot))[:, j]
+    v = part.v[:, j]
+    return np.column_stack([bodies, part.a[:, j], v, np.sign(v), np.ones(len(v))])
 
 
 def clear_samples(v: Float[Array, " N"], inside: Bool[Array, " N"], half: int, step: float) -> Bool[Array, " N"]:
@@ -320,19 +326,26 @@ class LagSentence(str):
         return out
 
 
-def check_lag(recording: Recording, robot: Robot, smooth: Smooth, *, steep: tuple[str, ...] = ()) -> tuple[str, ...]:
+def check_lag(
+    recording: Recording,
+    robot: Robot,
+    smooth: Smooth,
+    found: tuple[tuple[Lag | None, LowPass | None], ...],
+    *,
+    steep: tuple[str, ...] = (),
+) -> tuple[str, ...]:
     """Sentences about torques that are late or early by about half a sample or more.
 
     Args:
-        recording: Raw samples; its torque holds that of measured forces.
+        recording: Raw samples.
         robot: Says how the torque was held.
         smooth: The smoothed copy.
+        found: Result of `lags_and_low_passes`.
         steep: Joints whose torque went through a low pass of higher order: one of first order would not take it back.
     """
     out = []
-    for lag, filtered in lags_and_low_passes(robot, recording, smooth):
-        if lag is not None and not _worth_a_sentence(lag.samples, lag.std, lag.removed):
-            lag = None
+    for each, filtered in found:
+        lag = each if each is not None and worth_a_sentence(each) else None
         if filtered is not None and (
             filtered.joint in steep
             or not _worth_a_sentence(filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed)
@@ -346,6 +359,11 @@ def check_lag(recording: Recording, robot: Robot, smooth: Smooth, *, steep: tupl
         elif lag is not None:
             out.append(_lag_sentence(recording.file, robot, smooth, lag, filtered))
     return tuple(out)
+
+
+def worth_a_sentence(lag: Lag) -> bool:
+    """True for a lag of half a sample or more, far beyond its error, without which much less is left."""
+    return _worth_a_sentence(lag.samples, lag.std, lag.removed)
 
 
 def _worth_a_sentence(samples: float, std: float, removed: float) -> bool:

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.checks.against_model import check_flipped
-from identification.data.checks.check_recording import check_recording
+from identification.data.checks.check_recording import check_recording, checked
 from identification.data.checks.one_line import is_one_sine, lines_of, separated
 from identification.data.checks.positions import jumps, quantum
 from identification.data.checks.readings.reading import Reading
@@ -168,9 +168,27 @@ def test_a_held_torque_that_the_robot_states_is_not_told(clean, arm):
     assert check_recording(clean(late=-0.5 / 500), replace(arm, torque_hold="zoh")) == ()
 
 
-def test_a_late_torque_is_told_in_milliseconds(clean, arm):
+def test_a_late_torque_is_told_in_milliseconds(clean, arm, changed):
+    recording, late = clean(), clean(late=0.004)
+    tau = recording.tau.copy()
+    tau[:, 0] = late.tau[:, 0]
     said = r"torque of turn is late against its motion by 3\.9\d ms \(2 samples\)"
-    assert re.search(said, check_recording(clean(late=0.004), arm)[0])
+    assert re.search(said, check_recording(changed(recording, tau=tau), arm)[0])
+
+
+def test_a_log_in_which_all_torques_are_late_is_refused_with_the_entry(clean, arm):
+    # Known truth: 4 ms, a low pass at 1 / (2 pi 0.004 s) = 40 Hz. No drive makes its torque late.
+    (fault,) = checked(clean(late=0.004), arm).wrong
+    assert re.search(r"the torques are late against their motion by (3\.9\d*|4|4\.0\d*) ms", fault.what)
+    assert re.search(r"write tau: \{low_pass: (39|40)[.\d]*\} into a column map", fault.mend)
+
+
+def test_torques_that_are_early_or_late_by_different_times_are_not_refused(clean, arm, changed):
+    # A slow drive has a torque that is early, and the drives of a bus are late alike.
+    assert not checked(clean(late=-0.004), arm).wrong
+    recording = clean()
+    tau = np.column_stack([clean(late=late).tau[:, j] for j, late in enumerate((0.002, 0.004, 0.008))])
+    assert not checked(changed(recording, tau=tau), arm).wrong
 
 
 def test_a_wrong_inertia_does_not_pass_for_a_lag(clean, arm):

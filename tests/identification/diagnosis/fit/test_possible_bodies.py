@@ -79,6 +79,9 @@ def test_a_load_within_reach_makes_a_body_that_exists_and_its_absence_none(plana
     assert body.exists(np.zeros(10))
     assert body.exists(point_mass_parameters(0.5 * own.mass, own.lever))
     assert not body.exists(point_mass_parameters(-1.5 * own.mass, own.lever))
+    # Coefficients that overflowed are no body; their eigenvalues would not converge.
+    assert not body.exists(np.full(10, np.nan))
+    assert not body.exists(np.full(10, np.inf))
 
 
 def test_the_centre_of_a_body_stays_within_reach(planar2):
