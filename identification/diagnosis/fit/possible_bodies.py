@@ -63,12 +63,12 @@ class Body:
 
     def exists(self, change: Float[Array, "*b 10"]) -> Array:
         """True where the given body with a change can exist, to rounding, ``(*b,)``; false where it is not finite."""
-        finite = np.isfinite(change).all(axis=-1)
-        parameters = (self.given.standard + np.where(finite[..., None], change, 0.0)) / self.given.scale
+        finite = np.isfinite(change).all(axis=-1, keepdims=True)
+        parameters = (self.given.standard + np.where(finite, change, 0.0)) / self.given.scale
         least = np.linalg.eigvalsh(pseudo_inertia(parameters))[..., 0]
         within = parameters @ (self.reach * self.given.scale).T
         allowed = -_ROUNDING * np.abs(self.reach[:, 1:4]).max(initial=1.0)
-        return finite & (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
+        return finite[..., 0] & (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
 
 
 @dataclass(frozen=True)
