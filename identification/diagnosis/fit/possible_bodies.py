@@ -63,7 +63,7 @@ class Body:
 
     def exists(self, change: Float[Array, "*b 10"]) -> Array:
         """True where the given body with a change can exist, to rounding, ``(*b,)``; false where it is not finite."""
-        finite = np.isfinite(change).all(axis=-1, keepdims=True)
+        finite: Array = np.asarray(np.isfinite(change).all(axis=-1, keepdims=True))
         parameters = (self.given.standard + np.where(finite, change, 0.0)) / self.given.scale
         least = np.linalg.eigvalsh(pseudo_inertia(parameters))[..., 0]
         within = parameters @ (self.reach * self.given.scale).T
