@@ -17,6 +17,7 @@ from identification.engine import contract_levels
 from identification.notes import Code, Note
 from identification.words.diagnosis_words import (
     UNDECIDED,
+    capital,
     effect_at,
     finding_name,
     in_recording,
@@ -189,7 +190,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
     limits = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
         return [*carried, *limits] if carried else []
-    out = [*carried, *limits]
+    out = [*_not_judged(diagnosis), *carried, *limits]
     limits_only = [gap.joint for gap in diagnosis.joints if not gap.noise_is_known]
     if diagnosis.verdict == "no_gap" and limits_only:
         out.append(
@@ -220,6 +221,15 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             "creeps or turns about."
         )
     return out
+
+
+def _not_judged(diagnosis: Diagnosis) -> list[str]:
+    """A sentence on joints without a sample that counts, of which the verdict says nothing."""
+    joints = [gap.joint for gap in diagnosis.joints if not gap.hold_out_samples]
+    if not joints:
+        return []
+    they_move = "is not judged: it moves" if len(joints) == 1 else "are not judged: they move"
+    return [f"{capital(joints_words(joints))} {they_move} too little, or too briefly between two standstills."]
 
 
 def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:

@@ -377,6 +377,16 @@ def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
     assert words.of_the_gap(finding).replace(NO_BREAK, " ") == "12 % of the gap beside the others"
 
 
+def test_a_verdict_of_no_gap_names_the_joints_that_it_says_nothing_of(made_up):
+    # A joint without a held-out sample has a residual of zero, of which "no gap" would be untrue.
+    found = dataclasses.replace(made_up(findings=0), verdict="no_gap")
+    still = tuple(dataclasses.replace(gap, hold_out_samples=0) for gap in found.joints[:1])
+    said = verdict_words.verdict_sentence(dataclasses.replace(found, joints=(*still, *found.joints[1:])))
+    name = found.joints[0].joint
+    assert f"{name} is not judged: it moves too little, or too briefly between two standstills." in said
+    assert "not judged" not in verdict_words.verdict_sentence(found)
+
+
 def test_a_finding_that_closes_nothing_on_held_out_data_has_no_measurable_part(made_up):
     # Where noise alone is left there, shares are of nothing and may be -1417 %.
     finding = dataclasses.replace(made_up().findings[0], share=-14.2, gap_closed=-14.2)
