@@ -16,6 +16,7 @@ from identification.data.checks.readings import suspects as other
 from identification.data.checks.readings.plausible_fit import ENOUGH, unexplained
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.readings.suspects import Suspect
+from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects
 from identification.data.checks.torques.scaled_model import common_ratio, plain_left
 from identification.data.checks.torques.torque_scales import scale_suspects, unit_suspects
 from phantom_dyn.array_types import Array, Bool, Float
@@ -86,7 +87,7 @@ def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspe
     except ChainError:
         # With this reading the loops of a closed chain do not close, so that it is excluded.
         left = np.full_like(before, np.inf)
-    if suspect.kind == "gravity":
+    if suspect.kind in ("gravity", "attitude"):
         # Torque of the model that a reading adds must not lower the share, which is that of the measured torque.
         left = left * read.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
     return Compared(suspect, np.log((before + ENOUGH) / (left + ENOUGH)), left)
@@ -247,7 +248,8 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
         *_nearer(robot, reading, other.torque_suspects(robot, ratio)),
         *unit_suspects(robot, reading),
         *scale_suspects(robot, reading),
-        *other.compensated_suspects(robot, reading),
+        *compensated_suspects(robot, reading),
+        *attitude_suspects(robot, reading),
         *_promising(robot, reading, of_shape),
     ]
 

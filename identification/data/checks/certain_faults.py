@@ -131,6 +131,8 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
 
 def _mend(recording: Recording, suspect: Suspect) -> str:
     """Advice with entries of a column map; a torque that was computed from a current has no entry of its own."""
+    if suspect.kind == "attitude":
+        return f"write gravity: {suspect.entries['gravity']} into robot.yaml, if the robot is mounted so"
     taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
     if suspect.kind == "gravity":
         # Gravity is added to the torque, whatever that was computed from.

@@ -14,18 +14,15 @@ import numpy as np
 
 from identification.data.checks.readings.reading import (
     Reading,
-    varies,
     with_order,
     with_positions_plus,
     with_positions_times,
     with_time_times,
-    with_torques_plus,
     with_torques_times,
 )
 from identification.data.readers.map_entries import entries, entries_words, gear_entries
 from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
@@ -42,10 +39,6 @@ _NEVER = 100.0
 # Logarithm of the largest factor between the joints' median torque and the needed one for a unit to be named: units
 # differ by at least ten.
 _NEAR_UNIT = float(np.log(2.5))
-# Share of a measured torque from which on the weight of the links would be visible in it.
-_MATTERS = 0.2
-# Share of gravity from which on a torque contains the weight: wrong torque constants may halve it.
-_FELT = 0.3
 # Logarithm of a gear ratio from which on the two sides of a gear can be distinguished.
 _GEARED = float(np.log(2.0))
 # Zeros [rad] of other conventions.
@@ -56,7 +49,7 @@ _SAME_UNIT = float(np.log(4.0))
 _OR_GRAMS = ", or the masses of the model in g and not in kg"
 TORQUE_UNITS = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 
-Kind = Literal["time", "degrees", "length", "sign", "order", "torque", "gravity", "pair"]
+Kind = Literal["time", "degrees", "length", "sign", "order", "torque", "gravity", "attitude", "pair"]
 
 
 @dataclass(frozen=True)
@@ -241,45 +234,6 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
             ),
         ]
     return out
-
-
-def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """Torques from which the weight of the links was taken out, on the joints on which it matters."""
-    weight = gravity_torque(robot, reading.motion.q)
-    matters = weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)
-    # A joint that is held has a constant torque, whether its weight was taken out or a brake bears it.
-    joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
-    if not joints or felt_gravity(robot, reading, joints) > _FELT * float(np.linalg.norm(robot.model.gravity.linear)):
-        return []
-    return [
-        Suspect(
-            "gravity",
-            joints,
-            f"the torques of {names(robot, joints)} lack the weight of the links",
-            {"tau": "{compensated: gravity}"},
-            lambda reading: with_torques_plus(reading, weight),
-            says="offer",
-        )
-    ]
-
-
-def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> float:
-    """Size of the gravity, in whatever direction, that the varying torques of some joints feel [m/s^2].
-
-    A least-squares fit of all of them with one gravity for the robot; what is not weight, friction and an offset have
-    a coefficient for each joint. A robot that stands askew feels its weight from elsewhere; a compensated one does not.
-    """
-    pulls = np.stack([gravity_torque(robot, reading.motion.q, axis) for axis in np.eye(3)], axis=2)
-    moving = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    moving = moving - gravity_torque(robot, reading.motion.q)
-    n, each = len(moving), len(joints)
-    rows, wanted = np.zeros((n * each, 3 + 4 * each)), np.zeros(n * each)
-    for k, j in enumerate(joints):
-        size, part = reading.tau[:, j].std(), slice(k * n, (k + 1) * n)
-        own = np.column_stack([moving[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(n)])
-        rows[part, :3], rows[part, 3 + 4 * k : 7 + 4 * k] = pulls[:, j] / size, own / size
-        wanted[part] = (reading.tau[:, j] + reading.external[:, j]) / size
-    return float(np.linalg.norm(np.linalg.lstsq(rows, wanted, rcond=1e-6)[0][:3]))
 
 
 def _rival(j: int, what: str, read: Callable[[Reading], Reading]) -> Suspect:

@@ -1,0 +1,93 @@
+"""Readings by the weight that torques feel: taken out by a controller, or of a base that is mounted otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identification.data.checks.readings.reading import Reading, varies, with_torques_plus
+from identification.data.checks.readings.suspects import Suspect, names
+from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
+from phantom_dyn.model.robot import Robot
+
+# Share of a measured torque from which on the weight of the links would be visible in it.
+_MATTERS = 0.2
+# Share of gravity from which on a torque contains the weight: wrong torque constants may halve it.
+_FELT = 0.3
+# Logarithm of the largest factor between the gravity that torques feel and the given one, the largest cosine between
+# the two at which a base is mounted otherwise (a smaller tilt is for the diagnosis to find), and the least to an axis.
+_SAME_GRAVITY, _UPRIGHT, _ALONG = float(np.log(1.5)), float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0)))
+
+
+def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
+    """Torques from which the weight of the links was taken out, on the joints on which it matters."""
+    weight = gravity_torque(robot, reading.motion.q)
+    matters = weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)
+    # A joint that is held has a constant torque, whether its weight was taken out or a brake bears it.
+    joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
+    size = float(np.linalg.norm(robot.model.gravity.linear))
+    if not joints or np.linalg.norm(felt_gravity(robot, reading, joints)) > _FELT * size:
+        return []
+    return [
+        Suspect(
+            "gravity",
+            joints,
+            f"the torques of {names(robot, joints)} lack the weight of the links",
+            {"tau": "{compensated: gravity}"},
+            lambda reading: with_torques_plus(reading, weight),
+            says="offer",
+        )
+    ]
+
+
+def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
+    """A base that is not mounted as the model says, such as one that hangs from a ceiling or stands at a wall.
+
+    Gravity is tried in the direction in which the torques feel it, along an axis of the base if that is near.
+    """
+    given = robot.model.gravity.linear
+    size = float(np.linalg.norm(given))
+    joints = tuple(np.flatnonzero(varies(reading.tau)).tolist())
+    if size == 0 or not joints:
+        return []
+    felt = felt_gravity(robot, reading, joints)
+    length = float(np.linalg.norm(felt))
+    if abs(np.log(max(length, 1e-300) / size)) > _SAME_GRAVITY or felt @ given > _UPRIGHT * length * size:
+        return []
+    along = np.eye(3)[np.argmax(np.abs(felt))] * np.sign(felt[np.argmax(np.abs(felt))])
+    direction = along if felt @ along > _ALONG * length else felt / length
+    gravity = size * direction
+    change = gravity_torque(robot, reading.motion.q, np.array(given) - gravity)
+    turns = tuple(j for j in joints if change[:, j].std() > _MATTERS * reading.tau[:, j].std())
+    if not turns:
+        return []
+    return [
+        Suspect(
+            "attitude",
+            turns,
+            "the base is mounted in another way than gravity in the model says",
+            {"gravity": f"[{', '.join(f'{x:.3g}' for x in gravity + 0.0)}]"},
+            lambda reading: with_torques_plus(reading, change),
+        )
+    ]
+
+
+def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> Float[Array, " 3"]:
+    """The gravity, in whatever direction, that the varying torques of some joints feel [m/s^2].
+
+    A least-squares fit of all of them with one gravity for the robot; what is not weight, friction and an offset have
+    a coefficient for each joint. A robot that stands askew feels its weight from elsewhere; a compensated one does not.
+    """
+    pulls = np.stack([gravity_torque(robot, reading.motion.q, axis) for axis in np.eye(3)], axis=2)
+    moving = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    moving = moving - gravity_torque(robot, reading.motion.q)
+    n, each = len(moving), len(joints)
+    rows, wanted = np.zeros((n * each, 3 + 4 * each)), np.zeros(n * each)
+    for k, j in enumerate(joints):
+        size, part = reading.tau[:, j].std(), slice(k * n, (k + 1) * n)
+        own = np.column_stack([moving[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(n)])
+        rows[part, :3], rows[part, 3 + 4 * k : 7 + 4 * k] = pulls[:, j] / size, own / size
+        wanted[part] = (reading.tau[:, j] + reading.external[:, j]) / size
+    return np.linalg.lstsq(rows, wanted, rcond=1e-6)[0][:3]
