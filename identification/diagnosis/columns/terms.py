@@ -17,6 +17,10 @@ from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import joined_bases
 
+# Mean of a joint's load over its deviation from which on torque that grows with the load and torque that does not are
+# one to the data.
+_STEADY = 3.0
+
 # Fields of an operation with one row for each sample.
 SERIES = ("t", "q", "v", "a", "tau", "expected", "logged")
 
@@ -108,7 +112,7 @@ def shapes_of(
         operation: Samples of all recordings.
         found: Effects that the last fit found; shapes near theirs replace the effect's grid of shapes.
         seen: Effects that a separate method found, such as resonances; their shapes are tried in addition to the grid.
-            So are those of found effects that have the same shapes.
+            So are those of found effects from which a steady load does not separate an effect.
         own: Effects that act in one of several recordings only.
         together: Joints, their names joined by ``+``, on which one cause may have one number.
     """
@@ -126,14 +130,19 @@ def shapes_of(
             point = near.get((effect.name, joint))
             if point is None:
                 beside = [point.shape for point in seen if point.place == (effect.name, joint)]
-                beside += [
-                    point.shape for point in found if point.joint == joint and effect.name in point.effect.same_shapes
-                ]
+                alike = [point for point in found if point.joint == joint and effect.name in point.effect.same_shapes]
+                beside += [point.shape for point in alike if _load_is_steady(robot, operation, joint)]
                 shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *beside)))
             else:
                 shapes = effect.refined(point.coefficients, point.shape)
             out.append((effect, joint, tuple(shapes)))
     return tuple(out)
+
+
+def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bool:
+    """True if the load of a joint hardly varies beside its mean."""
+    load = operation.transmitted[:, robot.joint_names.index(joint)] if joint in robot.joint_names else np.zeros(1)
+    return bool(abs(load.mean()) > _STEADY * load.std())
 
 
 def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | None:
