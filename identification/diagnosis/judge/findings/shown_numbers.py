@@ -24,7 +24,7 @@ from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.result import Value
 from identification.diagnosis.search.search import Search, with_wide_tolerances
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.model.inertia import has_known_centre, payload_body
+from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
 # A parameter is unknown if its standard deviation exceeds this share of its plausible size and of its own value.
@@ -44,7 +44,7 @@ def only_shown(values: Mapping[str, Value], session: Session, joint: str | None)
     mass = out.get("mass")
     if mass is not None and "moment_x" in out:
         value, std = (float(np.ravel(part)[0]) for part in (mass.value, mass.std))
-        if not has_known_centre(value, std):
+        if std > _UNKNOWN * abs(value):
             out["mass"] = replace(mass, std=np.inf)
     return out
 
@@ -79,12 +79,19 @@ def _largest(series: list[Float[Array, " n"]]) -> float:
 
 
 def reach_of(robot: Robot) -> float:
-    """Reach of a robot [m]: the lengths of all links to the joint that carries a load, plus the longest once more."""
+    """Reach of a robot [m]: the lengths of all links to the joint that carries a load, plus the longest once more.
+
+    The base, which does not move, has none: how high a robot is mounted says nothing about its loads.
+    """
     model, joint = robot.model, payload_body(robot)
-    lengths = [float(np.linalg.norm(model.jointPlacements[one].translation)) for one in range(1, model.njoints)]
-    reach = sum(lengths[one - 1] for one in model.supports[joint] if one > 0)
+    lengths = {
+        one: float(np.linalg.norm(model.jointPlacements[one].translation))
+        for one in range(1, model.njoints)
+        if model.parents[one] > 0
+    }
+    reach = sum(lengths.get(one, 0.0) for one in model.supports[joint])
     lever = max((float(np.linalg.norm(inertia.lever)) for inertia in model.inertias[1:]), default=0.0)
-    return reach + max([*lengths, 2.0 * lever])
+    return reach + max([*lengths.values(), 2.0 * lever])
 
 
 def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Term]) -> JointFit:
