@@ -323,7 +323,8 @@ def joint_gaps(
                 float(before.rms()[j]),
                 left,
                 float(floor.value[j]),
-                int(after.counts[:, j].sum()),
+                # Samples count as far as their friction is certain; of a judged joint some part of one does.
+                int(np.ceil(after.counts[:, j].sum())),
                 rms_torque=float(torque[j]),
                 rms_within_tolerance=tolerated,
                 noise_floor_interval=(float(floor.low[j]), float(highest[j])),
