@@ -14,8 +14,8 @@ from identification.data.recording import Fault, Recording
 
 # Least number of joints that agree, and how far apart their lags may be as a share of the middle one.
 _JOINTS, _APART = 2, 0.35
-# Least share of the squares left on each joint that goes when its torque is shifted: hardly anything else is wrong.
-_REMOVED = 0.9
+# Least share of the squares left that goes when the torque of a middle joint is shifted: little else is wrong.
+_REMOVED = 0.75
 
 
 def late_torques(recording: Recording, lags: list[Lag], step: float) -> Fault | None:
@@ -27,17 +27,16 @@ def late_torques(recording: Recording, lags: list[Lag], step: float) -> Fault | 
         step: Time between two samples [s].
     """
     samples = np.array([lag.samples for lag in lags])
-    if len(lags) < _JOINTS or samples.min() <= 0 or min(lag.removed for lag in lags) < _REMOVED:
+    if len(lags) < _JOINTS or samples.min() <= 0:
         return None
-    middle = float(np.median(samples))
-    if np.ptp(samples) > _APART * middle:
+    middle, removed = float(np.median(samples)), float(np.median([lag.removed for lag in lags]))
+    if np.ptp(samples) > _APART * middle or removed < _REMOVED:
         return None
     seconds = middle * step
     return Fault(
         f"the torques are late against their motion by {1e3 * seconds:.3g} ms",
-        f"on {', '.join(lag.joint for lag in lags)} a shift takes away "
-        f"{100 * min(lag.removed for lag in lags):.0f} % or more of what the model leaves, and no drive makes a torque "
-        "late",
+        f"on {', '.join(lag.joint for lag in lags)} a shift takes away {100 * removed:.0f} % of what the model leaves, and "
+        "no drive makes a torque late",
         entries_words(recording, {"tau": f"{{low_pass: {1 / (2 * np.pi * seconds):.3g}}}"})
         + ", which takes back a low pass of first order or a delay that is short beside the motion",
     )
