@@ -35,8 +35,8 @@ def late_torques(recording: Recording, lags: list[Lag], step: float) -> Fault | 
     seconds = middle * step
     return Fault(
         f"the torques are late against their motion by {1e3 * seconds:.3g} ms",
-        f"on {', '.join(lag.joint for lag in lags)} a shift takes away {100 * removed:.0f} % of what the model leaves, and "
-        "no drive makes a torque late",
+        f"on {', '.join(lag.joint for lag in lags)} a shift takes away {100 * removed:.0f} % of what the model leaves, "
+        "and no drive makes a torque late",
         entries_words(recording, {"tau": f"{{low_pass: {1 / (2 * np.pi * seconds):.3g}}}"})
         + ", which takes back a low pass of first order or a delay that is short beside the motion",
     )
