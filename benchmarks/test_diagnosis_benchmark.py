@@ -63,8 +63,8 @@ def test_columns_of_every_effect(benchmark, stages):
 
 def test_gram_matrices(benchmark, stages):
     rows = benchmark(all_row_grams, stages.white, stages.session.blocks, stages.session.folds, stages.weights)
-    moves = np.arange(len(stages.columns.nuisances))
-    grams = summed(len(stages.columns.names), rows, stages.session.folds, moves)
+    nuisances = np.arange(len(stages.columns.tolerance_parameters))
+    grams = summed(len(stages.columns.names), rows, stages.session.folds, nuisances)
     assert grams.core_a.shape == (len(stages.session.blocks), *2 * (len(stages.columns.names),))
 
 

@@ -141,26 +141,26 @@ def _kind(name: str) -> str:
 def _beyond(
     robot: Robot, given: dict[str, float], motion: tuple[Array, ...], torque: Array, *, dynamic: bool = False
 ) -> Array:
-    """What is left of a torque when the model moves within two tolerances as well as it can.
+    """What is left of a torque when the model changes within two tolerances as well as it can.
 
     Of a dynamic law what any offset, spring, damping, friction and inertia of a joint explains is taken off too: they
     are effects of the catalogue, and what memory adds to them is what the law is about.
     """
     base = _drive(robot, given, *motion)[0]
     names = [name for name in given if name[0] != "l"]
-    moves = []
+    changes = []
     for name in names:
         size = TOLERANCE[_kind(name)]
         moved = _drive(robot, {**given, name: given[name] * (1 + size)}, *motion)[0] - base
-        moves.append(_low(moved).ravel())
-    bound = np.full(len(moves), 2.0)
+        changes.append(_low(moved).ravel())
+    bound = np.full(len(changes), 2.0)
     if dynamic:
         q, v, a = motion
         for x in (np.ones_like(q), q, v, a, np.sign(v)):
-            moves += [_low(np.where(np.arange(q.shape[1]) == k, x, 0.0)).ravel() for k in range(q.shape[1])]
-        bound = np.concatenate([bound, np.full(len(moves) - len(bound), np.inf)])
-    found = lsq_linear(np.column_stack(moves), _low(torque).ravel(), (-bound, bound))
-    return (_low(torque).ravel() - np.column_stack(moves) @ found.x).reshape(torque.shape)
+            changes += [_low(np.where(np.arange(q.shape[1]) == k, x, 0.0)).ravel() for k in range(q.shape[1])]
+        bound = np.concatenate([bound, np.full(len(changes) - len(bound), np.inf)])
+    found = lsq_linear(np.column_stack(changes), _low(torque).ravel(), (-bound, bound))
+    return (_low(torque).ravel() - np.column_stack(changes) @ found.x).reshape(torque.shape)
 
 
 def _low(x: Array) -> Array:

@@ -27,7 +27,7 @@ from identification.diagnosis.explanation import explanation_of
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.law.find_law import with_law
-from identification.diagnosis.law.formula_search import columns_of, with_held_moves, without_law
+from identification.diagnosis.law.formula_search import columns_of, with_nuisances_at_bounds, without_law
 from identification.diagnosis.law.rest import Rest, rest_of
 from identification.diagnosis.result import Judgement
 from identification.engine.products.block_products import Free, block_products
@@ -126,7 +126,7 @@ def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
     rest = rest_of(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))
     columns = columns_of(rest)
     before = without_law(rest, columns)
-    rest, _ = with_held_moves(rest, columns)
+    rest, _ = with_nuisances_at_bounds(rest, columns)
     x = np.concatenate([log.in_band(_parts(case, rest, k)) for k, log in enumerate(rest.logs)])
     x = x / np.sqrt(np.mean(x**2, axis=0))
     count = x.shape[1]

@@ -86,7 +86,8 @@ ORDINARY_SHARE = 0.1
 # interval of its noise is.
 OPEN_SHARE = 0.5 * ORDINARY_SHARE
 
-# share: of its limit above which a move counts as at the limit; solvers stop a rounding error short of it.
+# share: of its limit above which a change within tolerance counts as at the limit; solvers stop a rounding error short
+# of it.
 AT_LIMIT = 0.999
 
 # Bursts: pushes, contacts and other events that the state of the robot does not predict. `data_warnings` of the cases

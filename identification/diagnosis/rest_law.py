@@ -162,7 +162,7 @@ class Dependence:
         responses: Frequency response for each frequency among the named inputs.
         terms: Terms of the law, empty if there is none.
         same_terms: Share of the bootstrap replicates that choose the same kinds of terms.
-        predicted_share: Share of the residual's squares that the formula predicts on held-out blocks; moves of the
+        predicted_share: Share of the residual's squares that the formula predicts on held-out blocks; changes of the
             model within its tolerances are fitted together with it.
         blocks: Number of held-out blocks.
         model: A residual model to use now; None where nothing predicts the residual.

@@ -107,7 +107,7 @@ class JointGap:
         noise_floor: Noise of the sensors.
         hold_out_samples: Number of held-out samples.
         rms_torque: Measured torque; None where it is not known.
-        rms_within_tolerance: Residual of the model with the best moves within its tolerances and no finding.
+        rms_within_tolerance: Residual of the model with the best changes within its tolerances and no finding.
         noise_floor_interval: Of the floor, at 95 % over all joints together. With the source ``sensors`` the upper end
             is at least the noise that drives of this kind make, which their sensors do not show.
         noise_floor_source: ``sensors``, ``repetitions`` or ``none``; the last is an upper limit only, the residual of
@@ -144,25 +144,25 @@ class JointGap:
 
     @property
     def tolerated(self) -> float:
-        """Residual of the model with the best moves within its tolerances; of the given model where it is not known."""
+        """Residual of the model adjusted within its tolerances; of the given model where that is not known."""
         return self.rms_before if self.rms_within_tolerance is None else self.rms_within_tolerance
 
     @property
     def gives_way(self) -> bool:
-        """True if the residual of the given model is noise, and that of the model with its best moves is not.
+        """True if the residual of the given model is noise, and that of the model with its best changes is not.
 
-        Moves are fitted to all joints at once, so that a gap on other joints can make this one worse.
+        Changes are fitted to all joints at once, so that a gap on other joints can make this one worse.
         """
         return bool(self.rms_before <= self.allowed < self.tolerated)
 
     @property
     def worse_within(self) -> bool:
-        """True if moves within the tolerances enlarge the residual of the given model by more than a printed digit."""
+        """True if the model adjusted within its tolerances has the larger residual, by more than a printed digit."""
         return bool(self.tolerated > (1.0 + _PRINTED) * self.rms_before)
 
     @property
     def without_findings(self) -> float:
-        """Residual without the findings: with moves within the tolerances, or of the given model (see `gives_way`)."""
+        """Residual without the findings: of the model within its tolerances, or if `gives_way` the given."""
         return self.rms_before if self.gives_way else self.tolerated
 
     @property
@@ -187,7 +187,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A larger departure that a move at the limit of its tolerance may conceal.
+    """A larger departure that a change at the limit of its tolerance may conceal.
 
     Attributes:
         kind: A payload, or a larger change of the same quantity.
@@ -200,14 +200,14 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Adjusted:
-    """A move of the model inside its tolerance.
+    """A change of the model inside its tolerance.
 
     Attributes:
         quantity: The quantity of the model that is changed.
         change: Relative change.
         tolerance: Stated tolerance, one sigma; the change may reach two.
         at_limit: True if it ends at that limit.
-        hides: A larger departure that may hide behind a move at its limit; None if it is inside.
+        hides: A larger departure that may hide behind a change at its limit; None if it is inside.
     """
 
     quantity: str
@@ -222,7 +222,7 @@ class FittedNumbers:
     """Numbers of the corrected model that were fitted together; those from ``timing`` on are of the recordings.
 
     Attributes:
-        moves: Changes of the model within its tolerances, uncertain ones included.
+        adjusted: Changes of the model within its tolerances, uncertain ones included.
         sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
         timing: Part of a sample by which the recorded torque is early; negative if it is late.
         softness: Joints whose dry friction follows MuJoCo's soft law, each with the share of that law in its friction.
@@ -230,7 +230,7 @@ class FittedNumbers:
         base: Errors of the base's sensors by name, each with its size [SI].
     """
 
-    moves: tuple[Adjusted, ...]
+    adjusted: tuple[Adjusted, ...]
     sizes: dict[tuple[str, str | None], dict[str, Value]]
     timing: float = 0.0
     softness: tuple[tuple[str, float], ...] = ()
@@ -309,7 +309,7 @@ class Judgement:
         verdict: The contract's.
         joints: Gap of each joint.
         findings: Named causes, the largest first.
-        adjusted: Moves of the model inside its tolerances.
+        adjusted: Changes of the model inside its tolerances.
         unexplained: The residual after all findings.
         bounds: Detection limits.
         not_testable: Effects that this recording cannot show.

@@ -5,7 +5,7 @@ from __future__ import annotations
 # probability: rivals below it are not listed.
 LISTED = 0.05
 
-# share: a finding is minor if it closes less than this share of the gap that remains after moves of the model within
+# share: a finding is minor if it closes less than this share of the gap that remains after changes of the model within
 # tolerance, and if the residual grows by less than `MINOR_FLOORS` without it.
 MINOR_SHARE = 0.01
 
@@ -15,6 +15,6 @@ MINOR_FLOORS = 0.5
 # noise floors: the gap of a joint or frame counts as explained if its residual is at most this.
 FLOORS_LEFT = 1.5
 
-# share: it also counts as explained if the residual is below this share of the gap that remains after moves of the
+# share: it also counts as explained if the residual is below this share of the gap that remains after changes of the
 # model within tolerance.
 GAP_LEFT = 0.1

@@ -34,7 +34,7 @@ from identification.export.corrected.corrected_urdf import (
     not_in_files,
 )
 from identification.export.corrected.corrected_yaml import write_corrected
-from identification.export.corrected.found_effects import effect_of, lasting_findings, moved_by
+from identification.export.corrected.found_effects import effect_of, lasting_findings, robot_within_tolerances
 from identification.export.corrected.possible_bodies import with_possible_bodies
 from identification.export.file_names import (
     FEEDFORWARD,
@@ -128,7 +128,7 @@ def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
         replace(one, parameters=numbers.sizes.get((one.effect, one.joint), one.parameters))
         for one in diagnosis.findings
     )
-    return replace(diagnosis, findings=findings, adjusted=numbers.moves, numbers=(numbers,))
+    return replace(diagnosis, findings=findings, adjusted=numbers.adjusted, numbers=(numbers,))
 
 
 @dataclass(frozen=True)
@@ -281,10 +281,10 @@ def _models(
     config: Path | None,
     proof_of: Callable[[CorrectedModel], Proof | None],
 ) -> tuple[_Models, tuple[Note, ...]]:
-    """The corrected model and its files, and a note on the moves within tolerance.
+    """The corrected model and its files, and a note on the changes within tolerance.
 
-    The findings are added to the given model after the moves. If some files fail their check, bodies that cannot exist
-    are replaced by possible ones. If some still fail, both are tried without the moves.
+    The findings are added to the given model after these changes. If some files fail their check, bodies that cannot
+    exist are replaced by possible ones. If some still fail, both are tried without the changes.
 
     Raises:
         PhantomDynError: If there is no corrected model at all.
@@ -309,7 +309,7 @@ def _models(
     failure: PhantomDynError | None = None
     for adjusted, possible in product((diagnosis.adjusted, ()), (False, True)):
         try:
-            found = models_on(moved_by(robot, adjusted), possible=possible)
+            found = models_on(robot_within_tolerances(robot, adjusted), possible=possible)
         except PhantomDynError as error:
             failure = error
             continue
@@ -355,7 +355,7 @@ def _others(
     offered[RANDOMISATION] = lambda: randomisation_text(
         randomisation_of(diagnosis, corrected.base),
         known,
-        moves=diagnosis.adjusted,
+        adjusted=diagnosis.adjusted,
         with_mjcf=MJCF in models,
     )
     if not corrected.given.floating:

@@ -46,7 +46,7 @@ def in_enough_blocks(
 
     Args:
         gains: Held-out gain of each block.
-        held_out: Held-out gain of all blocks, minus the change of the penalty on moves within tolerance.
+        held_out: Held-out gain of all blocks, minus the change of the penalty on changes within tolerance.
         gain: Smaller one of the held-out gain and the gain in sample.
         needed: Gain that the claim needs.
         energy: Gives the energy of the effect's columns in each block, divided by the largest of these energies.

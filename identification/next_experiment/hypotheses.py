@@ -70,7 +70,7 @@ class Model:
         shift: Part of the coefficients that is constant, ``(u,)``.
         prior: Precision of each parameter, ``(n,)``.
         lower, upper: Bounds of each parameter, ``(n,)``.
-        moves: True for parameters that are moves within the tolerances, ``(n,)``.
+        is_nuisance: True for tolerance parameters, ``(n,)``.
         score: In-sample loss of the variant, see `Variant`.
         columns: Indices of its effects' columns in the union.
     """
@@ -81,7 +81,7 @@ class Model:
     prior: Float[Array, " n"]
     lower: Float[Array, " n"]
     upper: Float[Array, " n"]
-    moves: Array
+    is_nuisance: Array
     score: float
     columns: tuple[int, ...]
 
@@ -146,24 +146,24 @@ def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[F
 
 
 def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
-    """All columns that any hypothesis uses, and all moves of the model, which come first."""
+    """All columns that any hypothesis uses, and all tolerance parameters, which come first."""
     fits = [variant.fitted for one in hypotheses for variant in one.variants]
-    # All moves are included, as the next recording may show one that no recording so far has shown.
-    used = {int(k) for found in fits for k in (*range(found.problem.nuisances), *found.active)}
+    # All tolerance parameters are included, as the next recording may show one that no recording so far has shown.
+    used = {int(k) for found in fits for k in (*range(found.problem.nuisance_count), *found.active)}
     return np.array(sorted(used), dtype=int)
 
 
 def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
     """A variant expressed in the columns of a union."""
     found = variant.fitted
-    # Its own problem: a fit may have opened moves that the search does not.
+    # Its own problem: a fit may contain tolerance parameters that those of the search do not.
     problem = found.problem
     at = np.searchsorted(union, found.active)
     expand = np.eye(len(at)) if found.expand is None else found.expand
-    all_moves, fitted = problem.nuisances, len(problem.moves)
-    basis = np.zeros((len(union), all_moves + expand.shape[1] - fitted))
-    basis[:all_moves, :all_moves] = np.eye(all_moves)
-    basis[at[fitted:], all_moves:] = expand[fitted:, fitted:]
+    nuisances, fitted = problem.nuisance_count, len(problem.fitted_nuisances)
+    basis = np.zeros((len(union), nuisances + expand.shape[1] - fitted))
+    basis[:nuisances, :nuisances] = np.eye(nuisances)
+    basis[at[fitted:], nuisances:] = expand[fitted:, fitted:]
     theta = found.theta[union]
     # The first unit entry of a column marks the coefficient that is equal to the parameter.
     rows = np.argmax(basis == 1.0, axis=0)
@@ -176,7 +176,7 @@ def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
         problem.precision[columns],
         problem.lower[columns],
         problem.upper[columns],
-        columns < problem.nuisances,
+        columns < problem.nuisance_count,
         variant.score,
         tuple(k for k, column in enumerate(union.tolist()) if column in effects),
     )

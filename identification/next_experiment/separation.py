@@ -45,14 +45,14 @@ class Rivalry:
         models: Fits of each explanation, by its effects.
         recorded: Products over the recordings.
         held_out: Share of the samples that is judged while it is held out.
-        moves: Number of columns that are moves within the tolerances.
+        nuisance_count: Number of columns of tolerance parameters.
     """
 
     pairs: tuple[Pair, ...]
     models: dict[tuple[EffectAt, ...], tuple[Model, ...]]
     recorded: Float[Array, "u u"]
     held_out: float
-    moves: int
+    nuisance_count: int
 
     @cached_property
     def left_open(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _LeftOpen]]:
@@ -73,7 +73,7 @@ class Rivalry:
 
     def apart(self, possible: Float[Array, "d u"], wrong: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
         """Expected held-out loss of a wrong model for each set of coefficients that may be true, shape ``(d,)``."""
-        return self.held_out * distance(possible, self.moves, wrong, products)
+        return self.held_out * distance(possible, self.nuisance_count, wrong, products)
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def _rivalry(search: Search, group: tuple[Hypothesis, ...], union: Int[Array, " 
     pairs = tuple(Pair(one, other) for one, other in combinations(group, 2))
     models = {one.effects: tuple(model_of(variant, union) for variant in one.variants) for one in group}
     recorded = search.problem.total_a[np.ix_(union, union)]
-    return Rivalry(pairs, models, recorded, held_out_share(search.problem.blocks), search.problem.nuisances)
+    return Rivalry(pairs, models, recorded, held_out_share(search.problem.blocks), search.problem.nuisance_count)
 
 
 def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:
@@ -195,7 +195,7 @@ def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, 
         normals: Standard normal numbers, one row per draw, ``(d, n)``.
     """
     inner = model.basis.T @ products @ model.basis
-    width = np.where(model.moves, 0.0, _per_size(model, products))
+    width = np.where(model.is_nuisance, 0.0, _per_size(model, products))
     precise = _solvable(inner + np.diag(model.prior + width))
     # With R the Cholesky factor of the precision, R^-1 z has the wanted covariance.
     upper = np.linalg.cholesky(precise).T
@@ -204,12 +204,16 @@ def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, 
     return y @ model.basis.T + model.shift
 
 
-def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
-    """Least weighted squared residual of a model fitted to the torque of others, with the additional cost of its moves.
+def distance(
+    truth: Float[Array, "d u"], nuisance_count: int, model: Model, products: Float[Array, "u u"]
+) -> Float[Array, " d"]:
+    """Least weighted squared residual of a model fitted to the torque of others.
+
+    The further cost of its tolerance parameters is added.
 
     Args:
-        truth: True coefficients, one row each, ``(d, u)``; the first ``moves`` are moves within the tolerances.
-        moves: Number of moves.
+        truth: True coefficients, one row each, ``(d, u)``; tolerance parameters first.
+        nuisance_count: Number of tolerance parameters.
         model: The model that is fitted.
         products: Products of all columns over all recordings, ``(u, u)``.
     """
@@ -217,13 +221,13 @@ def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Flo
     apart = truth - model.shift
     wanted = (model.basis.T @ products @ apart.T).T
     y = np.linalg.solve(inner, wanted.T).T
-    # Moves that exceed their bounds are solved again within them.
+    # Parameters that exceed their bounds are solved again within them.
     for row in np.flatnonzero(((y < model.lower) | (y > model.upper)).any(axis=1)):
         y[row] = bounded_solve(inner, wanted[row], model.lower, model.upper)
     residual = apart - y @ model.basis.T
-    own = np.where(model.moves, model.prior, 0.0)
+    own = np.where(model.is_nuisance, model.prior, 0.0)
     theirs = np.zeros(len(model.shift))
-    theirs[:moves] = own[model.moves]
+    theirs[:nuisance_count] = own[model.is_nuisance]
     left = np.sum((residual @ products) * residual, axis=1)
     return np.maximum(left + y**2 @ own - truth**2 @ theirs, 0.0)
 

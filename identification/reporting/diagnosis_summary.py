@@ -23,7 +23,7 @@ from identification.words.numbers_and_names import (
     value_words,
     with_stated_probabilities,
 )
-from identification.words.verdict_words import moves_carry, verdict_sentence
+from identification.words.verdict_words import closed_by_tolerances, verdict_sentence
 from phantom_dyn.errors import printable, shortened
 
 WIDTH = 100
@@ -102,7 +102,7 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     if gap.closed is None or not diagnosis.findings:
         return []
     share = percent_short_of_all(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
-    moved = moves_carry(diagnosis)
+    moved = closed_by_tolerances(diagnosis)
     by = "" if moved is None else f" ({percent_short_of_all(gap.closed - moved)} by the findings)"
     worst = max(
         diagnosis.joints, key=lambda joint: joint.without_findings / joint.noise_floor if joint.noise_floor else 0.0
@@ -189,7 +189,7 @@ def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
         return []
     return [
         _wrapped(
-            f"In tolerance {words.joints_words(worse)} {'is' if len(worse) == 1 else 'are'} worse than given: moves "
+            f"In tolerance {words.joints_words(worse)} {'is' if len(worse) == 1 else 'are'} worse than given: changes "
             "within the tolerances are fitted to all joints at once, and compensate what is missing on others."
         )
     ]

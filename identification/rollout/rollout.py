@@ -1,7 +1,7 @@
 """The gap in motion: errors of the given and the corrected model, simulated from many recorded states.
 
 Errors are compared with those that noise alone causes with a right model. Noise acts in three ways: in the initial
-state of a simulation, as torque during it, and through the uncertainty of the moves within the tolerances. Each is
+state of a simulation, as torque during it, and through the uncertainty of the changes within the tolerances. Each is
 simulated once in every window. A share of a joint's travel is added for errors of filters and of the simulation's
 steps.
 """

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.columns.nuisances import ARRIVAL, BASE, SOFTNESS, moves_of
-from identification.diagnosis.columns.operations import moved_robot
+from identification.diagnosis.columns.operations import adjusted_robot
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import KnownEffect, Term
+from identification.diagnosis.columns.tolerance_parameters import ARRIVAL, BASE, SOFTNESS, tolerance_parameters
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -182,20 +182,20 @@ def corrected_model(
         given: The given model.
         known: Effects that belong to the given model.
         terms: Effects in the fit.
-        theta: Coefficients of all columns, moves within the tolerances first.
+        theta: Coefficients of all columns, those of the tolerance parameters first.
         operation: Motion of the recording; its robot may carry a known load.
 
     Raises:
         RobotError: If a link would weigh nothing or less.
         ParameterError: If a parameter is not finite.
     """
-    moves = moves_of(given)
-    values = theta[: len(moves)]
-    late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
+    parameters = tolerance_parameters(given)
+    values = theta[: len(parameters)]
+    late = sum(float(x) for x, parameter in zip(values, parameters, strict=True) if parameter.owner is None)
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
-    robot = loaded(moved_robot(operation.robot, values, given), terms, theta, operation.recording)
+    robot = loaded(adjusted_robot(operation.robot, values, given), terms, theta, operation.recording)
     soft, arrivals, base = (
-        tuple((str(m.place), float(x)) for x, m in zip(values, moves, strict=True) if m.kind == kind and x)
+        tuple((str(m.owner), float(x)) for x, m in zip(values, parameters, strict=True) if m.kind == kind and x)
         for kind in (SOFTNESS, ARRIVAL, BASE)
     )
     return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft, arrivals=arrivals, base=base)

@@ -20,7 +20,7 @@ class Correction:
 
     Attributes:
         effects: Findings that act in all recordings.
-        adjusted: Moves of the model within its tolerances.
+        adjusted: Changes of the model within its tolerances.
         horizon_s: Time for which the diagnosis simulated motion [s]; None if the file does not state it.
     """
 

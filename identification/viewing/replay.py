@@ -22,7 +22,7 @@ from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis.columns.known_geometry import effects_on_torques, with_known_places
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import EffectAt
-from identification.export.corrected.found_effects import moved_by
+from identification.export.corrected.found_effects import robot_within_tolerances
 from identification.rollout.compare import HORIZONS
 from identification.rollout.rollout_starts import SHORTEST, STEP, States, Window, acting_torque, states_of, window_at
 from identification.rollout.shots import Shot, controlled, hides, under_control, under_torque
@@ -256,8 +256,8 @@ def replay_of(
     (log,), cutoff_hz = process_all((recording,), robot)
     robots = [(robot, known)]
     if correction is not None:
-        moved = with_known_places(moved_by(robot, correction.adjusted), correction.effects)
-        robots.append((moved, (*known, *effects_on_torques(correction.effects))))
+        adjusted = with_known_places(robot_within_tolerances(robot, correction.adjusted), correction.effects)
+        robots.append((adjusted, (*known, *effects_on_torques(correction.effects))))
     curves = torque_curves(log, cutoff_hz, tuple(robots))
     states = states_of(log, cutoff_hz)
     motion = replayed_motion(
@@ -323,8 +323,11 @@ def _corrections(correction: Correction | None, robot: Robot) -> tuple[str, ...]
         at = EffectAt(one.effect, one.joint, words=user_words(one.effect, robot))
         places.setdefault(one.effect, []).append(at)
     found = [_named(every) for every in places.values()]
-    moves = len(correction.adjusted)
-    return (*found, *([f"{moves} moves within tolerance" if moves > 1 else "1 move within tolerance"] if moves else []))
+    count = len(correction.adjusted)
+    return (
+        *found,
+        *([f"{count} changes within tolerance" if count > 1 else "1 change within tolerance"] if count else []),
+    )
 
 
 def _named(places: list[EffectAt]) -> str:

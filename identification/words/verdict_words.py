@@ -32,8 +32,8 @@ from identification.words.numbers_and_names import number, percent, percent_shor
 _HEADLINE, _HEADED = 128, 4  # letters of a headline (two lines at 1200 and five at 400 pixels); causes that it names
 _SEVERAL = 3  # least number of joints for ``all 6 joints`` in place of their names
 _TIMES = 3  # stretches of time that a sentence names
-_MOVES = 3  # moves within tolerance that a sentence names
-_CARRIED = 0.1  # least share of the gap closed by moves within tolerance that is mentioned
+_NAMED = 3  # changes within tolerance that a sentence names
+_CARRIED = 0.1  # least share of the gap closed by changes within tolerance that is mentioned
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -184,10 +184,12 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 
 
 def reservations(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on what a verdict of no gap or of an explained gap cannot exclude, and on what moves explain."""
-    moved = moves_carry(diagnosis)
-    carried = [] if moved is None else [f"Moves within the tolerances close {percent_short_of_all(moved)} of the gap."]
-    limits = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
+    """Sentences on what a verdict of no gap or of an explained gap cannot exclude, and on what tolerances explain."""
+    moved = closed_by_tolerances(diagnosis)
+    carried = (
+        [] if moved is None else [f"Changes within the tolerances close {percent_short_of_all(moved)} of the gap."]
+    )
+    limits = _at_limits([change for change in diagnosis.adjusted if change.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
         return [*carried, *limits] if carried else []
     out = [*_not_judged(diagnosis), *carried, *limits]
@@ -254,8 +256,8 @@ def _of_torque(gap: JointGap) -> float:
     return gap.rms_after / gap.rms_torque if gap.rms_torque else 0.0
 
 
-def moves_carry(diagnosis: Diagnosis) -> float | None:
-    """Share of the gap that is closed by moves within the tolerances and by no finding; None if it is negligible.
+def closed_by_tolerances(diagnosis: Diagnosis) -> float | None:
+    """Share of the gap that is closed by changes within the tolerances and by no finding; None if it is negligible.
 
     The shares of findings say what each closes. A size that turned out to be within a tolerance, such as that of a
     controller's gain, is not a finding, so that no share includes what it closes.
@@ -268,29 +270,29 @@ def moves_carry(diagnosis: Diagnosis) -> float | None:
     return carried if carried > _CARRIED else None
 
 
-def _at_limits(moves: list[Adjusted]) -> list[str]:
-    """Sentence on what could hide behind moves that end at their limits."""
-    if len(moves) < 2:
+def _at_limits(changes: list[Adjusted]) -> list[str]:
+    """Sentence on what could hide behind changes that end at their limits."""
+    if len(changes) < 2:
         return [
-            f"The move of {move.quantity} ends at the limit of its tolerance; "
-            f"{hidden_words(move)} could hide behind it."
-            for move in moves
+            f"The change of {change.quantity} ends at the limit of its tolerance; "
+            f"{hidden_words(change)} could hide behind it."
+            for change in changes
         ]
-    plain = [move for move in moves if move.hides is not None and move.hides.kind == "change"]
-    loads = dict.fromkeys(hidden_words(move) for move in moves if move not in plain)
+    plain = [change for change in changes if change.hides is not None and change.hides.kind == "change"]
+    loads = dict.fromkeys(hidden_words(change) for change in changes if change not in plain)
     hidden = [*loads, *["larger changes of these"] * bool(plain)]
-    more = [f"{len(moves) - _MOVES} more (in the report)"] if len(moves) > _MOVES else []
-    moved = joined([*(move.quantity for move in moves[:_MOVES]), *more])
-    return [f"The moves of {moved} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
+    more = [f"{len(changes) - _NAMED} more (in the report)"] if len(changes) > _NAMED else []
+    names = joined([*(change.quantity for change in changes[:_NAMED]), *more])
+    return [f"The changes of {names} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
 
 
-def hidden_words(move: Adjusted) -> str:
+def hidden_words(change: Adjusted) -> str:
     """Larger error that a change at the limit of its tolerance could hide, in words; empty if it is not known."""
-    if move.hides is None:
+    if change.hides is None:
         return ""
-    if move.hides.kind == "payload":
-        return f"a payload of up to {move.hides.size:.2g} kg"
-    return f"a change of {move.quantity} of more than {100 * move.hides.size:.0f} %"
+    if change.hides.kind == "payload":
+        return f"a payload of up to {change.hides.size:.2g} kg"
+    return f"a change of {change.quantity} of more than {100 * change.hides.size:.0f} %"
 
 
 def left_over(diagnosis: Diagnosis) -> str:

@@ -64,7 +64,7 @@ def many(node: ast.expr) -> bool:
         ("warning.startswith('No gains')", [1]),
         ("first.warnings[-1].removeprefix(name)", [1]),
         ("any('not written' in note for note in notes)", [1]),
-        ("float(move.hides.removesuffix('kg'))", [1]),
+        ("float(change.hides.removesuffix('kg'))", [1]),
         ("note.code in NOT_HELD\nname.startswith('a')", []),
     ],
 )

@@ -1,6 +1,6 @@
 """Baseline: least squares over the same catalogue, each sample taken as independent, chosen by BIC.
 
-Forward selection with removal. The score is ``sum_j n_j log(RSS_j / n_j) + k log n``, plus what moves within the
+Forward selection with removal. The score is ``sum_j n_j log(RSS_j / n_j) + k log n``, plus what changes within the
 tolerance cost. Each finding's rivals are the effects that could stand in its place, with the usual weights
 ``exp(-BIC / 2)``.
 """
@@ -28,8 +28,8 @@ def bic(task: Task, chosen: Chosen, sigma: np.ndarray) -> float:
     theta = fit(task, _columns(chosen), sigma)
     count = sum(row.count for row in task.rows)
     cost = sum(row.count * np.log(squares(row, theta) / row.count) for row in task.rows)
-    moves = theta[: task.nuisances] ** 2 @ task.prior[: task.nuisances]
-    return float(cost + moves + sum(choice.size for choice in chosen) * np.log(count))
+    penalty = theta[: task.nuisances] ** 2 @ task.prior[: task.nuisances]
+    return float(cost + penalty + sum(choice.size for choice in chosen) * np.log(count))
 
 
 def _can_join(chosen: Chosen, choice: Choice) -> bool:

@@ -82,10 +82,10 @@ def prepare(robot_file: Path, log_file: Path) -> Task:
         Choice(*term.place, tuple(term.columns), term.size) for term in columns.terms if term.effect.name in known
     )
     prior = np.zeros(len(columns.names))
-    for k, nuisance in enumerate(columns.nuisances):
+    for k, nuisance in enumerate(columns.tolerance_parameters):
         prior[k] = 1.0 / nuisance.sigma**2
     rows = _rows(columns, session.in_judged_band(columns.residual))
-    return Task(robot, rows, choices, len(columns.nuisances), prior)
+    return Task(robot, rows, choices, len(columns.tolerance_parameters), prior)
 
 
 def squares(row: Row, theta: np.ndarray) -> float:

@@ -12,7 +12,7 @@ from identification.diagnosis.columns.terms import Term
 
 
 def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, dict[Term, Term]]:
-    """Columns of the moves, the rigid bodies and some effects, and for each of these effects its term among them.
+    """Columns of the model's parameters and of some effects, and for each of these effects its term among them.
 
     Args:
         columns: Columns of all effects.

@@ -1,8 +1,8 @@
-"""Motion and torque of each recording from which effects compute their columns: of the given or of the moved model.
+"""Motion and torque of each recording from which effects compute their columns: of the given or of the adjusted model.
 
 A late drive lags the torque that the robot truly needs, and a tilted base turns the weights that it truly has. Computed
-from the given model their sizes would be wrong by as much as the model is, so the moves within the tolerances are made
-first.
+from the given model their sizes would be wrong by as much as the model is, so the changes within the tolerances are
+made first.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
-from identification.diagnosis.columns.nuisances import OF_THE_RECORDING, moves_of
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
+from identification.diagnosis.columns.tolerance_parameters import OF_THE_RECORDING, tolerance_parameters
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -198,27 +198,28 @@ def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float
     return friction
 
 
-def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = None) -> Robot:
-    """The given model after moves within its tolerances.
+def adjusted_robot(robot: Robot, changes: Float[Array, " n"], given: Robot | None = None) -> Robot:
+    """The given model after changes within its tolerances.
 
     Args:
         robot: The given model, or the same with a known load.
-        moves: Relative changes, one for each of `moves_of`.
+        changes: Change of each of the `tolerance_parameters`.
         given: The model whose tolerances they are, if ``robot`` carries a load.
     """
     change = np.zeros_like(standard_parameters(robot))
     out = robot
-    for move, value in zip(moves_of(robot if given is None else given), np.maximum(moves, _LEAST), strict=True):
-        place = move.place
-        if isinstance(place, int):
-            if move.direction is not None:
-                change[10 * (place - 1) : 10 * place] += value * move.direction
-        elif place is not None and move.kind == "rotor":
-            out = with_rotor_inertia(out, place, value * float(robot.rotor_inertia[robot.joint_names.index(place)]))
-        elif place is not None and move.kind not in OF_THE_RECORDING:
-            viscous, coulomb = modelled_friction_of(robot, place)
-            more = {"viscous": value * viscous} if move.kind == "viscous" else {"coulomb": value * coulomb}
-            out = with_friction(out, place, **more)
+    parameters = tolerance_parameters(robot if given is None else given)
+    for parameter, value in zip(parameters, np.maximum(changes, _LEAST), strict=True):
+        owner = parameter.owner
+        if isinstance(owner, int):
+            if parameter.direction is not None:
+                change[10 * (owner - 1) : 10 * owner] += value * parameter.direction
+        elif owner is not None and parameter.kind == "rotor":
+            out = with_rotor_inertia(out, owner, value * float(robot.rotor_inertia[robot.joint_names.index(owner)]))
+        elif owner is not None and parameter.kind not in OF_THE_RECORDING:
+            viscous, coulomb = modelled_friction_of(robot, owner)
+            more = {"viscous": value * viscous} if parameter.kind == "viscous" else {"coulomb": value * coulomb}
+            out = with_friction(out, owner, **more)
     return with_parameters(out, change)
 
 

@@ -1,4 +1,4 @@
-"""Regression columns of everything that may explain a residual: moves within the tolerances and every effect.
+"""Regression columns of everything that may explain a residual: tolerance parameters of the model and every effect.
 
 The residual of joint ``j`` is measured minus modelled torque, in the analysed band. It is taken to be a sum of columns
 times unknown numbers. Columns of one recording are computed once; every later fit works on their Gram matrices.
@@ -22,11 +22,17 @@ from identification.diagnosis.columns.motion.standstill import (
     standing_doubt,
     usable_samples,
 )
-from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, columns_of_moves, moves_of, touching
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
-from identification.diagnosis.columns.residual_after_moves import residual_after_moves, with_residual_of_fit
+from identification.diagnosis.columns.residual_within_tolerances import residual_within_tolerances, with_residual_of_fit
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term, merged
+from identification.diagnosis.columns.tolerance_parameters import (
+    ToleranceParameter,
+    bodies_on,
+    parameters_by_joint,
+    tolerance_columns,
+    tolerance_parameters,
+)
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
@@ -46,8 +52,8 @@ class Columns:
     """Columns of all recordings of one robot, row by row (a row is a joint's torque).
 
     Attributes:
-        names: One per column; the first ``len(nuisances)`` are nuisances, then the rigid-body regressor's, then others.
-        nuisances: The nuisance of each of the first columns.
+        names: One per column; the first are tolerance parameters, then the rigid-body regressor's, then others.
+        tolerance_parameters: The parameter of each of the first columns.
         terms: Rivals.
         rows: For each row, the indices of the columns that touch it.
         values: For each log and row, in-band samples of those columns, ``values[log][row] (n, len(rows[row]))``.
@@ -58,12 +64,12 @@ class Columns:
         standing: For each log, standard deviation of the friction torque of standing joints, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Places of the columns of each effect.
-        displaced: Effects and joints that displace links or turn gravity, for which columns of moves and rigid bodies
-            are computed.
+        displaced: Effects and joints that displace links or turn gravity, for which columns of tolerance parameters
+            and rigid bodies are computed.
     """
 
     names: tuple[str, ...]
-    nuisances: tuple[Nuisance, ...]
+    tolerance_parameters: tuple[ToleranceParameter, ...]
     terms: tuple[Term, ...]
     rows: tuple[tuple[int, ...], ...]
     values: tuple[tuple[Float[Array, "n k"], ...], ...]
@@ -113,13 +119,15 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
-        residual = residual_after_moves(robot, given.moves, given.plain, given.residual, given.usable)
+        residual = residual_within_tolerances(
+            robot, given.tolerance_parameters, given.plain, given.residual, given.usable
+        )
     operations = tuple(
         with_residual_of_fit(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True)
     )
-    names = [move.nuisance.name for move in given.moves] + list(parameter_names(robot))
+    names = [parameter.name for parameter in given.tolerance_parameters] + list(parameter_names(robot))
     found = (*about.found, *about.runners_up)
-    terms, local = lay_out(session, merged(operations), len(given.moves), names, found, about.resonances)
+    terms, local = lay_out(session, merged(operations), len(given.tolerance_parameters), names, found, about.resonances)
     given = replace(given, operations=operations)
     values = tuple(
         _values(session, k, o, own, local, _kept(before, k))
@@ -149,7 +157,7 @@ def columns_by_log(
     expected = replace(given, operations=operations)
 
     def made(log: int) -> tuple[Array, ...]:
-        plain = plain_columns(session, log, given.operations[log], given.moves, displacing)
+        plain = plain_columns(session, log, given.operations[log], given.tolerance_parameters, displacing)
         return _values(session, log, operations[log], plain, like.local, {})
 
     return _assembled(session, expected, like.names, like.terms, like.local, (), found), made
@@ -157,9 +165,9 @@ def columns_by_log(
 
 @dataclass(frozen=True)
 class _GivenPart:
-    """Parts that no fit changes: the given model's torque, the residual, and columns of moves and rigid bodies."""
+    """Parts that no fit changes: the given model's torque, the residual, and the columns of model parameters."""
 
-    moves: tuple[Move, ...]
+    tolerance_parameters: tuple[ToleranceParameter, ...]
     operations: tuple[Operation, ...]
     plain: tuple[list[list[Float[Array, " n"]]], ...]
     model_torque: Series
@@ -179,7 +187,7 @@ def _given_part(session: Session) -> _GivenPart:
     )
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
     return _GivenPart(
-        moves_of(robot),
+        tolerance_parameters(robot),
         operations,
         (),
         torque,
@@ -197,7 +205,7 @@ def _doubt(log: Log, operation: Operation) -> Float[Array, "N nv"]:
 
 def _given_part_of(session: Session, before: Columns) -> _GivenPart:
     return _GivenPart(
-        moves_of(session.robot),
+        tolerance_parameters(session.robot),
         before.operations,
         tuple(_plain_before(before, k) for k in range(len(before.values))),
         before.model_torque,
@@ -217,18 +225,18 @@ def _assembled(
     found: tuple[FoundEffect, ...],
 ) -> Columns:
     """All columns, row by row."""
-    robot, moves = session.robot, given.moves
+    robot, parameters = session.robot, given.tolerance_parameters
     rows = []
-    for j, touched in enumerate(touching(robot, moves)):
-        mine = [*touched]
-        mine += [len(moves) + k for k in _parameters_on(robot, j)]
+    for j, acting in enumerate(parameters_by_joint(robot, parameters)):
+        mine = [*acting]
+        mine += [len(parameters) + k for k in _parameters_on(robot, j)]
         for block in local:
             if j in block.rows:
                 mine += range(block.first, block.first + block.count)
         rows.append(tuple(mine))
     return Columns(
         names,
-        tuple(move.nuisance for move in moves),
+        parameters,
         terms,
         tuple(rows),
         values,
@@ -259,13 +267,15 @@ def _reads_one_place(robot: Robot, point: FoundEffect) -> bool:
 
 
 def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
-    """The parts with moves and rigid bodies at the true positions of the links, where a wrong mass acts.
+    """The parts with tolerance parameters and rigid bodies at the true positions of the links, where a wrong mass acts.
 
     The effect itself is the change of the given model's torque, from which the residual is computed; so both together
     are exact.
     """
     there = _displacing(session.robot, found)
-    plain = tuple(plain_columns(session, k, o, given.moves, there) for k, o in enumerate(given.operations))
+    plain = tuple(
+        plain_columns(session, k, o, given.tolerance_parameters, there) for k, o in enumerate(given.operations)
+    )
     return replace(given, plain=plain)
 
 
@@ -281,18 +291,18 @@ def plain_columns(
     session: Session,
     log: int,
     operation: Operation,
-    moves: tuple[Move, ...],
+    parameters: tuple[ToleranceParameter, ...],
     displacing: tuple[FoundEffect, ...] = (),
     *,
     beyond: float = 1.0,
 ) -> list[list[Float[Array, " n"]]]:
-    """Columns of the moves and of the rigid-body regressor in the band, row by row.
+    """Columns of the tolerance parameters and of the rigid-body regressor in the band, row by row.
 
     Args:
         session: Robot and logs.
         log: Index of the log.
         operation: Its motion.
-        moves: Moves of the model.
+        parameters: Tolerance parameters of the model.
         displacing: Effects that displace the links.
         beyond: Where columns made of accelerations end, in edges of the judged band.
     """
@@ -301,7 +311,7 @@ def plain_columns(
     there = where_links_are(robot, operation, displacing)
     regressor = narrow(_regressor_in_band(*there, band, operation.per_load))
     bodies = regressor.transpose(1, 0, 2)
-    nuisances = columns_of_moves(robot, operation, moves, bodies, session.logs[log], narrow)
+    nuisances = tolerance_columns(robot, operation, parameters, bodies, session.logs[log], narrow)
     return [[*nuisances[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
 
 
@@ -326,12 +336,12 @@ def _regressor_in_band(
 
 
 def _parameters_on(robot: Robot, row: int) -> tuple[int, ...]:
-    """Columns of the rigid-body regressor that may move the torque of a joint."""
+    """Columns of the rigid-body regressor that may change the torque of a joint."""
     return tuple(10 * (body - 1) + k for body in bodies_on(robot, row) for k in range(10))
 
 
 def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
-    """Columns of moves and rigid bodies, from earlier columns of the same log."""
+    """Columns of tolerance parameters and rigid bodies, from earlier columns of the same log."""
     others = min((block.first for block in before.local), default=len(before.names))
     return [
         [*before.values[log][j][:, : sum(column < others for column in row)].T] for j, row in enumerate(before.rows)

@@ -160,9 +160,9 @@ class Near:
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
-    """Sorted indices of the columns of a fit: the moves that all fits contain, and those of the terms."""
+    """Sorted indices of the columns of a fit: the nuisances that all fits contain, and those of the terms."""
     chosen = sorted({column for term in terms for column in term.columns})
-    return np.array([*problem.moves, *chosen], dtype=int)
+    return np.array([*problem.fitted_nuisances, *chosen], dtype=int)
 
 
 def fit(
@@ -338,8 +338,8 @@ def _fit_linear(
     denied += found.objective
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
-    moves = slice(0, problem.nuisances)
-    penalty = float(theta[moves] ** 2 @ problem.precision[moves])
+    nuisances = slice(0, problem.nuisance_count)
+    penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
     if held_out is None:
         none = np.zeros((0, len(active)))
         return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied)

@@ -150,7 +150,7 @@ def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
 
     Args:
         problem: Columns and fits.
-        within: Its fit of the moves within the tolerances alone.
+        within: Its fit of the tolerance parameters alone.
     """
     given = np.array([row.core_c.sum() for row in problem.grams.rows])
     given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (given, within.row_losses))

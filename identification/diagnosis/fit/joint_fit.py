@@ -1,4 +1,4 @@
-"""Gauss-Newton over all parameters of a diagnosis: moves within tolerances, coefficients and shapes.
+"""Gauss-Newton over all parameters of a diagnosis: tolerance parameters, coefficients and shapes.
 
 The search is a variable projection: it takes shapes from a grid and solves for the coefficients. Here a few
 Gauss-Newton steps change both. Their covariance includes what the search neglects: the correlation of shapes with
@@ -41,7 +41,7 @@ from phantom_dyn.random_streams import random_stream
 _NO_TRACE = 1e-200
 # Most steps of a fit, and steps from one law of a term to another.
 _STEPS = 4
-# Columns that depend on the model are computed again if a move within the tolerances changes by more sigmas than this.
+# Columns that depend on the model are computed again if a tolerance parameter changes by more sigmas than this.
 _SAME_MODEL = 0.3
 # Decrease of the loss [squared deviations] below which no further step is taken.
 _LEAST_GAIN = 0.02
@@ -56,7 +56,7 @@ _ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
 # Radius of gyration of a load [m], one sigma: weights and tools of some kilograms; and places of the three moments of
 # inertia among the ten parameters of a body.
 _GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
-# Correlation of a move with a parameter above which the move's tolerance narrows the parameter's deviation.
+# Correlation with a parameter above which the bounds of a tolerance parameter narrow the deviation of the other one.
 _EXCHANGED = 0.1
 
 
@@ -96,7 +96,7 @@ class JointFit:
 
 
 def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> JointFit:
-    """Fit moves, coefficients and shapes together, starting from a fit with fixed shapes.
+    """Fit tolerance parameters, coefficients and shapes together, starting from a fit with fixed shapes.
 
     Args:
         problem: Columns and fits in the judged band.
@@ -105,12 +105,12 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
     """
     layout, x = lay_out(problem, terms, found)
     precision, lower, upper = _limits(layout, x)
-    moves = slice(0, problem.nuisances)
-    start = x[moves]
-    layout = layout.moved(start) if layout.of_model else layout
+    nuisances = slice(0, problem.nuisance_count)
+    start = x[nuisances]
+    layout = layout.adjusted(start) if layout.of_model else layout
     x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
-    if layout.of_model and np.any(precision[moves] * (x[moves] - start) ** 2 > _SAME_MODEL**2):
-        layout = layout.moved(x[moves])
+    if layout.of_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL**2):
+        layout = layout.adjusted(x[nuisances])
         x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
     # Unobservable parameters (an inertia of a link that never turns about that axis) stay where they are.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
@@ -118,7 +118,7 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
     cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
     if layout.of_model:
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
-    cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
+    cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)
     by_law, rotors = [], by_rotors(layout, model, a.sum(axis=0) + np.diag(precision))
     for place in layout.places:
         laws = (
@@ -135,21 +135,23 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
 def within_tolerances(
     x: Float[Array, " p"],
     cov: Float[Array, "p p"],
-    moves: int,
+    nuisance_count: int,
     lower: Float[Array, " p"],
     upper: Float[Array, " p"],
 ) -> Float[Array, "p p"]:
-    """Covariance of those draws of all parameters in which every move of the model stays within its tolerance.
+    """Covariance of those draws of all parameters in which every tolerance parameter stays within its bounds.
 
-    Values that a parameter could only have if the model were beyond its tolerance do not count. So near the end of a
-    move's tolerance the deviations of all parameters that correlate with the move get smaller. A move at the end of its
-    tolerance keeps its own deviation.
+    Values that a parameter could only have if the model were beyond its tolerance do not count. So near a
+    bound of a tolerance parameter the deviations of all parameters that correlate with it get smaller. A tolerance
+    parameter at its bound keeps its own deviation.
     """
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     rng = random_stream("sizes within the tolerances")
     # In standard deviations, as the parameters have different units.
     correlation = cov / np.outer(std, std)
-    exchanged = np.flatnonzero(np.abs(correlation[:moves, moves:]).max(axis=1, initial=0.0) > _EXCHANGED)
+    exchanged = np.flatnonzero(
+        np.abs(correlation[:nuisance_count, nuisance_count:]).max(axis=1, initial=0.0) > _EXCHANGED
+    )
     values, vectors = np.linalg.eigh(correlation)
     # The symmetric root is unique: with another one the draws would depend on the rounding of the matrix.
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
@@ -159,7 +161,7 @@ def within_tolerances(
     if inside.sum() < _LEAST_INSIDE:
         return cov
     less = np.minimum(drawn[inside].std(axis=0) / np.maximum(drawn.std(axis=0), 1e-300), 1.0)
-    less[:moves] = 1.0
+    less[:nuisance_count] = 1.0
     return cov * np.outer(less, less)
 
 
@@ -305,14 +307,14 @@ def _by_model(
 ) -> Float[Array, "p p"]:
     """Covariance that the uncertain model adds through the columns that depend on it.
 
-    A few models are drawn from the covariance of the moves within the tolerances, and the columns computed from each.
+    A few models are drawn from the covariance of the tolerance parameters, and the columns computed from each.
     """
-    count = layout.problem.nuisances
+    count = layout.problem.nuisance_count
     rng = random_stream("models within the tolerances")
     shifts = []
     for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
-        moved = layout.moved(x[:count] + draw)
-        _, b, _ = _products(layout, model, change_by_model(layout, moved, x))
+        adjusted = layout.adjusted(x[:count] + draw)
+        _, b, _ = _products(layout, model, change_by_model(layout, adjusted, x))
         shifts.append(solve(total, b.sum(axis=0)))
     return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _DRAWS
 
@@ -321,9 +323,9 @@ def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, A
     """Prior precision and bounds of all parameters; a shape stays within a factor of two of its value in the search."""
     problem = layout.problem
     precision, lower, upper = np.zeros(layout.size), np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
-    moves = slice(0, problem.nuisances)
+    nuisances = slice(0, problem.nuisance_count)
     for out, values in ((precision, problem.precision), (lower, problem.lower), (upper, problem.upper)):
-        out[moves] = values[moves]
+        out[nuisances] = values[nuisances]
         for place in layout.places:
             count = place.coefficients.stop - place.coefficients.start
             out[place.coefficients] = values[list(place.term.columns[:count])]

@@ -16,7 +16,8 @@ from identification.engine.products.grams import Grams, RowGrams, Weights, all_r
 from identification.engine.products.triangles import diagonal
 from phantom_dyn.array_types import Array, Float, Int
 
-# Largest sum of squares, in noise of one sample, that the moves left out of all fits cause together, each at its bound.
+# Largest sum of squares, in noise of one sample, that the tolerance parameters left out of all fits cause together,
+# each at its bound.
 _UNSEEN = 1.0
 # Size of a column relative to the others of its effect below which it is rounding.
 _ROUNDING = 1e-9
@@ -34,14 +35,15 @@ class Problem:
         grams: Products of the columns.
         precision: Prior precision of each coefficient about zero, ``(K,)``.
         lower, upper: Bounds, ``(K,)``.
-        nuisances: Number of leading columns, which are moves of the model within its tolerances.
-        moves: Those of them that the fits contain, as the others are unobservable in these recordings; see
-            `seen_moves`.
+        nuisance_count: Number of leading columns, which are those of the tolerance parameters.
+        fitted_nuisances: Indices of those that the fits contain, as the others are unobservable in these recordings;
+            see `observable_nuisances`.
         total_a, total_b: Products summed over the training blocks.
         touched: Rows on which each column is not zero.
         bodies: The bodies whose inertial parameters an effect sets free, by effect.
-        where_read: The same problem with the columns of moves and rigid bodies at the positions that the encoders read,
-            for fits without effects that displace the links; None if these columns are at those positions already.
+        where_read: The same problem with the columns of tolerance parameters and rigid bodies at the positions that the
+            encoders read, for fits without effects that displace the links; None if these columns are at those
+            positions already.
     """
 
     session: Session
@@ -52,8 +54,8 @@ class Problem:
     precision: Float[Array, " K"]
     lower: Float[Array, " K"]
     upper: Float[Array, " K"]
-    nuisances: int
-    moves: Int[Array, " m"]
+    nuisance_count: int
+    fitted_nuisances: Int[Array, " m"]
     total_a: Float[Array, "K K"]
     total_b: Float[Array, " K"]
     touched: tuple[frozenset[int], ...]
@@ -63,8 +65,8 @@ class Problem:
     def of(self, terms: Iterable[Term]) -> Problem:
         """The problem with the columns that a fit of some effects needs.
 
-        Where an effect displaces the links or tilts the base, the columns of moves and rigid bodies depend on it: a fit
-        without that effect takes `where_read`.
+        Where an effect displaces the links or tilts the base, the columns of tolerance parameters and rigid bodies
+        depend on it: a fit without that effect takes `where_read`.
         """
         if self.where_read is None or {term.place for term in terms}.issuperset(self.columns.displaced):
             return self
@@ -85,7 +87,7 @@ class Problem:
 def set_up(
     session: Session, columns: Columns, white: Columns, weights: Weights, rows: tuple[RowGrams, ...] | None = None
 ) -> Problem:
-    """The problem with its priors: tolerances for nuisances, and wide ones to hold effects that the data do not show.
+    """The problem with its priors: the tolerances, and wide ones for effects that the data do not show.
 
     A wide prior has thirty times the size at which the column alone would explain the whole residual.
 
@@ -97,8 +99,8 @@ def set_up(
         rows: Weighted products of each row, if they are known.
     """
     rows = all_row_grams(white, session.blocks, session.folds, weights) if rows is None else rows
-    moves = seen_moves(columns, rows)
-    grams = summed(len(columns.names), rows, session.folds, moves)
+    fitted_nuisances = observable_nuisances(columns, rows)
+    grams = summed(len(columns.names), rows, session.folds, fitted_nuisances)
     count = len(columns.names)
     energy = np.diag(grams.everything)
     shown = energy > 0
@@ -108,9 +110,9 @@ def set_up(
         shown[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
     precision = np.where(shown, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
     lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
-    for k, nuisance in enumerate(columns.nuisances):
-        precision[k] = 1.0 / nuisance.sigma**2
-        lower[k], upper[k] = -nuisance.bound, nuisance.bound
+    for k, parameter in enumerate(columns.tolerance_parameters):
+        precision[k] = 1.0 / parameter.sigma**2
+        lower[k], upper[k] = -parameter.bound, parameter.bound
     for term in columns.terms:
         lower[list(term.columns)] = np.maximum(lower[list(term.columns)], term.lower)
         upper[list(term.columns)] = np.minimum(upper[list(term.columns)], term.upper)
@@ -129,8 +131,8 @@ def set_up(
         precision,
         lower,
         upper,
-        len(columns.nuisances),
-        moves,
+        len(columns.tolerance_parameters),
+        fitted_nuisances,
         grams.total_a,
         total_b,
         tuple(frozenset(rows) for rows in touched),
@@ -138,22 +140,22 @@ def set_up(
     )
 
 
-def seen_moves(columns: Columns, rows: tuple[RowGrams, ...]) -> Int[Array, " m"]:
-    """Moves of the model that change the torque of these recordings noticeably, in order.
+def observable_nuisances(columns: Columns, rows: tuple[RowGrams, ...]) -> Int[Array, " m"]:
+    """Indices of the tolerance parameters that change the torque of these recordings noticeably, in order.
 
     Many inertial parameters of a robot change no recorded torque. A fit with all of them takes several times as long
     for the same result: those left out, each at its bound, change the weighted torque together by no more than the
     noise of one sample.
 
     Args:
-        columns: All columns, moves first.
+        columns: All columns, those of the tolerance parameters first.
         rows: Weighted products of each row.
     """
-    count = len(columns.nuisances)
+    count = len(columns.tolerance_parameters)
     energy = np.zeros(count)
     for row in rows:
         own = np.flatnonzero(row.index < count)
         energy[row.index[own]] += diagonal(row.a.sum(axis=0), own)
-    energy *= np.array([move.bound for move in columns.nuisances]) ** 2
+    energy *= np.array([parameter.bound for parameter in columns.tolerance_parameters]) ** 2
     smallest = np.argsort(energy, kind="stable")
     return np.sort(smallest[np.cumsum(energy[smallest]) > _UNSEEN])

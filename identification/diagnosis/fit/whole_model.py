@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.columns.operations import moved_operation, moved_robot
+from identification.diagnosis.columns.operations import adjusted_robot, moved_operation
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.point_mass import load_map
@@ -45,9 +45,10 @@ class ModelLayout:
 
     Attributes:
         problem: Columns and fits in the judged band.
-        operations: Motions of the logs with the torque of the given model, or of the model moved within its tolerances.
+        operations: Motions of the logs with the torque of the given model, or of the model adjusted within its
+            tolerances.
         places: Positions of each term's parameters.
-        size: Number of parameters; the first are the moves within the tolerances.
+        size: Number of parameters; the first are the tolerance parameters.
     """
 
     problem: Problem
@@ -58,8 +59,8 @@ class ModelLayout:
     def operation_of(self, place: Place, log: int) -> Operation:
         """Motion of one log with the model's torque, from which a term's columns are computed.
 
-        Where the columns of the moves hold at the true positions of the links, an effect that displaces them changes
-        the torque of the given model only.
+        Where the columns of the tolerance parameters hold at the true positions of the links, an effect that displaces
+        them changes the torque of the given model only.
         """
         columns = self.problem.columns
         held = place.term.place in columns.displaced
@@ -70,24 +71,24 @@ class ModelLayout:
         """True if any column depends on the torque of the model."""
         return any(place.term.effect.follows_model for place in self.places)
 
-    def moved(self, moves: Float[Array, " n"]) -> ModelLayout:
-        """The same layout with columns computed from the model after these moves within its tolerances."""
+    def adjusted(self, changes: Float[Array, " n"]) -> ModelLayout:
+        """The same layout with columns computed from the model after these changes within its tolerances."""
         given = self.problem.session.robot
-        robots = {id(given): moved_robot(given, moves)}
+        robots = {id(given): adjusted_robot(given, changes)}
         operations = []
         for operation in self.problem.columns.operations:
-            # A recording with a known load has a model of its own, with the same moves.
+            # A recording with a known load has a model of its own, with the same changes.
             loaded = operation.robot
             if id(loaded) not in robots:
-                robots[id(loaded)] = moved_robot(loaded, moves, given)
+                robots[id(loaded)] = adjusted_robot(loaded, changes, given)
             operations.append(moved_operation(operation, robots[id(loaded)]))
         return replace(self, operations=tuple(operations))
 
 
 def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[ModelLayout, Float[Array, " p"]]:
     """Layout of the parameter vector, and its values in a fit."""
-    values, places = [found.theta[: problem.nuisances]], []
-    start = problem.nuisances
+    values, places = [found.theta[: problem.nuisance_count]], []
+    start = problem.nuisance_count
     for term in terms:
         own = found.theta[list(term.columns)]
         own = own[:4] if term.effect.inertial == "point mass" else own
@@ -119,14 +120,16 @@ def linearised(layout: ModelLayout, x: Float[Array, " p"]) -> Linearised:
     return Linearised(*zip(*(_one_log(layout, x, log) for log in range(len(layout.operations))), strict=True))
 
 
-def change_by_model(layout: ModelLayout, moved: ModelLayout, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+def change_by_model(
+    layout: ModelLayout, adjusted: ModelLayout, x: Float[Array, " p"]
+) -> tuple[Float[Array, "_ nv"], ...]:
     """Change of the terms' torque when their columns come from another model, for each log ``(n, nv)``."""
     out = [np.zeros_like(residual) for residual in layout.problem.white.residual]
     for log, change in enumerate(out):
         for place in layout.places:
             if place.term.effect.follows_model:
                 own, shape = x[place.coefficients], x[place.shape]
-                change += _law(moved, place, own, shape, log) - _law(layout, place, own, shape, log)
+                change += _law(adjusted, place, own, shape, log) - _law(layout, place, own, shape, log)
     return tuple(out)
 
 
@@ -150,11 +153,11 @@ def _one_log(
     layout: ModelLayout, x: Float[Array, " p"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
     problem = layout.problem
-    moves = np.arange(problem.nuisances)
+    nuisances = np.arange(problem.nuisance_count)
     n, nv = problem.white.residual[log].shape
     slopes = np.zeros((n, nv, layout.size))
-    slopes[:, :, moves] = columns_of(problem, tuple(moves.tolist()), log)
-    torque = slopes[:, :, moves] @ x[moves]
+    slopes[:, :, nuisances] = columns_of(problem, tuple(nuisances.tolist()), log)
+    torque = slopes[:, :, nuisances] @ x[nuisances]
     gains = [place for place in layout.places if place.term.effect.scales_joint]
     for place in layout.places:
         if place not in gains:

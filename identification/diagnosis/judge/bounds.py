@@ -44,7 +44,7 @@ def smallest_seen(
     hopeless: dict[tuple[str, str | None], NotTestable] = {}
     found = {term.place for term in chosen}
     kept = sorted({column for term in chosen for column in term.columns})
-    base = np.array([*problem.moves, *kept], dtype=int)
+    base = np.array([*problem.fitted_nuisances, *kept], dtype=int)
     inverse = _inverse(problem, base)
     held_out = held_out_share(problem.blocks)
     tested = set(search.terms)

@@ -1,14 +1,15 @@
-"""Consistent sets of numbers for the corrected model: sizes of effects, and all moves that were fitted beside them.
+"""Consistent sets of numbers for the corrected model: sizes of effects and changes within tolerance, fitted together.
 
-A diagnosis states the sizes and only those moves that certainly differ from zero. A model with these numbers alone may
-fit worse: a size that was fitted beside a move of a mass is wrong without that move, however uncertain the move is.
+A diagnosis states the sizes and only those changes within tolerance that certainly differ from zero. A model with these
+numbers alone may fit worse: a size that was fitted together with a change of a mass is wrong without that change,
+however uncertain the change is.
 """
 
 from __future__ import annotations
 
 from identification.data.changes import Change
-from identification.diagnosis.columns.nuisances import ARRIVAL, BASE, SOFTNESS, TIMING, moves_of
 from identification.diagnosis.columns.terms import ordered
+from identification.diagnosis.columns.tolerance_parameters import ARRIVAL, BASE, SOFTNESS, TIMING, tolerance_parameters
 from identification.diagnosis.fit.gap import judged_blocks, sample_weights
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
@@ -40,24 +41,28 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
 
 
 def _numbers(problem: Problem, fitted: JointFit, sizes: _Sizes) -> FittedNumbers:
-    moves = moves_of(problem.session.robot)
-    timing = float(sum(fitted.x[k] for k in problem.moves if moves[k].kind == TIMING))
+    parameters = tolerance_parameters(problem.session.robot)
+    timing = float(sum(fitted.x[k] for k in problem.fitted_nuisances if parameters[k].kind == TIMING))
     soft, arrivals, base = (
-        tuple((str(moves[k].place), float(fitted.x[k])) for k in problem.moves if moves[k].kind == kind)
+        tuple(
+            (str(parameters[k].owner), float(fitted.x[k]))
+            for k in problem.fitted_nuisances
+            if parameters[k].kind == kind
+        )
         for kind in (SOFTNESS, ARRIVAL, BASE)
     )
-    return FittedNumbers(all_moves(problem, fitted), sizes, timing, soft, arrivals, base)
+    return FittedNumbers(all_adjusted(problem, fitted), sizes, timing, soft, arrivals, base)
 
 
-def all_moves(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:
-    """Every move of the model within its tolerances, however uncertain.
+def all_adjusted(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:
+    """Every change of the model within its tolerances, however uncertain.
 
     Args:
-        problem: Names the moves.
-        fitted: Gives their sizes.
+        problem: Names the changed quantities.
+        fitted: Gives the sizes of the changes.
     """
-    pairs = ((problem.columns.nuisances[k], float(fitted.x[k])) for k in problem.moves)
-    return tuple(Adjusted(move.name, change, move.sigma) for move, change in pairs if move.relative and change)
+    pairs = ((problem.columns.tolerance_parameters[k], float(fitted.x[k])) for k in problem.fitted_nuisances)
+    return tuple(Adjusted(own.name, change, own.sigma) for own, change in pairs if own.relative and change)
 
 
 def replay_of(problem: Problem, changes: tuple[Change, ...]) -> Replay:

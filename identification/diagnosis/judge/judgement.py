@@ -1,7 +1,7 @@
 """Gap, findings, detection limits and verdict of an explanation, all measured in the judged band.
 
-Moves within tolerance may hide a payload. A load on a linkage is shared by many moves, and may exceed the tolerance of
-any one mass, so that its largest possible mass comes from a fit beside the moves.
+Changes of masses within tolerance may hide a payload. A load on a linkage is shared by many masses, and may exceed the
+tolerance of any one mass, so that its largest possible mass comes from a fit together with the tolerance parameters.
 """
 
 from __future__ import annotations
@@ -181,14 +181,14 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
 
 
 def _fits_as_given(left: _Left, given: Sums, within: Sums) -> bool:
-    """True if the given model leaves noise, and less than its best moves on blocks to which these were not fitted."""
+    """True if the given model leaves noise, and less than the model adjusted within tolerance on held-out blocks."""
     once, floor = np.ones((1, len(given.counts))), left.floor
     less = given.loss(floor.value, once)[0] < within.loss(floor.value, once)[0]
     return bool(less and np.all(given.rms() <= floor.allowed))
 
 
 def _of_given_model(problem: Problem, left: _Left, given: Series) -> _Left:
-    """What the given model leaves, without moves within its tolerances."""
+    """What the given model leaves, without changes within its tolerances."""
     torque = problem.columns.model_torque
     return replace(left, torque=torque, residual=given, whole=given)
 
@@ -302,8 +302,8 @@ def joint_gaps(
         problem: Robot and recordings.
         floor: Noise floor of each joint.
         before: Residual of the given model.
-        within: Residual of the best moves within its tolerances.
-        after: Residual of moves and findings.
+        within: Residual of the best changes within its tolerances.
+        after: Residual of the corrected model.
         by_regime: `JointGap.left` of each joint; None: not known.
         foreseen: Whether predictors foresee some of what is left: then it is not the noise of drives.
     """
@@ -337,29 +337,29 @@ def joint_gaps(
     return tuple(out)
 
 
-def with_hidden_payload(moves: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:
-    """The moves with the heaviest payload that could hide behind those of masses that end at their limits.
+def with_hidden_payload(changes: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:
+    """The changes within tolerance, with the heaviest payload that could hide behind masses at their limits.
 
     Args:
-        moves: Moves found so far, each with the mass that it alone may hide.
-        search: Fits a payload beside the moves.
+        changes: Changes found so far, each with the mass that it alone may hide.
+        search: Fits a payload together with the tolerance parameters.
         chosen: The findings; if one of them is a payload or sets the body that carries it free, none is hidden.
     """
     loads = [term for term in search.terms if term.effect.inertial == "point mass"]
-    masses = [move for move in moves if move.at_limit and _mass(move) is not None]
+    masses = [change for change in changes if change.at_limit and _mass(change) is not None]
     # Beside free inertial parameters of its body a payload has no columns of its own.
     if not loads or not masses or not search.possible(chosen, loads[0]):
-        return moves
+        return changes
     found = search.evaluate(chosen | {loads[0]})
     column = loads[0].columns[0]
     at = int(np.searchsorted(found.active, column))
     most = float(found.theta[column]) + _DEVIATIONS * float(np.sqrt(found.cov[at, at]))
-    alone = max(_mass(move) or 0.0 for move in masses)
+    alone = max(_mass(change) or 0.0 for change in masses)
     if not (np.isfinite(most) and most > alone):
-        return moves
-    return tuple(replace(move, hides=Hidden("payload", most)) if move in masses else move for move in moves)
+        return changes
+    return tuple(replace(one, hides=Hidden("payload", most)) if one in masses else one for one in changes)
 
 
-def _mass(move: Adjusted) -> float | None:
-    """The heaviest payload that a move could hide [kg]; None where it hides none."""
-    return None if move.hides is None or move.hides.kind != "payload" else move.hides.size
+def _mass(change: Adjusted) -> float | None:
+    """The heaviest payload that a change could hide [kg]; None where it hides none."""
+    return None if change.hides is None or change.hides.kind != "payload" else change.hides.size

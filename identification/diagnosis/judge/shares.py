@@ -24,7 +24,7 @@ _LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
 
 
 def left_by(judge: Judge, plain: Search, chosen: frozenset[Term]) -> Sums:
-    """Squared residuals in the judged band after moves and effects, on blocks held out of their fit."""
+    """Squared residuals in the judged band of the model with some effects, on blocks held out of their fit."""
     torque = held_out_torque(plain.problem, chosen, plain.evaluate(chosen))
     return sums(plain.problem, judge.narrow(residual_after(plain.problem, torque)))
 
@@ -36,7 +36,7 @@ def beyond_the_floor(judge: Judge, within: Sums) -> bool:
 
 
 def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-    """The gap of which shares are stated: loss after moves within the tolerances above the noise, for weighted blocks.
+    """The gap of which shares are stated: loss within tolerance above the noise, for weighted blocks.
 
     The mean loss may be below the noise while one joint is above it: then the gap is the loss that the findings close.
     """
@@ -82,8 +82,8 @@ def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
 
     Args:
         judge: Gives the noise floor.
-        within: Residual of the best moves within the tolerances.
-        after: Residual of moves and findings.
+        within: Residual of the best changes within the tolerances.
+        after: Residual of the corrected model.
     """
     once = np.ones((1, len(within.counts)))
     if not beyond_the_floor(judge, within):
@@ -98,7 +98,9 @@ def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
 
 
 def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term, float]:
-    """Shapley value of each finding in the share of the gap that all close; the moves are refitted in every coalition.
+    """Shapley value of each finding in the share of the gap that all close.
+
+    The tolerance parameters are fitted again in every coalition.
 
     Args:
         judge: Gives the noise floor.

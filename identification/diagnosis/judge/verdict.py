@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.columns.nuisances import Nuisance
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.columns.tolerance_parameters import ToleranceParameter
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
@@ -39,7 +39,7 @@ def verdict(
         return "not_testable"
     clean = not left.structured and not left.times
     if not findings:
-        # A joint that the given model explains has no gap, whatever moves that other joints ask for leave on it.
+        # A joint that the given model explains has no gap, whatever changes that other joints ask for leave on it.
         if not clean or any(_least_left(joint) > joint.allowed for joint in joints):
             return "unknown"
         known = all(joint.noise_is_known and not is_open(joint) for joint in joints if joint.hold_out_samples)
@@ -67,7 +67,7 @@ def is_open(joint: JointGap) -> bool:
 
 
 def _least_left(joint: JointGap) -> float:
-    """Residual of a joint after findings and moves, or of the given model where that is noise and this is not."""
+    """Residual of a joint with the corrected model, or with the given one where only that residual is noise."""
     return joint.rms_before if joint.gives_way else joint.rms_after
 
 
@@ -117,9 +117,9 @@ def unexplained(
     floor, problem, nameless = judge.floor, plain.problem, frozenset(term for term in chosen if not term.named)
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
     predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
-    moved = held_out_torque(problem, frozenset(), plain.evaluate(frozenset()))
+    within = held_out_torque(problem, frozenset(), plain.evaluate(frozenset()))
     within, after, smooth = (
-        sums(problem, series) for series in (judge.narrow(residual_after(problem, moved)), residual, flexible)
+        sums(problem, series) for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
     )
     once = np.ones((1, len(after.counts)))
     allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
@@ -131,7 +131,7 @@ def unexplained(
     foreseen = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / np.maximum(after.counts.sum(axis=0), 1e-12)) * floor
     beyond = discrepancy is None or bool(np.any(foreseen > discrepancy))
     structured = bool(nameless) or bool(beyond and (lasting or left - best > rules.PLAIN_STRUCTURE * left))
-    # The part that moves within the tolerances explain is no gap.
+    # The part that changes within the tolerances explain is no gap.
     explainable = allowed - min(best, left)
     fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
     joint, regime = None, None
@@ -160,22 +160,22 @@ def flexible_prediction(problem: Problem, residual: Series) -> Series:
 
 
 def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
-    """Moves of the model within its tolerance that differ from zero by two deviations, or are at their limit."""
-    std = np.sqrt(np.diag(found.cov))[: len(problem.moves)]
+    """Changes of the model within its tolerance that differ from zero by two deviations, or are at their limit."""
+    std = np.sqrt(np.diag(found.cov))[: len(problem.fitted_nuisances)]
     out = []
-    for k, deviation in zip(problem.moves, std, strict=True):
-        move, change = problem.columns.nuisances[k], found.theta[k]
-        at_limit = bool(abs(change) > rules.AT_LIMIT * move.bound)
-        if move.relative and (at_limit or abs(change) > 2 * deviation):
-            hides = hidden_by(problem.session.robot, move) if at_limit else None
-            out.append(Adjusted(move.name, float(change), move.sigma, at_limit, hides))
+    for k, deviation in zip(problem.fitted_nuisances, std, strict=True):
+        parameter, change = problem.columns.tolerance_parameters[k], found.theta[k]
+        at_limit = bool(abs(change) > rules.AT_LIMIT * parameter.bound)
+        if parameter.relative and (at_limit or abs(change) > 2 * deviation):
+            hides = hidden_by(problem.session.robot, parameter) if at_limit else None
+            out.append(Adjusted(parameter.name, float(change), parameter.sigma, at_limit, hides))
     return tuple(out)
 
 
-def hidden_by(robot: Robot, move: Nuisance) -> Hidden:
-    """The larger departure that may hide behind a move at its limit."""
+def hidden_by(robot: Robot, parameter: ToleranceParameter) -> Hidden:
+    """The larger departure that may hide behind a change at its limit."""
     masses = {body_name(robot, k): robot.model.inertias[k].mass for k in range(1, robot.model.njoints)}
-    body, _, quantity = move.name.rpartition(" ")
+    body, _, quantity = parameter.name.rpartition(" ")
     if quantity == "mass" and body in masses:
-        return Hidden("payload", float(move.bound * masses[body]))
-    return Hidden("change", float(move.bound))
+        return Hidden("payload", float(parameter.bound * masses[body]))
+    return Hidden("change", float(parameter.bound))

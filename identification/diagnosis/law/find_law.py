@@ -6,7 +6,7 @@ units (`terms`, `search.stepwise`): its size is chosen on blocks that neither ch
 tested against chance, and the whole is repeated on bootstrap replicates over blocks (`formula_search`).
 
 The model to use beside the corrected model is the law, or else a sum of terms that predicts well. The corrected model,
-moves within the tolerances included, was fitted without the law. So the terms of the law are fitted again to the
+changes within the tolerances included, was fitted without the law. So the terms of the law are fitted again to the
 residual of that model, and other terms are added where they predict held-out blocks better.
 """
 
@@ -28,7 +28,7 @@ from identification.diagnosis.law.formula_search import (
     columns_of,
     cross_validated,
     search_formula,
-    with_held_moves,
+    with_nuisances_at_bounds,
     without_law,
 )
 from identification.diagnosis.law.rest import Rest, rest_of
@@ -101,11 +101,11 @@ def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Depend
     bare = rest
     columns = columns_of(rest, memory=False)
     before = without_law(rest, columns)
-    rest, columns = with_held_moves(rest, columns)
+    rest, columns = with_nuisances_at_bounds(rest, columns)
     gains = input_gains(rest)
     if gains.frequency is not None:
         # Responses with memory can mimic laws without memory, so they are allowed only where no such law fits.
-        rest, columns = with_held_moves(bare, columns_of(bare))
+        rest, columns = with_nuisances_at_bounds(bare, columns_of(bare))
     choice = search_formula(rest, columns, before)
     judged = _judged(rest)
     closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))

@@ -20,7 +20,7 @@ from phantom_dyn.random_streams import random_stream
 
 MOST_TERMS = 4  # largest number of terms of a formula, so that a reader can check it term by term
 _AT_ONCE = 24  # number of columns at the full rate that are filtered in one call
-_MOST_ROUNDS = 4  # of a search in which moves that reach a bound are held there, and others released
+_MOST_ROUNDS = 4  # of a search in which nuisances that reach a bound are held there, and others released
 _PERMUTATIONS = 100  # number of permutations of the blocks: the smallest that has a 99 % quantile
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
 NEARLY = 0.85  # a shorter formula has to predict this share of the squares that the best size predicts
@@ -37,7 +37,7 @@ class LibraryColumns:
         size: Root mean square of each column of a term, by which the column is divided, ``(D,)``.
         terms: Indices of the columns of each term.
         products: Products of the columns, by block.
-        free: Prior on the coefficients of the free columns (moves of the model within tolerance, and findings).
+        free: Prior on the coefficients of the free columns (tolerance parameters of the model, and findings).
     """
 
     library: tuple[LawTerm, ...]
@@ -92,12 +92,12 @@ def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
     return LibraryColumns(terms, x, size, Terms(first, second), products, Free(rest.precision, rest.right))
 
 
-def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
-    """Residual and columns with each move of the model held at its bound if it reaches it in the fit of the best terms.
+def with_nuisances_at_bounds(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
+    """Residual and columns with each nuisance held at its bound if it reaches it in the fit of the best terms.
 
-    The other moves are free within their prior, so every later fit is one linear solution without bounds. If a chosen
-    term has the same torque as a held move, the next round releases the move. If rounds repeat, the move stays held,
-    and the term explains the torque beyond the bound.
+    The other nuisances are free within their prior, so every later fit is one linear solution without bounds. If a
+    chosen term has the same torque as a held nuisance, the next round releases the nuisance. If rounds repeat, it stays
+    held, and the term explains the torque beyond the bound.
     """
     whole = columns.products.summed((rest.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
@@ -120,7 +120,7 @@ def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryC
 
 
 def _held(rest: Rest, held: Array, size: Array) -> Free:
-    """The prior, so narrow around the bound of each held move that no fit changes it."""
+    """The prior, so narrow around the bound of each held nuisance that no fit changes it."""
     narrow = np.where(held != 0.0, 1e6 * np.maximum(size, 1e-12), 0.0)
     bound = np.where(held < 0.0, rest.lower, np.where(held > 0.0, rest.upper, 0.0))
     return Free(rest.precision + np.diag(narrow), rest.right + narrow * bound)

@@ -1,8 +1,8 @@
 """Residual of all findings on one joint, with the inputs that it may depend on and the coefficients that are refitted.
 
-A fit that lacks a law gives biased moves within the tolerances and biased sizes of the findings. So every fit of a law
-fits them again: by their columns on the row of its joint, with a prior from their own priors and from the torques of
-the other joints.
+A fit that lacks a law gives biased changes within the tolerances and biased sizes of the findings. So every fit of a
+law fits them again: by their columns on the row of its joint, with a prior from their own priors and from the torques
+of the other joints.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class RestLog:
         residual: Measured minus modelled torque of these samples in the judged band, by fits that have not seen them,
             ``(n,)``.
         weight: Weight of each of these samples, ``(n,)``.
-        free: Columns of the moves and findings that are fitted again with a law, ``(n, F)``.
+        free: Columns of the tolerance parameters and findings that are fitted again with a law, ``(n, F)``.
     """
 
     t: Float[Array, " N"]
@@ -248,7 +248,7 @@ def _without_twins(logs: list[RestLog], joint: str) -> list[RestLog]:
 
 @dataclass(frozen=True)
 class Freedom:
-    """Columns of moves and findings that every fit of a law fits again, with a quadratic prior on their coefficients.
+    """Columns of nuisances and findings that every fit of a law fits again, with a Gaussian prior.
 
     A coefficient is a change from the fit of the diagnosis.
 

@@ -1,8 +1,8 @@
 """Smooth functions of one or two inputs: the share of a residual that each predicts on held-out blocks, and by chance.
 
 A function is a table with linear interpolation between its nodes (hat functions, for two inputs their products), fitted
-by ridge regression together with moves and findings. The gain by chance is that on the residual with its blocks
-permuted: each block keeps its spectrum, and time, which predicts every slow drift, gets no advantage.
+by ridge regression together with tolerance parameters and findings. The gain by chance is that on the residual with its
+blocks permuted: each block keeps its spectrum, and time, which predicts every slow drift, gets no advantage.
 
 A frequency is an input, too: the residual may be a response to motion or torque whose gain and phase change with the
 frequency, which is no function of the present value of an input. A sum of the input and its series behind low passes

@@ -25,7 +25,7 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
     """Held-out gain that no effect of the catalogue reaches by chance in 99 of 100 recordings without a gap.
 
     Recordings without a gap are made from this one: the unpredictable part of its residual with a random sign for each
-    block (which keeps colour, size and the correlation between joints), plus moves of the modelled inertias and
+    block (which keeps colour, size and the correlation between joints), plus changes of the modelled inertias and
     friction drawn from their tolerances. All rivals are fitted to each, and the largest gain is kept; the quantile is
     that of a Gumbel law with the mean and deviation of these maxima. The thresholds of single joints are computed in
     the same way over the effects of each joint, so that together they are exceeded in one recording of 100.
@@ -60,9 +60,9 @@ def _null_products(
     folds, total = int(grams.fold.max()) + 1, len(columns.names)
     b, core_b = np.zeros((folds, total, _REPLICATES)), np.zeros((folds, total, _REPLICATES))
     signs = rng.choice([-1.0, 1.0], size=(len(blocks), _REPLICATES))
-    sigma = np.array([n.sigma for n in columns.nuisances])
-    bound = np.array([n.bound for n in columns.nuisances])
-    moves = np.clip(rng.normal(size=(len(sigma), _REPLICATES)) * sigma[:, None], -bound[:, None], bound[:, None])
+    sigma = np.array([n.sigma for n in columns.tolerance_parameters])
+    bound = np.array([n.bound for n in columns.tolerance_parameters])
+    changes = np.clip(rng.normal(size=(len(sigma), _REPLICATES)) * sigma[:, None], -bound[:, None], bound[:, None])
     # Products of the columns with the noise of each block; those of a recording are their sums with signs.
     whole, core = np.zeros((len(blocks), total)), np.zeros((len(blocks), total))
     for j, row in enumerate(grams.rows):
@@ -84,8 +84,8 @@ def _null_products(
         b[fold] = whole[own].T @ signs[own]
         core_b[fold] = core[own].T @ signs[own]
     nuisance = np.arange(len(sigma))
-    b += grams.fold_a[:, nuisance].transpose(0, 2, 1) @ moves
-    core_b += grams.fold_core_a[:, nuisance].transpose(0, 2, 1) @ moves
+    b += grams.fold_a[:, nuisance].transpose(0, 2, 1) @ changes
+    core_b += grams.fold_core_a[:, nuisance].transpose(0, 2, 1) @ changes
     return b, core_b
 
 

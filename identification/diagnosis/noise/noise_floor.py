@@ -27,7 +27,7 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """Part of each joint's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
     Each joint's residual is predicted by models from plain to flexible: the given model, then also laws of the motion,
-    then also the moves within the tolerances and other linear laws, then all columns, then all columns with the
+    then also the tolerance parameters and other linear laws, then all columns, then all columns with the
     flexible features. The noise is the error of the best of them on held-out blocks: in a short recording, hundreds of
     columns predict worse than twenty. A model that predicts a little of the large noise above the judged band may be
     bad inside it, so the best model is chosen separately for the whole band and for the judged band.
@@ -109,10 +109,10 @@ def _inside(
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
     """Order of a row's columns from plain to rich, and the numbers of columns in the first two of three steps.
 
-    First come laws whose columns depend on the recorded motion alone, as friction and couplings; then moves within the
-    tolerances and the other laws without a shape; then all others.
+    First come laws whose columns depend on the recorded motion alone, as friction and couplings; then the
+    tolerance parameters and the other laws without a shape; then all others.
     """
-    step = dict.fromkeys(range(len(columns.nuisances)), 1)
+    step = dict.fromkeys(range(len(columns.tolerance_parameters)), 1)
     for term in columns.terms:
         effect = term.effect
         if not term.named or effect.inertial is not None:

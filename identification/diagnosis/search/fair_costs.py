@@ -18,7 +18,7 @@ from phantom_dyn.array_types import Array, Float
 def costs_of(
     search: Search, sets: list[frozenset[Term]], twins: list[bool], free: Sequence[bool] = ()
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Cost of each set, price plus penalty on the moves of the model, in two versions that have the same weight.
+    """Cost of each set, price plus penalty on changes within tolerance, in two versions that have the same weight.
 
     In the first all of the penalty counts. In the second only the part by which it differs from that of the first set
     by more than four (two tolerances of one quantity) counts, as stated tolerances are not known that well.
@@ -33,8 +33,8 @@ def costs_of(
     prices = np.array([search.price_of(chosen) for chosen in sets])
     dearer = prices - prices[0]
     prices[twins] = prices[0]
-    moves = np.array([search.evaluate(chosen).penalty for chosen in sets])
-    more = moves - moves[0]
+    penalties = np.array([search.evaluate(chosen).penalty for chosen in sets])
+    more = penalties - penalties[0]
     if free:
         prices[list(free)] = prices[0]
         more = np.where(np.array(free) & (more * dearer < 0.0), 0.0, more)

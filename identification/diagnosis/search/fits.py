@@ -22,9 +22,10 @@ from phantom_dyn.array_types import Array, Float
 
 Chosen = frozenset[Term]
 
-# Number of moves above which fits are computed as changes of the nearest one; with fewer, a new fit is as fast.
-_MANY_MOVES = 120
-# With fewer moves: number of recent sets among which a similar one is searched for as a start.
+# Number of fitted nuisances above which fits are computed as changes of the nearest one; with fewer, a new fit is as
+# fast.
+_MANY_NUISANCES = 120
+# With fewer nuisances: number of recent sets among which a similar one is searched for as a start.
 _RECENT = 40
 
 
@@ -141,7 +142,7 @@ class Fits:
 
     @cached_property
     def _near(self) -> NearFits | None:
-        many = len(self.problem.moves) >= _MANY_MOVES
+        many = len(self.problem.fitted_nuisances) >= _MANY_NUISANCES
         return NearFits(self.problem, self._start.theta) if many else None
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:

@@ -249,8 +249,8 @@ def with_wide_tolerances(search: Search) -> Search:
     """The search with three times the stated tolerances of the model, and the same rivals and prices."""
 
     def widened(problem: Problem) -> Problem:
-        moves = np.arange(len(problem.precision)) < problem.nuisances
-        width = np.where(moves, rules.OTHER_TOLERANCE, 1.0)
+        nuisance = np.arange(len(problem.precision)) < problem.nuisance_count
+        width = np.where(nuisance, rules.OTHER_TOLERANCE, 1.0)
         return replace(
             problem,
             precision=problem.precision / width**2,

@@ -31,7 +31,7 @@ class _Row:
 
 
 def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
-    """Squared residuals in the judged band after moves and some of the effects, on blocks held out of their fit.
+    """Squared residuals in the judged band of the model with some of the effects, on blocks held out of their fit.
 
     The columns are in the judged band already, so that each block is predicted by one fit from end to end, and no fit
     needs the samples. Blocks that the same fit predicts count as one.
@@ -50,7 +50,7 @@ def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[T
     def rows_of(whole: bool) -> tuple[_Row, ...]:
         own = problem if whole else problem.where_read
         assert own is not None
-        wanted = {column for term in terms for column in term.columns} | set(own.moves.tolist())
+        wanted = {column for term in terms for column in term.columns} | set(own.fitted_nuisances.tolist())
         groups = [fold == which for which in fits]
         return tuple(_row(own, j, wanted, groups) for j in range(len(own.white.rows)))
 

@@ -25,25 +25,25 @@ def gains_on_residuals(
         b: Products of all columns with the residuals over the whole blocks of each fold.
         core_b: The same over the cores of the blocks.
     """
-    moved = problem.moves
+    nuisances = problem.fitted_nuisances
     right = b.sum(axis=0)
     alike = [(which, columns, _squares(problem, columns)) for which, columns in _by_size(sets)]
     gains = np.zeros((len(sets), b.shape[2]))
     *folds, whole = fold_projections(problem)
     for fold, part in enumerate(folds):
         products, held = right - b[fold], core_b[fold]
-        base = solve(part.inner, products[moved])
+        base = solve(part.inner, products[nuisances])
         # Products projected off the nuisances, on the blocks that train and on those that are held out.
-        products = products - part.made.T @ products[moved]
+        products = products - part.made.T @ products[nuisances]
         inside, across = part.core
-        held = held - part.made.T @ held[moved] - (across.T - part.made.T @ inside) @ base
+        held = held - part.made.T @ held[nuisances] - (across.T - part.made.T @ inside) @ base
         for which, columns, (total, less, core) in alike:
             x = solve_each(part.training(columns, total - less[fold]), products[columns])
             gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
     # A rival also lowers the penalty on the nuisances.
-    base = solve(whole.inner, right[moved])
-    products = right - whole.made.T @ right[moved]
-    costly = problem.precision[moved, None] * whole.made
+    base = solve(whole.inner, right[nuisances])
+    products = right - whole.made.T @ right[nuisances]
+    costly = problem.precision[nuisances, None] * whole.made
     relieved = costly.T @ base
     for which, columns, (total, _, _) in alike:
         made, weighed = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, costly))

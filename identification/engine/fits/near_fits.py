@@ -83,8 +83,8 @@ class NearFits:
         new, gone, index = solved.changes(active)
         theta = np.zeros(len(problem.precision))
         theta[index] = x[-1]
-        moves = slice(0, problem.nuisances)
-        penalty = float(theta[moves] ** 2 @ problem.precision[moves])
+        nuisances = slice(0, problem.nuisance_count)
+        penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
         objective = self._nothing + found[-1].value
         loss, fold_active = np.zeros(0), np.zeros((0, len(active)))
         if held_out:

@@ -46,13 +46,13 @@ class LinearProblem(Protocol):
         ...
 
     @property
-    def nuisances(self) -> int:
-        """Number of leading columns, which are nuisances."""
+    def nuisance_count(self) -> int:
+        """Number of nuisances: parameters that may take any value within a prior. Their columns come first."""
         ...
 
     @property
-    def moves(self) -> Int[Array, " m"]:
-        """Nuisances that every fit contains, in order."""
+    def fitted_nuisances(self) -> Int[Array, " m"]:
+        """Indices of the nuisances that every fit contains, in order."""
         ...
 
 

@@ -83,7 +83,7 @@ def gains_within(
 
 @dataclass(frozen=True)
 class FoldProjection:
-    """Projection of all columns off the nuisances (moves of the model within tolerance), fitted without one fold.
+    """Projection of all columns off the nuisances, fitted without one fold.
 
     Attributes:
         problem: The linear problem.
@@ -101,8 +101,8 @@ class FoldProjection:
     @property
     def inner(self) -> Float[Array, "n n"]:
         """Training products of the nuisances with priors."""
-        moves = self.problem.moves
-        return self.lines[:, moves] + np.diag(self.problem.precision[moves])
+        nuisances = self.problem.fitted_nuisances
+        return self.lines[:, nuisances] + np.diag(self.problem.precision[nuisances])
 
     def training(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
         """Training products among each group of columns projected off the nuisances, priors included.
@@ -129,14 +129,14 @@ class FoldProjection:
 
 def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
     """The projection of each fold, and last that of the fit that holds nothing out."""
-    grams, moves = problem.grams, problem.moves
-    of_folds, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]
+    grams, nuisances = problem.grams, problem.fitted_nuisances
+    of_folds, cores = grams.fold_a[:, nuisances], grams.fold_core_a[:, nuisances]
     nothing = np.zeros_like(of_folds[0])
     out = []
     for held_out, core in zip((*of_folds, nothing), (*cores, nothing), strict=True):
-        lines = problem.total_a[moves] - held_out
-        made = solve(lines[:, moves] + np.diag(problem.precision[moves]), lines)
-        out.append(FoldProjection(problem, lines, (core[:, moves], core), made))
+        lines = problem.total_a[nuisances] - held_out
+        made = solve(lines[:, nuisances] + np.diag(problem.precision[nuisances]), lines)
+        out.append(FoldProjection(problem, lines, (core[:, nuisances], core), made))
     return tuple(out)
 
 

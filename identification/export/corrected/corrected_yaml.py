@@ -1,4 +1,4 @@
-"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): writes findings and moves, and reads them as known effects."""
+"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): writes the corrections, and reads them as known effects."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class ModelError:
 
 @dataclass(frozen=True)
 class Corrected:
-    """Content of a ``corrected.yaml``: its robot, its effects, and the moves within the tolerances."""
+    """Content of a ``corrected.yaml``: its robot, its effects, and the changes within the tolerances."""
 
     robot: str
     sha256: str

@@ -1,4 +1,4 @@
-"""The findings of a diagnosis as effects, and the given model with the moves within its tolerances."""
+"""The findings of a diagnosis as effects, and the given model with the changes within its tolerances."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from identification.diagnosis.columns.nuisances import moves_of
-from identification.diagnosis.columns.operations import moved_robot
+from identification.diagnosis.columns.operations import adjusted_robot
 from identification.diagnosis.columns.terms import KnownEffect
+from identification.diagnosis.columns.tolerance_parameters import tolerance_parameters
 from identification.diagnosis.result import Adjusted, Diagnosis, Finding
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
@@ -72,19 +72,20 @@ def _rows(finding: Finding, name: str) -> list[list[float]]:
     return [[s if start + k == j else 0.0 for j in range(total)] for k, s in enumerate(finite)]
 
 
-def moved_by(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
-    """The given robot with moves within its tolerances; the same object if there are none.
+def robot_within_tolerances(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
+    """The given robot with changes within its tolerances; the same object if there are none.
 
-    Findings were fitted together with these moves: a model with the findings alone has another residual than the one
+    Findings were fitted together with these changes: a model with the findings alone has another residual than the one
     stated, which may be larger than that of the given model.
 
     Args:
         robot: The given model.
-        adjusted: The moves, as a diagnosis or a ``corrected.yaml`` lists them.
+        adjusted: The changes, as a diagnosis or a ``corrected.yaml`` lists them.
 
     Raises:
         RobotError: If the mass of a link would be zero or negative.
     """
     changes = {entry.quantity: entry.change for entry in adjusted}
-    values = np.array([changes.get(m.nuisance.name, 0.0) if m.nuisance.relative else 0.0 for m in moves_of(robot)])
-    return moved_robot(robot, values) if values.any() else robot
+    parameters = tolerance_parameters(robot)
+    values = np.array([changes.get(own.name, 0.0) if own.relative else 0.0 for own in parameters])
+    return adjusted_robot(robot, values) if values.any() else robot

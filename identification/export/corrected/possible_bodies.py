@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Possible bodies in place of estimated ones that cannot exist.
 
-Moves within tolerance are fitted independently, and only their summed torque along the recorded motion is observed.
+Tolerance parameters are fitted independently, and only their summed torque along the recorded motion is observed.
 Together they may give a body that cannot exist: for a thin link with a small axial moment, for example, the other two
 moments have to be nearly equal. Such bodies are replaced by possible ones with the same torques along that motion, or
 else by the nearest possible ones.

@@ -26,7 +26,7 @@ from identification.export.corrected.corrected_model import (
 )
 from identification.export.corrected.corrected_urdf import robot_of_urdf
 from identification.export.corrected.corrected_yaml import known_effects, read_corrected
-from identification.export.corrected.found_effects import moved_by
+from identification.export.corrected.found_effects import robot_within_tolerances
 from identification.export.corrected.given_drives import holds_reference_delay
 from identification.export.file_names import ISAAC, RESIDUAL
 from identification.export.model_files.reload import robot_with_urdf
@@ -179,7 +179,7 @@ def of_drives(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tu
 
 
 def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
-    """Drive torque of the given model with the effects and moves of a ``corrected.yaml``.
+    """Drive torque of the given model with the effects and changes within tolerance of a ``corrected.yaml``.
 
     Args:
         replay: The recordings.
@@ -189,8 +189,8 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
     """
     with unnamed_file(text.encode(), suffix=".yaml") as path:
         found = known_effects((path,), carrying_known(robot, known))
-        moved = moved_by(robot, read_corrected(path).adjusted)
-    return torque_of_model(replay, moved, (*known, *effects_on_torques(found)))
+        adjusted = robot_within_tolerances(robot, read_corrected(path).adjusted)
+    return torque_of_model(replay, adjusted, (*known, *effects_on_torques(found)))
 
 
 def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
@@ -207,8 +207,8 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
     for entry in content["found"]:
         values.setdefault((entry["effect"], entry["joint"]), []).append(float(entry["value"]))
     found = tuple(KnownEffect(effect, joint, tuple(theta)) for (effect, joint), theta in values.items())
-    moves = tuple(Adjusted(move["quantity"], move["change"], 0.0) for move in content["adjusted"])
-    return torque_of_model(replay, moved_by(robot, moves), (*known, *found))
+    adjusted = tuple(Adjusted(one["quantity"], one["change"], 0.0) for one in content["adjusted"])
+    return torque_of_model(replay, robot_within_tolerances(robot, adjusted), (*known, *found))
 
 
 def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:

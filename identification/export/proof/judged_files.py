@@ -21,7 +21,7 @@ from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, torque_beside
 from identification.export.corrected.corrected_urdf import with_rotors_of
-from identification.export.corrected.found_effects import moved_by
+from identification.export.corrected.found_effects import robot_within_tolerances
 from identification.export.file_names import FEEDFORWARD, GOES_WITH, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
 from identification.export.headers import with_header
 from identification.export.proof.file_torques import (
@@ -149,12 +149,12 @@ class Proof:
 
     @cached_property
     def estimate(self) -> Robot:
-        """The given model with its moves within tolerance, even if its bodies are impossible.
+        """The given model with its changes within tolerance, even if its bodies are impossible.
 
-        If a mass would be zero or negative, it is the model without the moves.
+        If a mass would be zero or negative, it is the model without these changes.
         """
         try:
-            return moved_by(self.corrected.given, self.diagnosis.adjusted)
+            return robot_within_tolerances(self.corrected.given, self.diagnosis.adjusted)
         except PhantomDynError:
             return self.corrected.given
 

@@ -220,7 +220,7 @@ def randomisation_text(
     randomisation: Randomisation,
     known: tuple[KnownEffect, ...] = (),
     *,
-    moves: tuple[Adjusted, ...] = (),
+    adjusted: tuple[Adjusted, ...] = (),
     with_mjcf: bool = True,
 ) -> str:
     """The text of ``randomisation.yaml``, with an explanation in its first lines; nothing is rounded.
@@ -228,7 +228,7 @@ def randomisation_text(
     Args:
         randomisation: Distribution of the robot.
         known: Effects that belong to the given model already.
-        moves: Changes of the given model within its tolerances that the robot of the distribution has.
+        adjusted: Changes of the given model within its tolerances that the robot of the distribution has.
         with_mjcf: False if there is no corrected MJCF.
     """
     try:
@@ -243,7 +243,7 @@ def randomisation_text(
         "robot": randomisation.robot.name,
         "control_step": randomisation.control_step,
         "counts": {"adjusted": _ON_TOP, "found": _ON_TOP, "unseen": _ON_TOP, "mjcf": _ABSOLUTE},
-        "adjusted": [{"quantity": move.quantity, "change": float(move.change)} for move in moves],
+        "adjusted": [{"quantity": one.quantity, "change": float(one.change)} for one in adjusted],
         "found": _found_entries(randomisation),
         "correlation": randomisation.correlation.tolist(),
         "unseen": [_unseen_entry(randomisation, bound) for bound in randomisation.unseen],

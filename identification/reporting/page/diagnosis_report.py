@@ -43,10 +43,10 @@ from identification.words.note_words import sentences
 from identification.words.notes_on_motion import followed_words
 from identification.words.numbers_and_names import percent_short_of_all, with_stated_probabilities
 from identification.words.verdict_words import (
+    closed_by_tolerances,
     headline,
     hidden_words,
     left_over,
-    moves_carry,
     reservations,
     short_headline,
 )
@@ -217,12 +217,12 @@ def _closed(diagnosis: Diagnosis) -> str:
     gap = diagnosis.gap
     if gap.closed is None or gap.interval is None:
         return ""
-    moved = moves_carry(diagnosis)
+    moved = closed_by_tolerances(diagnosis)
     share = words.share_words(gap.closed, gap.interval)
     if moved is None:
         return f"All findings together close {share} of the gap."
     return (
-        f"The findings close {percent_short_of_all(gap.closed - moved)} of the gap, and moves within the tolerances "
+        f"The findings close {percent_short_of_all(gap.closed - moved)} of the gap, and changes within the tolerances "
         f"{percent_short_of_all(moved)}: {share} together."
     )
 

@@ -104,18 +104,18 @@ def test_a_finding_that_was_not_chosen_has_no_hypotheses(quiet):
     assert hypotheses_of(quiet.search, frozenset(), one_of("coulomb_friction", "viscous_friction", "elbow")) == ()
 
 
-def test_a_fit_that_moves_less_of_the_model_than_it_could_is_a_model_with_all_moves(lab, pendulum):
+def test_a_fit_that_has_fewer_tolerance_parameters_than_it_could_is_a_model_with_all_of_them(lab, pendulum):
     # Oracle: the coefficients of the fit. Fits with other weights may see more moves or fewer than the search.
     motion = lab.motion(1, swing=0.3)
     torque = lab.acting(pendulum, motion, "coulomb_friction", "pin", 0.2)
     ready = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque),))
-    fewer = replace(ready.search.problem, moves=ready.search.problem.moves[1:])
+    fewer = replace(ready.search.problem, fitted_nuisances=ready.search.problem.fitted_nuisances[1:])
     chosen = frozenset([ready.term("coulomb_friction", "pin")])
     variant = Variant(chosen, Fits(fewer).held_out(chosen), 0.0)
     union = union_of((Hypothesis((EffectAt("coulomb_friction", "pin"),), 1.0, (variant,)),))
     model = model_of(variant, union)
-    assert model.basis.shape[1] == fewer.nuisances + 1
-    assert model.moves.sum() == fewer.nuisances
+    assert model.basis.shape[1] == fewer.nuisance_count + 1
+    assert model.is_nuisance.sum() == fewer.nuisance_count
     np.testing.assert_allclose(model.basis @ model.y + model.shift, variant.fitted.theta[union], atol=1e-12)
 
 

@@ -37,10 +37,10 @@ from places import ROBOTS
 
 
 def model(
-    columns: tuple[int, ...], theta: list[float], moves: int = 1, sigma: float = 0.05, far: float = 100.0
+    columns: tuple[int, ...], theta: list[float], nuisances: int = 1, sigma: float = 0.05, far: float = 100.0
 ) -> Model:
     """A fitted model of one move within a tolerance and the given columns of all."""
-    used = [*range(moves), *columns]
+    used = [*range(nuisances), *columns]
     basis = np.eye(len(theta))[:, used]
     prior = np.where(np.arange(len(used)) < moves, 1.0 / sigma**2, 1e-6)
     full = np.array(theta)
@@ -77,7 +77,7 @@ def test_a_tolerance_mimics_no_more_than_its_bounds_let_it():
     assert left == pytest.approx(20 * (0.7 - 0.3) ** 2 + 1.0**2, rel=1e-6)
 
 
-def test_moves_that_the_truth_has_made_cost_nothing_more():
+def test_changes_that_the_truth_has_made_cost_nothing_more():
     truth = np.array([[0.05, 0.7, 0.0]])
     same = model((1,), [0.05, 0.7, 0.0])
     assert distance(truth, 1, same, np.diag([1e7, 20.0, 30.0])) == pytest.approx(0.0, abs=1e-4)
@@ -147,7 +147,7 @@ class Rich(Hypothesis):
 
 
 def law(columns: tuple[int, ...], theta: list[float]) -> Model:
-    """A fit of some columns of all, without moves of the model."""
+    """A fit of some columns of all, without tolerance parameters."""
     basis = np.eye(len(theta))[:, list(columns)]
     bound = np.full(len(columns), np.inf)
     return Model(

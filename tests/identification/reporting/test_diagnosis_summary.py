@@ -75,11 +75,11 @@ def test_a_joint_that_is_worse_in_tolerance_than_given_is_explained_and_does_not
     first = dataclasses.replace(made.joints[0], rms_before=0.0315)
     text = " ".join(summary(dataclasses.replace(made, joints=(first, made.joints[1]))).split())
     assert "is closed, most on joint j2:" in text
-    assert "In tolerance joint j1 is worse than given: moves within the tolerances are fitted to all joints" in text
+    assert "In tolerance joint j1 is worse than given: changes within the tolerances are fitted to all joints" in text
     assert "is worse than given" not in summary(made)
 
 
-def carried_by_moves(made_up):
+def carried_by_tolerances(made_up):
     """Everything is closed, a quarter of it by the finding; the mass of a link has moved as far as it may."""
     made = made_up()
     finding = dataclasses.replace(made.findings[0], share=0.25)
@@ -106,15 +106,15 @@ def test_what_is_left_within_the_interval_of_the_noise_may_be_no_gap(made_up):
 
 
 @pytest.mark.parametrize("verdict", ["explained", "partly_explained", "unknown"])
-def test_what_moves_within_tolerance_carry_is_in_the_sentence_of_the_verdict(made_up, verdict):
+def test_what_changes_within_tolerance_carry_is_in_the_sentence_of_the_verdict(made_up, verdict):
     # By hand: 98.4 % are closed, 25 % of them by the finding.
-    text = " ".join(summary(dataclasses.replace(carried_by_moves(made_up), verdict=verdict)).split())
-    assert "Moves within the tolerances close 73 % of the gap. The move of link2 mass ends at the limit" in text
+    text = " ".join(summary(dataclasses.replace(carried_by_tolerances(made_up), verdict=verdict)).split())
+    assert "Changes within the tolerances close 73 % of the gap. The change of link2 mass ends at the limit" in text
     assert "98 % (97 to 99 %) of the gap is closed (25 % by the findings), most on" in text
 
 
-def test_what_findings_carry_alone_needs_no_word_on_moves(made_up):
-    made = carried_by_moves(made_up)
+def test_what_findings_carry_alone_needs_no_word_on_tolerances(made_up):
+    made = carried_by_tolerances(made_up)
     finding = dataclasses.replace(made.findings[0], share=0.97)
     text = summary(dataclasses.replace(made, findings=(finding,)))
     assert "carry" not in text

@@ -119,7 +119,7 @@ def folder(tmp_path, diagnosis):
 
 
 @pytest.mark.parametrize("name", ["diagnosis.json", ".", "corrected.yaml"])
-def test_every_file_of_a_diagnosis_holds_its_findings_and_moves(folder, planar2, diagnosis, name):
+def test_every_file_of_a_diagnosis_holds_its_findings_and_changes_within_tolerance(folder, planar2, diagnosis, name):
     found = read_correction(folder / name, planar2)
     assert found.effects == FOUND
     assert [(one.quantity, one.change) for one in found.adjusted] == [("link2 mass", 0.02)]

@@ -268,13 +268,13 @@ OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, Hidden("change", 0.1))
         ),
         (
             {"verdict": "no_gap", "findings": (), "adjusted": (LIMIT, OTHER_LIMIT)},
-            "The moves of hand mass and arm Ixx end at the limits of their tolerances; a payload of up to 0.12 kg and "
-            "larger changes of these could hide behind them.",
+            "The changes of hand mass and arm Ixx end at the limits of their tolerances; a payload of up to 0.12 kg "
+            "and larger changes of these could hide behind them.",
             "explained",
         ),
         (
             {"verdict": "no_gap", "findings": (), "adjusted": (LIMIT, *(OTHER_LIMIT,) * 4)},
-            "The moves of hand mass, arm Ixx, arm Ixx and 2 more (in the report) end at the limits",
+            "The changes of hand mass, arm Ixx, arm Ixx and 2 more (in the report) end at the limits",
             "arm Ixx, arm Ixx, arm Ixx",
         ),
         (

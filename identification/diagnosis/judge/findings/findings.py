@@ -93,7 +93,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
     Args:
         shown: The effects that are shown.
         judge: Problem and floor of the gap.
-        within: Residual of the best moves within the tolerances.
+        within: Residual of the best changes within the tolerances.
     """
     plain, chosen = shown.plain, shown.chosen
     fitted = with_other_causes(with_other_tolerances(shown.joint_fit, plain, chosen), shown)

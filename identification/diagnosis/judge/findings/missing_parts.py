@@ -32,7 +32,7 @@ def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tupl
         Share of the squared torque, number of the body, and the part; None if no part makes any.
     """
     robot = problem.session.robot
-    first = problem.nuisances
+    first = problem.nuisance_count
     columns = np.arange(first, first + 10 * (robot.model.njoints - 1))
     a = problem.total_a[np.ix_(columns, columns)]
     change = np.zeros(len(columns))

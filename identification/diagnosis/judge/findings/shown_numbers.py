@@ -107,8 +107,8 @@ def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Ter
     """
     problem = plain.problem.of(chosen)
     found = plain.evaluate(chosen)
-    moves = slice(0, problem.nuisances)
-    if not np.any(np.abs(found.theta[moves]) >= rules.AT_LIMIT * problem.upper[moves]):
+    nuisances = slice(0, problem.nuisance_count)
+    if not np.any(np.abs(found.theta[nuisances]) >= rules.AT_LIMIT * problem.upper[nuisances]):
         return fitted
     return _wider(fitted, chosen, with_wide_tolerances(plain).evaluate(chosen).theta - found.theta, 1.0)
 

@@ -52,8 +52,8 @@ def test_the_residual_is_measured_less_modelled_torque(quiet, planar2):
 
 def test_nuisances_come_first_then_the_ten_parameters_of_each_link(quiet):
     names = quiet.columns.names
-    count = len(quiet.columns.nuisances)
-    assert names[:count] == tuple(n.name for n in quiet.columns.nuisances)
+    count = len(quiet.columns.tolerance_parameters)
+    assert names[:count] == tuple(n.name for n in quiet.columns.tolerance_parameters)
     assert names[count : count + 20 : 10] == ("upper.m", "lower.m")
 
 
@@ -64,9 +64,9 @@ def test_an_encoder_that_reads_the_same_at_several_positions_puts_the_links_nowh
     found = FoundEffect(effect_named("encoder_eccentricity"), "elbow", (), size)
     columns = build_columns(quiet.session, FitPoint((found,)))
     assert columns.displaced == ((found.place,) if there else ())
-    moves = len(columns.nuisances)
+    nuisances = len(columns.tolerance_parameters)
     for row, index in enumerate(columns.rows):
-        own = [k for k, column in enumerate(index) if column < moves]
+        own = [k for k, column in enumerate(index) if column < nuisances]
         energy, given = (np.abs(part.values[0][row][:, own]).max() for part in (columns, quiet.columns))
         assert energy < 2.0 * given
 
@@ -108,7 +108,9 @@ def moved(robot, name, size):
 def test_a_trusted_model_has_no_nuisance_but_timing(lab, planar2, trusted):
     robot = trusted(planar2)
     logs, cutoff = process_all((lab.recording(robot, lab.motion(2)),), robot)
-    assert [n.name for n in build_columns(session_of_logs(robot, logs, cutoff)).nuisances] == ["timing of the torque"]
+    assert [n.name for n in build_columns(session_of_logs(robot, logs, cutoff)).tolerance_parameters] == [
+        "timing of the torque"
+    ]
 
 
 def test_a_sensor_cannot_see_a_torque_constant(lab, planar2):

@@ -13,10 +13,10 @@ from identification.data.recording import Recording
 from identification.data.signals import process, process_all
 from identification.diagnosis.columns.motion.one_sine import in_one_sine, moving, two_numbers_beside_more
 from identification.diagnosis.columns.motion.standstill import standing_still
-from identification.diagnosis.columns.nuisances import moves_of
-from identification.diagnosis.columns.operations import moved_robot
+from identification.diagnosis.columns.operations import adjusted_robot
 from identification.diagnosis.columns.resonances import resonances
 from identification.diagnosis.columns.session import session_of
+from identification.diagnosis.columns.tolerance_parameters import tolerance_parameters
 from identification.notes import Code, Note
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import write_outputs
@@ -189,8 +189,10 @@ def test_files_say_that_the_readings_are_no_mean(loaded, tmp_path: Path):
 def test_when_references_arrive_changes_no_model(loaded):
     _, robot, recording, _ = loaded
     session = session_of(robot, (recording,))
-    values = np.array([0.4 if move.kind == "arrival" else 0.0 for move in moves_of(session.robot)])
-    moved = moved_robot(session.robot, values)
+    values = np.array(
+        [0.4 if parameter.kind == "arrival" else 0.0 for parameter in tolerance_parameters(session.robot)]
+    )
+    moved = adjusted_robot(session.robot, values)
     assert values.any()
     assert moved.viscous_friction.tolist() == session.robot.viscous_friction.tolist()
     assert moved.rotor_inertia.tolist() == session.robot.rotor_inertia.tolist()

@@ -7,10 +7,10 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.diagnosis.columns.layout import by_drives, by_place, by_scales, scales, together
-from identification.diagnosis.columns.nuisances import moves_of, touching
 from identification.diagnosis.columns.prepared import prepared
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.columns.terms import merged
+from identification.diagnosis.columns.tolerance_parameters import parameters_by_joint, tolerance_parameters
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.containment import with_term
@@ -87,8 +87,8 @@ def test_a_move_of_a_body_touches_the_joints_whose_torque_depends_on_it(arm, rng
     # Oracle: Pinocchio's regressor at random states, which is zero where a body is not behind a joint.
     q, v, a = rng.normal(size=(3, 20, arm.nv))
     columns = rigid_body_regressor(arm, Motion(np.linspace(0.0, 1.0, 20), q, v, a))
-    moves, rows = moves_of(arm), touching(arm, moves_of(arm))
-    bodies = {k: move.place for k, move in enumerate(moves) if isinstance(move.place, int)}
+    parameters, rows = tolerance_parameters(arm), parameters_by_joint(arm, tolerance_parameters(arm))
+    bodies = {k: one.owner for k, one in enumerate(parameters) if isinstance(one.owner, int)}
     assert len(bodies) > arm.nv
     for k, body in bodies.items():
         first = 10 * (body - 1)
@@ -97,9 +97,9 @@ def test_a_move_of_a_body_touches_the_joints_whose_torque_depends_on_it(arm, rng
 
 
 def test_a_shift_of_all_torques_in_time_touches_every_joint(arm):
-    moves = moves_of(arm)
-    assert moves[-1].kind == "timing"
-    assert all(row[-1] == len(moves) - 1 for row in touching(arm, moves))
+    parameters = tolerance_parameters(arm)
+    assert parameters[-1].kind == "timing"
+    assert all(row[-1] == len(parameters) - 1 for row in parameters_by_joint(arm, parameters))
 
 
 def test_runs_of_joints_in_the_order_of_their_scales_are_tried_together():

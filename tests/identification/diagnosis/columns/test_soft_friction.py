@@ -9,7 +9,7 @@ import pytest
 import phantom_dyn as dyn
 from by_night import by_night
 from identification.diagnosis.columns.motion.soft_friction import softness
-from identification.diagnosis.columns.nuisances import moves_of
+from identification.diagnosis.columns.tolerance_parameters import tolerance_parameters
 from identification.notes import Code, Note
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
@@ -78,9 +78,9 @@ def test_the_law_is_what_mujoco_adds_to_coulomb_friction(tmp_path, solver):
 
 def test_a_model_of_mujoco_may_rub_softly_and_a_urdf_not(tmp_path, planar2):
     robot, _ = arm(tmp_path)
-    soft = [move.place for move in moves_of(robot) if move.kind == "softness"]
+    soft = [one.owner for one in tolerance_parameters(robot) if one.kind == "softness"]
     assert soft == ["j1", "j2"]
-    assert not [move for move in moves_of(planar2) if move.kind == "softness"]
+    assert not [one for one in tolerance_parameters(planar2) if one.kind == "softness"]
 
 
 def log(tmp_path, columns: tuple[np.ndarray, ...], late: int) -> str:

@@ -97,30 +97,30 @@ def test_known_friction_comes_back_within_three_deviations(rough):
 
 
 def test_nuisances_stay_within_two_tolerances(lab, planar2):
-    # Friction of 0.5 more than modelled: without a term for it the model may move 10 % and no further.
+    # Friction of 0.5 more than modelled: without a term for it the model may change by 10 % and no further.
     motion = lab.motion(2, 3)
     recording = lab.recording(planar2, motion, -np.sign(motion.v) * 0.5)
     prepared = lab.prepared(planar2, (recording,))
     found = fit(prepared.problem, ())
-    moves = found.theta[: prepared.problem.nuisances]
-    bounds = np.array([n.bound for n in prepared.columns.nuisances])
-    assert np.all(np.abs(moves) <= bounds * (1 + 1e-12))
-    assert np.any(np.isclose(np.abs(moves), bounds))
+    changes = found.theta[: prepared.problem.nuisance_count]
+    bounds = np.array([n.bound for n in prepared.columns.tolerance_parameters])
+    assert np.all(np.abs(changes) <= bounds * (1 + 1e-12))
+    assert np.any(np.isclose(np.abs(changes), bounds))
 
 
 def test_a_fit_without_the_moves_that_cannot_be_seen_leaves_what_one_with_all_leaves(lab, planar2):
-    # The same fit with every move in it; the noise of one sample is one.
+    # The same fit with every tolerance parameter in it; the noise of one sample is one.
     motion = lab.motion(2, 3)
     still = replace(motion, q=motion.q * [1.0, 0.0], v=motion.v * [1.0, 0.0], a=motion.a * [1.0, 0.0])
     problem = lab.prepared(planar2, (lab.recording(planar2, still, -still.v * 0.15),)).problem
-    every = replace(problem, moves=np.arange(problem.nuisances))
-    assert 0 < len(problem.moves) < problem.nuisances
+    every = replace(problem, fitted_nuisances=np.arange(problem.nuisance_count))
+    assert 0 < len(problem.fitted_nuisances) < problem.nuisance_count
     assert fit(problem, ()).objective == pytest.approx(fit(every, ()).objective, abs=1.0)
 
 
 def test_the_penalty_counts_squared_sigmas(rough):
     found = fit(rough.problem, ())
-    sigma = np.array([n.sigma for n in rough.columns.nuisances])
+    sigma = np.array([n.sigma for n in rough.columns.tolerance_parameters])
     assert found.penalty == pytest.approx(np.sum((found.theta[: len(sigma)] / sigma) ** 2))
 
 
@@ -136,7 +136,7 @@ def test_predictions_are_what_the_loss_is_made_of(lab, planar2):
     columns = prepared.columns
     error = (columns.model_torque[0] + columns.residual[0] - torque) * columns.usable[0]
     squared = (error**2).sum(axis=0) @ prepared.weights.per_sample
-    nuisances = np.arange(prepared.problem.nuisances)
+    nuisances = np.arange(prepared.problem.nuisance_count)
     priors = prepared.problem.precision[nuisances] @ found.theta[nuisances] ** 2
     assert squared + priors == pytest.approx(found.objective, rel=1e-3)
 

@@ -3,9 +3,9 @@ import pytest
 from scipy.stats import truncnorm
 
 from identification.data.changes import KnownPayload, with_payload
-from identification.diagnosis.columns.nuisances import moves_of
-from identification.diagnosis.columns.operations import moved_robot
+from identification.diagnosis.columns.operations import adjusted_robot
 from identification.diagnosis.columns.terms import FoundEffect
+from identification.diagnosis.columns.tolerance_parameters import tolerance_parameters
 from identification.diagnosis.fit.covariance import covariance, free_numbers
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit, within_tolerances
@@ -86,7 +86,7 @@ def test_slopes_are_those_of_the_torque(lab, planar2, place, shape, own):
     setting, x = lay_out(problem, terms, start)
     x[setting.places[0].coefficients] = own
     slopes = linearised(setting, x).slopes[0]
-    for k in range(problem.nuisances, setting.size):
+    for k in range(problem.nuisance_count, setting.size):
         step = np.zeros(setting.size)
         step[k] = 1e-3 * max(abs(x[k]), 0.1 * float(np.abs(own).max()))
         above, below = (linearised(setting, x + sign * step).torque[0] for sign in (1.0, -1.0))
@@ -96,9 +96,9 @@ def test_slopes_are_those_of_the_torque(lab, planar2, place, shape, own):
 
 def test_a_tilted_base_turns_the_weights_of_the_true_robot(lab, planar2):
     # Known truth: masses are nearly two tolerances off, by which a tilt of the given model's would be wrong.
-    moves = np.zeros(len(moves_of(planar2)))
-    moves[[k for k, move in enumerate(moves_of(planar2)) if move.nuisance.name.endswith("mass")]] = 0.09
-    true = moved_robot(planar2, moves)
+    parameters = tolerance_parameters(planar2)
+    changes = np.where([parameter.name.endswith("mass") for parameter in parameters], 0.09, 0.0)
+    true = adjusted_robot(planar2, changes)
     motion = lab.motion(2, 4, seconds=20.0, swing=1.5)
     torque = lab.acting(true, motion, "base_tilt", None, 0.0, 0.3, 0.0)
     less = inverse_dynamics(true, motion) - inverse_dynamics(planar2, motion)
@@ -157,8 +157,8 @@ def test_an_interval_of_95_per_cent_holds_the_truth_about_as_often(lab, planar2)
 
 
 def test_a_size_is_known_better_where_a_tolerance_ends():
-    # Oracle: the truncated normal distribution. A size that is exchanged for a move of the model, which is fitted to
-    # 0.19 and ends at 0.2, is as far from its estimate as the move may be; what no move touches stays.
+    # Oracle: the truncated normal distribution. A size that is exchanged for a tolerance parameter, which is fitted to
+    # 0.19 and ends at 0.2, is as far from its estimate as that parameter may be; what no such parameter touches stays.
     cov = np.array([[0.01, -0.01, 0.0], [-0.01, 0.01 + 1e-6, 0.0], [0.0, 0.0, 1.0]])
     x, end = np.array([0.19, 0.3, 5.0]), np.array([0.2, np.inf, np.inf])
     known = within_tolerances(x, cov, 1, -end, end)
@@ -168,8 +168,8 @@ def test_a_size_is_known_better_where_a_tolerance_ends():
 
 
 def test_rounding_does_not_change_how_well_a_size_is_known():
-    # Three sizes of one deviation, exchanged for one move: two directions have the same scatter, and rounding decides
-    # what is taken for them.
+    # Three sizes of one deviation, exchanged for one tolerance parameter: two directions have the same scatter, and
+    # rounding decides what is taken for them.
     cov = np.diag([0.01, 1.0, 1.0, 1.0])
     cov[0, 1:] = cov[1:, 0] = -0.05
     x, end = np.array([0.19, 0.3, 5.0, 1.0]), np.array([0.2, np.inf, np.inf, np.inf])
@@ -180,7 +180,7 @@ def test_rounding_does_not_change_how_well_a_size_is_known():
 
 
 def test_the_pull_on_a_number_that_a_bound_holds_is_no_scatter():
-    # A number that may not move does not, however hard the data of each block pull on it.
+    # A number that may not change does not, however hard the data of each block pull on it.
     rng = np.random.default_rng(0)
     design, noise = rng.standard_normal((8, 30, 3)), rng.standard_normal((8, 30))
     a, b = np.einsum("bnp,bnq->bpq", design, design), np.einsum("bnp,bn->bp", design, noise)

@@ -103,7 +103,7 @@ def fitted_as_coulomb(lab, robot, motion, effect, *numbers):
     terms = tuple(t for t in prepared.columns.terms if t.place == ("coulomb_friction", "elbow"))
     layout, x = lay_out(problem, terms, fit(problem, terms, held_out=False))
     given = equations(layout, linearised(layout, x))
-    known = np.where(np.arange(layout.size) < problem.nuisances, problem.precision[: layout.size], 0.0)
+    known = np.where(np.arange(layout.size) < problem.nuisance_count, problem.precision[: layout.size], 0.0)
     total = given.slopes.T @ given.slopes + np.diag(known)
     return given, total, layout.places[0].coefficients.start
 

@@ -144,7 +144,7 @@ def columns_along(quiet, effect: str, joint: str | None, direction: np.ndarray) 
 def test_information_is_what_nuisances_leave_of_the_energy_of_a_column(quiet, effect, joint, direction):
     # Least squares of NumPy with the priors of the nuisances as further rows.
     problem, term, direction = quiet.problem, quiet.term(effect, joint), np.array(direction)
-    base = np.arange(problem.nuisances)
+    base = np.arange(problem.nuisance_count)
     column = columns_along(quiet, effect, joint, direction).ravel()
     beside = [column_of(quiet, k).ravel() for k in base]
     rows = np.vstack([np.column_stack(beside), np.diag(np.sqrt(problem.precision[base]))])
@@ -170,7 +170,7 @@ def test_the_largest_size_has_the_energy_of_all_measured_torque_on_its_joints(qu
 
 def smallest(quiet, term, direction: np.ndarray) -> float:
     """Size of a term that is seen: deviations over the root of the information in the blocks that are held out."""
-    problem, base = quiet.problem, np.arange(quiet.problem.nuisances)
+    problem, base = quiet.problem, np.arange(quiet.problem.nuisance_count)
     information, beside = _information(problem, term, direction, base, _inverse(problem, base))
     index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
     by_block = np.einsum("i,bij,j->b", parts, problem.grams.core_a[:, index][:, :, index], parts)

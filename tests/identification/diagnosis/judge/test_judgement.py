@@ -1,6 +1,6 @@
 """What a judgement puts together. Oracle: by hand on made-up sums, joints and recordings.
 
-Figures of each joint, and moves that end at their limits. Oracle: closed forms.
+Figures of each joint, and changes within tolerance that end at their limits. Oracle: closed forms.
 
 The judged band: its noise floor, what is visible above it, and fits in it. Oracle: closed forms and known truths.
 
@@ -193,16 +193,16 @@ def test_no_payload_hides_beside_free_inertial_parameters_of_the_body_that_would
     load = next(term for term in search.terms if term.effect.inertial == "point mass")
     bodies = [term for term in search.terms if term.effect.inertial == "free"]
     free = next(term for term in bodies if set(load.columns) <= set(term.columns))
-    moves = (Adjusted("lower mass", -0.05, 0.05, at_limit=True, hides=Hidden("payload", 1e-3)),)
-    assert with_hidden_payload(moves, search, frozenset({free})) == moves
-    assert with_hidden_payload(moves, search, frozenset())[0].hides.size > 1e-3
+    changes = (Adjusted("lower mass", -0.05, 0.05, at_limit=True, hides=Hidden("payload", 1e-3)),)
+    assert with_hidden_payload(changes, search, frozenset({free})) == changes
+    assert with_hidden_payload(changes, search, frozenset())[0].hides.size > 1e-3
 
 
 @pytest.mark.parametrize(("body", "number"), [("upper", 1), ("lower", 2)])
 def test_what_hides_behind_a_mass_is_its_tolerance_of_it(quiet, planar2, body, number):
-    move = next(move for move in quiet.columns.nuisances if move.name == f"{body} mass")
-    kilograms = move.bound * planar2.model.inertias[number].mass
-    hidden = hidden_by(planar2, move)
+    mass = next(one for one in quiet.columns.tolerance_parameters if one.name == f"{body} mass")
+    kilograms = mass.bound * planar2.model.inertias[number].mass
+    hidden = hidden_by(planar2, mass)
     assert (hidden.kind, hidden.size) == ("payload", pytest.approx(kilograms))
 
 
@@ -323,6 +323,6 @@ def test_on_a_robot_without_a_gap_nothing_is_claimed_and_every_refusal_names_its
 
 
 def test_moves_that_leave_more_than_the_given_model_are_not_made(without_gap):
-    # Known truth: the given model is right, so that moves within its tolerances fit noise.
+    # Known truth: the given model is right, so that changes within its tolerances fit noise.
     assert without_gap.adjusted == ()
     assert all(joint.rms_within_tolerance == joint.rms_before for joint in without_gap.joints)

@@ -255,7 +255,7 @@ def test_noise_makes_no_dry_friction(quiet, name, made):
 
 
 def test_claims_of_a_loud_search_are_measured_by_what_is_left_in_its_band(quiet):
-    # By hand: the whole loss of the moves alone less one for each sample, whatever another band has.
+    # By hand: the whole loss of the tolerance parameters alone less one for each sample, whatever another band has.
     wide = replace(quiet.search, rows=RowGaps(np.full(2, 1e9), np.full(2, 1e9)))
     loud, _ = loud_search(wide, frozenset(), frozenset([quiet.term("coulomb_friction", "elbow")]), quiet.noise)
     left = loud.evaluate(frozenset()).row_losses

@@ -30,7 +30,7 @@ class Case:
         return (np.ones_like(self.quiet.columns.residual[0]) * size * FLOOR,)
 
     def left(self, given, residual, smooth, *, whole=None, nameless=frozenset()) -> Unexplained:
-        """What is left where a flexible model leaves ``smooth`` and the moves leave all of the given residual."""
+        """What is left where a flexible model leaves ``smooth`` and tolerances explain nothing of the residual."""
         rest = self.series(residual if whole is None else whole)
         session = replace(self.quiet.session, cutoff_hz=1e3)
         columns = replace(self.quiet.columns, residual=self.series(given))
@@ -151,24 +151,24 @@ def test_a_prediction_counts_where_it_errs_by_less_than_the_residual_itself(quie
 
 @pytest.mark.parametrize(("share", "at_limit"), [(0.9985, False), (0.9995, True), (-0.9995, True)])
 def test_a_move_is_at_its_limit_a_rounding_short_of_it(quiet, share, at_limit):
-    # Closed form: deviations of one, in which no move is significant.
+    # Closed form: deviations of one, in which no change is significant.
     found = quiet.search.evaluate(frozenset())
-    moves = [quiet.columns.nuisances[k] for k in quiet.problem.moves]
+    parameters = [quiet.columns.tolerance_parameters[k] for k in quiet.problem.fitted_nuisances]
     theta = np.zeros_like(found.theta)
-    theta[quiet.problem.moves] = [share * move.bound for move in moves]
+    theta[quiet.problem.fitted_nuisances] = [share * one.bound for one in parameters]
     none = np.zeros_like(quiet.problem.total_a)
     flat = replace(quiet.problem, total_a=none, precision=np.ones(len(none)))
     unsure = replace(found, theta=theta, problem=flat)
     said = adjusted(quiet.problem, unsure)
-    assert [move.quantity for move in said] == ([m.name for m in moves if m.relative] if at_limit else [])
-    assert all(move.at_limit and move.hides for move in said)
-    wanted = [(share * move.bound, move.sigma) for move in moves if move.relative and at_limit]
-    assert [(move.change, move.tolerance) for move in said] == wanted
+    assert [one.quantity for one in said] == ([m.name for m in parameters if m.relative] if at_limit else [])
+    assert all(one.at_limit and one.hides for one in said)
+    wanted = [(share * one.bound, one.sigma) for one in parameters if one.relative and at_limit]
+    assert [(one.change, one.tolerance) for one in said] == wanted
 
 
 def test_what_hides_behind_a_move_that_is_no_mass_is_more_of_it(quiet, planar2):
-    move = next(move for move in quiet.columns.nuisances if move.name == "elbow Coulomb friction")
-    hidden = hidden_by(planar2, move)
+    friction = next(one for one in quiet.columns.tolerance_parameters if one.name == "elbow Coulomb friction")
+    hidden = hidden_by(planar2, friction)
     assert (hidden.kind, hidden.size) == ("change", pytest.approx(0.1))
 
 
@@ -242,15 +242,19 @@ def test_what_a_regression_does_not_help_is_not_foretold(quiet, rng):
     assert left <= np.sum(residual[quiet.columns.usable[0]] ** 2) * 1.01
 
 
-def test_moves_beyond_two_deviations_are_told(quiet):
-    # Closed form on a fit whose moves are set by hand.
+def test_changes_beyond_two_deviations_are_told(quiet):
+    # Closed form on a fit whose changes are set by hand.
     found = fit(quiet.problem, ())
     std = np.sqrt(np.diag(found.cov))
-    fitted = [(k, one) for k, one in zip(quiet.problem.moves, std, strict=True) if quiet.columns.nuisances[k].relative]
+    fitted = [
+        (k, one)
+        for k, one in zip(quiet.problem.fitted_nuisances, std, strict=True)
+        if quiet.columns.tolerance_parameters[k].relative
+    ]
     relative, deviation = zip(*fitted, strict=True)
     theta = np.zeros_like(found.theta)
     theta[list(relative[:3])] = np.array([1.9, 2.1, -2.1]) * deviation[:3]
     said = adjusted(quiet.problem, replace(found, theta=theta))
-    assert [move.quantity for move in said] == [quiet.columns.nuisances[k].name for k in relative[1:3]]
-    assert [move.change for move in said] == pytest.approx(theta[list(relative[1:3])])
-    assert not any(move.at_limit or move.hides for move in said)
+    assert [one.quantity for one in said] == [quiet.columns.tolerance_parameters[k].name for k in relative[1:3]]
+    assert [one.change for one in said] == pytest.approx(theta[list(relative[1:3])])
+    assert not any(one.at_limit or one.hides for one in said)

@@ -119,7 +119,7 @@ def test_a_threshold_is_never_below_the_least(quiet):
 
 
 class Known:
-    """Draws that are known: every ``turned``-th block changes its sign, every move is a share of its deviation."""
+    """Draws that are known: every ``turned``-th block changes its sign, every change is a share of its deviation."""
 
     def __init__(self, share: float, turned: int = 1000):
         self.share, self.turned = share, turned
@@ -140,13 +140,13 @@ def with_residual(problem: Problem, residual: np.ndarray) -> Problem:
 
 @pytest.mark.parametrize("share", [0.0, 0.7, -50.0])
 def test_a_null_recording_is_noise_and_moves_within_their_bounds(quiet, share):
-    # Brute force: products of the columns with the noise plus what the moves leave on each row.
+    # Brute force: products of the columns with the noise plus what the changes leave on each row.
     problem = quiet.problem
-    moves = np.array([np.clip(share * n.sigma, -n.bound, n.bound) for n in problem.white.nuisances])
+    changes = np.array([np.clip(share * n.sigma, -n.bound, n.bound) for n in problem.white.tolerance_parameters])
     residual = quiet.noise[0].copy()
     for j, index in enumerate(problem.columns.rows):
-        own = [k for k, column in enumerate(index) if column < len(moves)]
-        residual[:, j] += problem.white.values[0][j][:, own] @ moves[[index[k] for k in own]]
+        own = [k for k, column in enumerate(index) if column < len(changes)]
+        residual[:, j] += problem.white.values[0][j][:, own] @ changes[[index[k] for k in own]]
     expected = with_residual(problem, residual).grams
     b, core_b = _null_products(problem, quiet.filters, quiet.noise, Known(share))
     scale = np.abs(expected.b).max(axis=0) + 1e-9

@@ -56,8 +56,10 @@ def law(*columns: int, named=True, inertial=None, follows="", scope="joint", sha
     ],
 )
 def test_the_ladder_goes_from_laws_of_the_motion_over_moves_and_other_laws_to_all_the_rest(rival, rung):
-    # By hand: columns 0 and 1 are moves, 2 and 3 of a law of the motion, 4 of nothing that is known.
-    columns = SimpleNamespace(nuisances=("a", "b"), terms=(law(2, 3), rival), rows=((0, 1, 9), (4, 5, 3, 1, 2, 0)))
+    # By hand: columns 0 and 1 are tolerance parameters, 2 and 3 of a law of the motion, 4 of nothing that is known.
+    columns = SimpleNamespace(
+        tolerance_parameters=("a", "b"), terms=(law(2, 3), rival), rows=((0, 1, 9), (4, 5, 3, 1, 2, 0))
+    )
     order, ends = _plain_first(columns, 1)
     steps = {0: [1, 2, 4, 3, 5, 0], 1: [2, 4, 1, 3, 5, 0], 2: [2, 4, 3, 5, 0, 1]}
     assert list(order) == steps[rung]

@@ -236,10 +236,10 @@ def test_findings_are_looked_at_again_beside_a_rival_that_takes_a_place(lab, pla
 
 def test_wide_tolerances_are_three_times_as_wide_and_leave_effects_alone(quiet):
     narrow, wide = quiet.search.problem, with_wide_tolerances(quiet.search).problem
-    moves = narrow.nuisances
-    np.testing.assert_allclose(wide.precision[:moves], narrow.precision[:moves] / 9.0)
-    np.testing.assert_allclose(wide.upper[:moves], 3.0 * narrow.upper[:moves])
-    np.testing.assert_array_equal(wide.precision[moves:], narrow.precision[moves:])
+    nuisances = narrow.nuisance_count
+    np.testing.assert_allclose(wide.precision[:nuisances], narrow.precision[:nuisances] / 9.0)
+    np.testing.assert_allclose(wide.upper[:nuisances], 3.0 * narrow.upper[:nuisances])
+    np.testing.assert_array_equal(wide.precision[nuisances:], narrow.precision[nuisances:])
 
 
 def test_what_survives_every_repetition_is_as_certain_as_before(quiet):
@@ -264,9 +264,9 @@ def test_a_place_that_is_no_rival_leads_to_nothing(quiet):
     assert _with_places(quiet.search, frozenset([finding]), finding, (("coulomb_friction", "wrist"),)) is None
 
 
-def priced(prices: tuple[float, ...], moves: tuple[float, ...]) -> SimpleNamespace:
-    """A search whose sets are numbered, with a price and a penalty of moves each."""
-    return SimpleNamespace(price_of=lambda k: prices[k], evaluate=lambda k: SimpleNamespace(penalty=moves[k]))
+def priced(prices: tuple[float, ...], penalties: tuple[float, ...]) -> SimpleNamespace:
+    """A search whose sets are numbered, with a price and a penalty each."""
+    return SimpleNamespace(price_of=lambda k: prices[k], evaluate=lambda k: SimpleNamespace(penalty=penalties[k]))
 
 
 @pytest.mark.parametrize(
@@ -274,12 +274,12 @@ def priced(prices: tuple[float, ...], moves: tuple[float, ...]) -> SimpleNamespa
     [
         ((False, False, False), (), (5.0, 9.0, 9.0), (5.0, 15.0 - 2.0, 5.0 + 0.0)),
         ((False, True, True), (), (5.0, -1.0, 9.0), (5.0, 3.0, 5.0)),
-        # What more numbers save in moves does not count, what a set of the same price moves more does.
+        # What more numbers save in the penalty does not count, what a set of the same price pays more does.
         ((False, False, False), (False, True, True), (5.0, 5.0, 9.0), (5.0, 5.0, 5.0)),
     ],
 )
-def test_a_set_costs_its_price_and_its_moves_counted_in_two_ways(twins, free, whole, beyond):
-    # By hand: prices 5, 15, 5; moves 10, 4, 14, which count in full or beyond four.
+def test_a_set_costs_its_price_and_its_penalty_counted_in_two_ways(twins, free, whole, beyond):
+    # By hand: prices 5, 15, 5; penalties 10, 4, 14, which count in full or beyond four.
     search = priced((5.0, 15.0, 5.0), (10.0, 4.0, 14.0))
     found = costs_of(search, [0, 1, 2], list(twins), list(free))
     np.testing.assert_allclose(found[0], whole)

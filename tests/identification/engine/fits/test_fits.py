@@ -154,7 +154,7 @@ def test_a_solved_set_is_as_far_as_the_columns_and_the_bounds_in_which_a_fit_of_
     columns = [active_columns(problem, terms_of(rough, places)) for places in (FRICTION, ())]
     for some in columns:
         fits.fit(some, held_out=False)
-    # Without the friction that it lacks, the model moves to other bounds.
+    # Without the friction that it lacks, the model changes to other bounds.
     ends = [fit(problem, terms_of(rough, places), held_out=False).theta for places in (FRICTION, ())]
     bound = [(theta <= problem.lower) | (theta >= problem.upper) for theta in ends]
     elsewhere = np.count_nonzero((bound[0] != bound[1])[columns[1]])
@@ -225,7 +225,7 @@ def test_gains_of_all_rivals_are_those_of_each_alone(rough_columns):
     gains = gains_beside(problem, fitted, {rival.columns for rival in problem.columns.terms})
     _, _, gradient = project_off_fit(problem, fitted, np.arange(len(problem.precision)))
     inside, x = frozenset(fitted.active.tolist()), fitted.theta[fitted.active]
-    # A move that stands at its bound stays there.
+    # A nuisance that is at its bound stays there.
     free = fitted.active[np.abs(x - problem.lower[fitted.active]) > 1e-12]
     free = free[np.abs(fitted.theta[free] - problem.upper[free]) > 1e-12]
     inner = problem.total_a[np.ix_(free, free)] + np.diag(problem.precision[free])
@@ -252,7 +252,7 @@ def sprung(lab, planar2, trusted):
 @pytest.mark.parametrize("fold", [0, 5])
 def test_the_projection_of_a_fold_is_the_fit_without_it(sprung, rival, fold):
     problem, term = sprung.problem, sprung.term(*rival)
-    n, own, mine = problem.nuisances, list(term.columns), np.flatnonzero(sprung.folds == fold)
+    n, own, mine = problem.nuisance_count, list(term.columns), np.flatnonzero(sprung.folds == fold)
     part = fold_projections(problem)[fold]
     right = problem.total_b - problem.grams.b[mine].sum(axis=0)
     held = problem.grams.core_b[mine].sum(axis=0)

@@ -138,7 +138,7 @@ def test_products_of_a_fold_are_those_of_its_blocks(two, fold):
 def test_rows_add_up(two, rng):
     # For any coefficients the summed products give the loss of all rows.
     rows = all_row_grams(two.white, two.blocks, two.folds, two.weights)
-    grams = summed(len(two.white.names), rows, two.folds, np.arange(len(two.white.nuisances)))
+    grams = summed(len(two.white.names), rows, two.folds, np.arange(len(two.white.tolerance_parameters)))
     theta = rng.normal(size=len(two.white.names)) * 1e-3
     mine = np.flatnonzero(two.folds == 1)
     expected = 0.0
@@ -154,7 +154,7 @@ def test_rows_add_up(two, rng):
 
 def test_the_count_of_a_core_is_the_number_of_its_independent_samples(two):
     rows = all_row_grams(two.white, two.blocks, two.folds, two.weights)
-    grams = summed(len(two.white.names), rows, two.folds, np.arange(len(two.white.nuisances)))
+    grams = summed(len(two.white.names), rows, two.folds, np.arange(len(two.white.tolerance_parameters)))
     block = two.blocks[2]
     use = two.white.usable[block.log][block.core : block.stop]
     assert grams.count[2] == pytest.approx((use.sum(axis=0) / two.weights.spread).sum())

@@ -20,7 +20,7 @@ from identification.export.corrected.corrected_files import model_files, rollout
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.corrected_urdf import corrected_urdf, robot_of_urdf
-from identification.export.corrected.found_effects import effect_of, lasting_findings, moved_by
+from identification.export.corrected.found_effects import effect_of, lasting_findings, robot_within_tolerances
 from identification.export.corrected.possible_bodies import same_torque_bodies
 from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
 from identification.export.model_files.mjcf_file import mjcf_text
@@ -259,7 +259,7 @@ def adjusted(made_up) -> Callable[..., Diagnosis]:
 
 
 def test_without_moves_it_is_the_given_robot_itself(planar, adjusted):
-    assert moved_by(planar, adjusted().adjusted) is planar
+    assert robot_within_tolerances(planar, adjusted().adjusted) is planar
 
 
 def test_masses_that_moved_within_tolerance_are_in_all_corrected_files(planar, adjusted, tmp_path):
@@ -279,7 +279,7 @@ def test_masses_that_moved_within_tolerance_are_in_all_corrected_files(planar, a
 def test_a_body_that_cannot_be_becomes_one_with_the_same_torques(planar, adjusted, tmp_path):
     # A moment about one axis above the sum of the others cannot be; planar motion sees this one alone.
     diagnosis = adjusted(lower_Iyy=3.0, lower_mass=0.1)
-    wanted = moved_by(planar, diagnosis.adjusted)
+    wanted = robot_within_tolerances(planar, diagnosis.adjusted)
     texts, noted = export_texts(diagnosis, planar, folder=tmp_path)
     found = replace(planar, model=pin.buildModelFromXML(texts["corrected.urdf"]))
     e = diagnosis.evidence

@@ -201,7 +201,7 @@ def handed(planar2, rng):
     """Two links with a ring on the first and a hand on the last, and products of their twenty columns."""
     robot = SimpleNamespace(model=planar2.model, attached=((), (RING,), (HAND,)))
     root = rng.normal(size=(30, 40))
-    products = SimpleNamespace(session=SimpleNamespace(robot=robot), nuisances=3, total_a=root @ root.T)
+    products = SimpleNamespace(session=SimpleNamespace(robot=robot), nuisance_count=3, total_a=root @ root.T)
     everything = SimpleNamespace(columns=tuple(range(3, 23)))
     return products, everything
 

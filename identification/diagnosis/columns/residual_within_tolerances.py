@@ -1,11 +1,11 @@
-"""Residual of a recording after a fit of the nuisance columns alone: moves of the model within its tolerances."""
+"""Residual of a recording after a fit of the tolerance parameters of the model alone."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.columns.nuisances import Move, touching
+from identification.diagnosis.columns.tolerance_parameters import ToleranceParameter, parameters_by_joint
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
@@ -13,39 +13,39 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.splines import interpolated
 
 
-def residual_after_moves(
+def residual_within_tolerances(
     robot: Robot,
-    moves: tuple[Move, ...],
+    parameters: tuple[ToleranceParameter, ...],
     columns: tuple[list[list[Float[Array, " n"]]], ...],
     residual: tuple[Float[Array, "n nv"], ...],
     usable: tuple[Bool[Array, "n nv"], ...],
 ) -> tuple[Float[Array, "n nv"], ...]:
-    """Residual of a weighted least squares fit of the moves, with the tolerances as prior.
+    """Residual of a weighted least squares fit of the tolerance parameters, with the tolerances as prior.
 
     The noise of each joint is assumed to be a tenth of its residual. That is about right where the model is wrong.
 
     Args:
         robot: The given model.
-        moves: Moves of the model within its tolerances.
-        columns: For each log and joint, the columns of the moves that touch the joint, then any others.
+        parameters: Tolerance parameters of the model.
+        columns: For each log and joint, the columns of the parameters that may change its torque, then any others.
         residual: Measured less modelled torque of each log.
         usable: Samples that may be used.
     """
     rows = range(residual[0].shape[1])
-    touched = [list(own) for own in touching(robot, moves)]
-    a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
-    b = np.zeros(len(moves))
+    acting = [list(indices) for indices in parameters_by_joint(robot, parameters)]
+    a = np.diag([1.0 / parameter.sigma**2 for parameter in parameters])
+    b = np.zeros(len(parameters))
     for j in rows:
         x = np.concatenate(
-            [np.column_stack(log[j][: len(touched[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
+            [np.column_stack(log[j][: len(acting[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
         )
         y = np.concatenate([r[:, j][u[:, j]] for r, u in zip(residual, usable, strict=True)])
         weight = 100.0 / max(float(y @ y) / max(len(y), 1), 1e-30)
-        a[np.ix_(touched[j], touched[j])] += weight * x.T @ x
-        b[touched[j]] += weight * x.T @ y
-    move = solve(a, b)
+        a[np.ix_(acting[j], acting[j])] += weight * x.T @ x
+        b[acting[j]] += weight * x.T @ y
+    change = solve(a, b)
     return tuple(
-        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touched[j])]) @ move[touched[j]] for j in rows])
+        np.column_stack([r[:, j] - np.column_stack(log[j][: len(acting[j])]) @ change[acting[j]] for j in rows])
         for log, r in zip(columns, residual, strict=True)
     )
 
