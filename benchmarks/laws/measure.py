@@ -2,10 +2,11 @@
 
 ``python -m benchmarks.laws.measure --laws 3000:3100 --nulls 3000:3100``. Each case is drawn by its seed, diagnosed as
 ``phantom-dyn diagnose`` does it up to the verdict, and scored against the law that its generator put in. An oracle that
-knows the law fits its amplitudes to the same rest, on the same blocks and with the same freedom of the model.
+knows the law fits its amplitudes to the same residual, on the same blocks and with the same freedom of the model.
 
-A case that the catalogue explains has no rest to look at; it is counted apart. What its findings name is compared with
-the law too: friction with memory may rightly be called presliding, and friction by temperature is in the catalogue.
+A case that the catalogue explains has no structured residual to look at; it is counted apart. What its findings name is
+compared with the law too: friction with memory may rightly be called presliding, and friction by temperature is in the
+catalogue.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.law.formula_search import columns_of, with_nuisances_at_bounds, without_law
-from identification.diagnosis.law.rest import Rest, rest_of
+from identification.diagnosis.law.joint_residual import JointResidual, joint_residual
 from identification.diagnosis.result import Judgement
-from identification.engine.products.block_products import Free, block_products
+from identification.engine.products.block_products import NuisancePrior, block_products
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn import load_robot
 from phantom_dyn.errors import PhantomDynError
@@ -61,7 +62,7 @@ class Answer:
     Attributes:
         case: The case.
         verdict: Of the diagnosis; ``refused`` where there is none.
-        looked: True if a structured rest was looked at.
+        looked: True if a structured residual was looked at.
         law: True if a law was shown.
         right: True if the named inputs are those of the law.
         explained: True if the findings name them.
@@ -121,32 +122,33 @@ def _names(case: Case, named: frozenset[str]) -> bool:
 
 
 def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
-    """Share of the rest that the true law foresees on held-out blocks, its amplitudes fitted to the others."""
+    """Share of the residual that the true law foresees on held-out blocks, its amplitudes fitted to the others."""
     assert case.law is not None
-    rest = rest_of(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))
-    columns = columns_of(rest)
-    before = without_law(rest, columns)
-    rest, _ = with_nuisances_at_bounds(rest, columns)
-    x = np.concatenate([log.in_band(_parts(case, rest, k)) for k, log in enumerate(rest.logs)])
+    residual = joint_residual(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))
+    columns = columns_of(residual)
+    before = without_law(residual, columns)
+    residual, _ = with_nuisances_at_bounds(residual, columns)
+    x = np.concatenate([log.in_band(_parts(case, residual, k)) for k, log in enumerate(residual.logs)])
     x = x / np.sqrt(np.mean(x**2, axis=0))
     count = x.shape[1]
-    x = np.column_stack([x, np.concatenate([log.free for log in rest.logs])])
-    products = block_products(x, rest.y, rest.weight, rest.blocks, len(rest.folds))
-    free, loss = Free(rest.precision, rest.right), 0.0
-    for fold in np.unique(rest.folds):
-        train = products.summed((rest.folds != fold).astype(float))
-        theta = free.eliminate_from(train).fitted(list(range(count)))
-        theta = np.concatenate([theta, free.beside(train, list(range(count)), theta)])
+    x = np.column_stack([x, np.concatenate([log.nuisances for log in residual.logs])])
+    products = block_products(x, residual.y, residual.weight, residual.blocks, len(residual.folds))
+    prior, loss = NuisancePrior(residual.precision, residual.right), 0.0
+    for fold in np.unique(residual.folds):
+        train = products.summed((residual.folds != fold).astype(float))
+        theta = prior.eliminate_from(train).fitted(list(range(count)))
+        theta = np.concatenate([theta, prior.fitted_with(train, list(range(count)), theta)])
         loss += sum(
-            products.block(k).left(list(range(x.shape[1])), theta) for k in np.flatnonzero(rest.folds == fold).tolist()
+            products.block(k).left(list(range(x.shape[1])), theta)
+            for k in np.flatnonzero(residual.folds == fold).tolist()
         )
     return 1.0 - loss / before.sum()
 
 
-def _parts(case: Case, rest: Rest, log: int) -> np.ndarray:
+def _parts(case: Case, residual: JointResidual, log: int) -> np.ndarray:
     assert case.law is not None
     t = np.arange(len(case.law.parts)) / RATE
-    return np.column_stack([np.interp(rest.logs[log].t, t, part) for part in case.law.parts.T])
+    return np.column_stack([np.interp(residual.logs[log].t, t, part) for part in case.law.parts.T])
 
 
 def _seeds(text: str) -> range:
@@ -183,11 +185,11 @@ def _summary(answers: list[Answer]) -> list[str]:
     looked = [one for one in laws if one.looked]
     named = sum(one.right or one.explained for one in laws)
     out = [
-        f"{len(laws)} laws of {FLOORS:g} floors or more, {len(looked)} of them with a structured rest",
-        f"inputs named, of structured rests: {Proportion(sum(one.right for one in looked), len(looked))}",
+        f"{len(laws)} laws of {FLOORS:g} floors or more, {len(looked)} of them with a structured residual",
+        f"inputs named, of structured residuals: {Proportion(sum(one.right for one in looked), len(looked))}",
         f"inputs named by law or findings, of all: {Proportion(named, len(laws))}",
-        f"formula shown, of structured rests: {Proportion(sum(one.law for one in looked), len(looked))}",
-        f"formula closes {CLOSES:.0%} of the oracle's, of structured rests: "
+        f"formula shown, of structured residuals: {Proportion(sum(one.law for one in looked), len(looked))}",
+        f"formula closes {CLOSES:.0%} of the oracle's, of structured residuals: "
         f"{Proportion(sum(one.closed >= CLOSES for one in looked), len(looked))}",
         f"law claimed on nulls: {Proportion(sum(one.law for one in nulls), len(nulls))}",
     ]
@@ -197,7 +199,7 @@ def _summary(answers: list[Answer]) -> list[str]:
         own = [one for one in laws if one.case.name == name]
         verdicts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(one.verdict for one in own).items())
         out.append(
-            f"  {name}: {len(own)} cases ({verdicts}), {sum(one.looked for one in own)} with a rest, "
+            f"  {name}: {len(own)} cases ({verdicts}), {sum(one.looked for one in own)} with a residual, "
             f"{sum(one.right for one in own)} right, {sum(one.explained for one in own)} explained rightly"
         )
     return out

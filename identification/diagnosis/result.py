@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from identification.diagnosis.evidence import Evidence
-from identification.diagnosis.rest_law import Dependence, Law
+from identification.diagnosis.residual_law import Dependence, Law
 from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
 from identification.notes import Said

@@ -10,7 +10,7 @@ from identification.words.diagnosis_words import joined, place, share_words
 from identification.words.numbers_and_names import number, percent
 
 if TYPE_CHECKING:
-    from identification.diagnosis.rest_law import Dependence, Law
+    from identification.diagnosis.residual_law import Dependence, Law
 
 _KINDS = {
     "q": "the position",

@@ -31,11 +31,11 @@ from identification.diagnosis.law.formula_search import (
     with_nuisances_at_bounds,
     without_law,
 )
-from identification.diagnosis.law.rest import Rest, rest_of
+from identification.diagnosis.law.joint_residual import JointResidual, joint_residual
 from identification.diagnosis.law.smooth import frequency_responses, input_curves, input_gains
-from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, ModelTerm, Pair, ResidualModel
+from identification.diagnosis.residual_law import Dependence, InputGain, Law, LawTerm, ModelTerm, Pair, ResidualModel
 from identification.diagnosis.result import JointGap, Judgement, noise_is_all
-from identification.engine.products.block_products import Free
+from identification.engine.products.block_products import NuisancePrior
 from identification.engine.resampling import REPLICATES, block_counts, interval
 from identification.engine.search.stepwise import extended
 from phantom_dyn.array_types import Array, Bool, Float
@@ -84,76 +84,76 @@ def with_law(judgement: Judgement, shown: Shown) -> Judgement:
     # Where the measured torque is noise, the residual is the model's own torque.
     if not left.structured or left.joint is None or noise_is_all(judgement.joints):
         return judgement
-    rest = rest_of(shown, left.joint, np.array([joint.noise_floor for joint in judgement.joints]))
-    if np.count_nonzero(rest.weight) == 0:
+    residual = joint_residual(shown, left.joint, np.array([joint.noise_floor for joint in judgement.joints]))
+    if np.count_nonzero(residual.weight) == 0:
         return judgement
-    law, dependence = law_of(rest, judgement.joints)
+    law, dependence = law_of(residual, judgement.joints)
     return replace(judgement, unexplained=replace(left, law=law, dependence=dependence))
 
 
-def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Dependence]:
+def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law | None, Dependence]:
     """The law of a residual, None where none is stable, and the inputs that it depends on.
 
     Args:
-        rest: Residual of one joint.
+        residual: Residual of one joint.
         joints: Gap of every joint of the robot.
     """
-    bare = rest
-    columns = columns_of(rest, memory=False)
-    before = without_law(rest, columns)
-    rest, columns = with_nuisances_at_bounds(rest, columns)
-    gains = input_gains(rest)
+    bare = residual
+    columns = columns_of(residual, memory=False)
+    before = without_law(residual, columns)
+    residual, columns = with_nuisances_at_bounds(residual, columns)
+    gains = input_gains(residual)
     if gains.frequency is not None:
         # Responses with memory can mimic laws without memory, so they are allowed only where no such law fits.
-        rest, columns = with_nuisances_at_bounds(bare, columns_of(bare))
-    choice = search_formula(rest, columns, before)
-    judged = _judged(rest)
+        residual, columns = with_nuisances_at_bounds(bare, columns_of(bare))
+    choice = search_formula(residual, columns, before)
+    judged = _judged(residual)
     closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
     # A formula that only mimics a response with memory is no law.
     mimics = gains.clearly_less(choice.held_out)
     stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _FORMULA_FORESEES and not mimics
     terms, law = (), None
     if stable:
-        terms = _terms(rest, columns, choice)
-        law = _law(rest, choice, terms, joints)
+        terms = _terms(residual, columns, choice)
+        law = _law(residual, choice, terms, joints)
     inputs = law.inputs if law is not None else (gains.frequency,) if mimics and gains.frequency else ()
-    inputs = inputs or _voted(rest, choice, gains.listed)
+    inputs = inputs or _voted(residual, choice, gains.listed)
     dependence = Dependence(
-        joint=rest.joint,
-        unit=rest.unit,
+        joint=residual.joint,
+        unit=residual.unit,
         inputs=inputs,
         gains=gains.listed,
-        curves=input_curves(rest, inputs),
-        responses=frequency_responses(rest, inputs),
+        curves=input_curves(residual, inputs),
+        responses=frequency_responses(residual, inputs),
         terms=terms,
         same_terms=choice.same if stable else 0.0,
         predicted_share=closed if stable else 0.0,
         blocks=len(judged),
-        model=model_of(rest, columns, choice, lawful=stable),
+        model=model_of(residual, columns, choice, lawful=stable),
     )
     return law, dependence
 
 
-def _judged(rest: Rest) -> Array:
+def _judged(residual: JointResidual) -> Array:
     """Blocks of held-out recordings if there are any, else all blocks: each is held out once."""
-    outside = np.flatnonzero(rest.folds < 0)
-    return outside if len(outside) else np.arange(len(rest.folds))
+    outside = np.flatnonzero(residual.folds < 0)
+    return outside if len(outside) else np.arange(len(residual.folds))
 
 
-def _voted(rest: Rest, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
+def _voted(residual: JointResidual, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
     """Inputs that most replicates choose; else those of the best smooth function that gains more than chance."""
-    voted = rest.named({name for name, votes in choice.input_votes.items() if votes > _MOSTLY})
+    voted = residual.named({name for name, votes in choice.input_votes.items() if votes > _MOSTLY})
     if voted:
         return voted
     best = next((one for one in gains if one.gain > one.chance and one.interval[0] > 0.0), None)
     return () if best is None else best.inputs
 
 
-def _terms(rest: Rest, columns: LibraryColumns, choice: Choice) -> tuple[LawTerm, ...]:
+def _terms(residual: JointResidual, columns: LibraryColumns, choice: Choice) -> tuple[LawTerm, ...]:
     """Terms of the torque on the joint, with coefficients and their intervals by block bootstrap."""
     at = columns.terms.columns(choice.chosen)
     size = columns.size[at]
-    theta = _fitted(columns, rest.folds >= 0, at) / size
+    theta = _fitted(columns, residual.folds >= 0, at) / size
     low, high = interval(theta[1:])
     owner = {}
     for k in choice.chosen:
@@ -163,39 +163,39 @@ def _terms(rest: Rest, columns: LibraryColumns, choice: Choice) -> tuple[LawTerm
     out = []
     for place, column in enumerate(at):
         text, term = owner[column]
-        unit = f"{rest.unit}/{term.per}" if term.per and " " not in term.per else rest.unit
-        unit = f"{rest.unit}/({term.per})" if " " in term.per else unit
+        unit = f"{residual.unit}/{term.per}" if term.per and " " not in term.per else residual.unit
+        unit = f"{residual.unit}/({term.per})" if " " in term.per else unit
         ends = (-float(high[place]), -float(low[place]))
         out.append(LawTerm(text, unit, -float(theta[0, place]), ends, choice.votes.get(term.kind, 0.0)))
     return tuple(out)
 
 
 def _fitted(columns: LibraryColumns, seen: Bool[Array, " B"], at: list[int]) -> Float[Array, "D k"]:
-    """Coefficients of some columns, fitted with the free ones: on all seen blocks, then on bootstrap draws of them.
+    """Coefficients of some columns, fitted with the nuisances: on all seen blocks, then on bootstrap draws of them.
 
-    Products are summed for these columns and the free ones only, as the library is large.
+    Products are summed for these columns and the nuisances only, as the library is large.
     """
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
     products, counts = columns.products.of(every), np.zeros((REPLICATES + 1, len(seen)))
     counts[0, seen] = 1.0
     counts[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of the coefficients of a law"))
-    return np.array([products.summed_without(drawn, columns.free).fitted(list(range(len(at)))) for drawn in counts])
+    return np.array([products.summed_without(drawn, columns.prior).fitted(list(range(len(at)))) for drawn in counts])
 
 
-def _law(rest: Rest, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:
+def _law(residual: JointResidual, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:
     library = choice.columns.library
     named = frozenset().union(*(library[k].inputs for k in choice.chosen))
-    inputs = rest.named(named)
+    inputs = residual.named(named)
     first = {library[k].texts[0]: library[k].kind for k in choice.chosen}
     coefficients = {first[term.term]: term.coefficient for term in terms if term.term in first}
-    closed, interval = _share_of_gap(rest, choice, joints)
+    closed, interval = _share_of_gap(residual, choice, joints)
     return Law(
-        joint=rest.joint,
+        joint=residual.joint,
         inputs=inputs,
         formula=formula_text(terms),
         gap_closed=closed,
         gap_closed_interval=interval,
-        valid=rest.ranges(inputs),
+        valid=residual.ranges(inputs),
         like=looks_like(coefficients.keys(), coefficients.values()),
     )
 
@@ -210,13 +210,13 @@ def formula_text(terms: tuple[LawTerm, ...]) -> str:
     return out
 
 
-def _share_of_gap(rest: Rest, choice: Choice, joints: tuple[JointGap, ...]) -> tuple[float, Pair]:
+def _share_of_gap(residual: JointResidual, choice: Choice, joints: tuple[JointGap, ...]) -> tuple[float, Pair]:
     """Share of the robot's gap that the choice closes on held-out blocks, with its interval by block bootstrap."""
-    judged = _judged(rest)
-    counts = np.array([rest.weight[rest.blocks == k].sum() for k in judged])
+    judged = _judged(residual)
+    counts = np.array([residual.weight[residual.blocks == k].sum() for k in judged])
     gained = (choice.before - choice.held_out)[judged]
     gap = float(np.mean([(joint.tolerated / joint.noise_floor) ** 2 for joint in joints])) - 1.0
-    scale = len(joints) * rest.floor**2 * max(gap, 1e-12)
+    scale = len(joints) * residual.floor**2 * max(gap, 1e-12)
     drawn = block_counts(len(judged), random_stream("blocks of what a law closes"))
     low, high = interval(drawn @ gained / np.maximum(drawn @ counts, 1e-12) / scale)
     return float(gained.sum() / max(counts.sum(), 1e-12) / scale), (float(low), float(high))
@@ -236,21 +236,21 @@ def looks_like(kinds: Iterable[str], coefficients: Iterable[float]) -> str | Non
     return next((law for kind, law in _LIKE if kind in found), None)
 
 
-def model_of(rest: Rest, columns: LibraryColumns, choice: Choice, *, lawful: bool) -> ResidualModel | None:
+def model_of(residual: JointResidual, columns: LibraryColumns, choice: Choice, *, lawful: bool) -> ResidualModel | None:
     """The model with the smallest error on held-out blocks, None where it predicts too little.
 
     Args:
-        rest: Residual of the joint.
+        residual: Residual of the joint.
         columns: Columns of the library.
-        choice: The formula that was chosen with the corrected model's coefficients free.
+        choice: The formula that was chosen together with the corrected model's coefficients.
         lawful: True if it is shown as the law.
     """
     count = len(columns.size)
-    free = Free(np.zeros((0, 0)), np.zeros(0))
-    plain = replace(columns, x=columns.x[:, :count], products=columns.products.of(list(range(count))), free=free)
+    prior = NuisancePrior(np.zeros((0, 0)), np.zeros(0))
+    plain = replace(columns, x=columns.x[:, :count], products=columns.products.of(list(range(count))), prior=prior)
     start = choice.chosen if lawful else ()
-    loss = cross_validated(rest, plain, _MOST, start)
-    whole = plain.products.summed((rest.folds >= 0).astype(float))
+    loss = cross_validated(residual, plain, _MOST, start)
+    whole = plain.products.summed((residual.folds >= 0).astype(float))
     path = extended(plain.terms, whole, start, _MOST)
     size = min(best_size(loss), len(path) - 1)
     closed = float(1.0 - loss[size].sum() / max(plain.products.total.sum(), 1e-300))
@@ -263,60 +263,62 @@ def model_of(rest: Rest, columns: LibraryColumns, choice: Choice, *, lawful: boo
         term = plain.library[k]
         texts |= dict(zip((int(plain.terms.first[k]), int(plain.terms.second[k])), term.texts, strict=False))
     inputs = frozenset().union(*(plain.library[k].inputs for k in path[size]))
-    terms, states = residual_terms(rest, list(zip((texts[column] for column in at), theta.tolist(), strict=True)))
-    speed = f"v.{rest.joint}"
-    fast = float(np.percentile(np.abs(rest.series(speed)), 90)) if speed in rest.inputs else 1.0
-    needed = [_measured(rest, name) for name in rest.named(inputs) if not is_frequency(name)]
+    terms, states = residual_terms(residual, list(zip((texts[column] for column in at), theta.tolist(), strict=True)))
+    speed = f"v.{residual.joint}"
+    fast = float(np.percentile(np.abs(residual.series(speed)), 90)) if speed in residual.inputs else 1.0
+    needed = [_measured(residual, name) for name in residual.named(inputs) if not is_frequency(name)]
     # Inputs of a filter are named in its expression.
-    needed += [name for name in rest.inputs if name not in needed and any(repr(name) in state for state in states)]
-    bands = rest.ranges(tuple(name for name in rest.named(inputs) if is_frequency(name)))
-    ranges = rest.ranges(tuple(needed))
-    return ResidualModel(rest.joint, rest.unit, terms, states, ranges, closed, lawful, _SLOW * fast, bands)
+    needed += [name for name in residual.inputs if name not in needed and any(repr(name) in state for state in states)]
+    bands = residual.ranges(tuple(name for name in residual.named(inputs) if is_frequency(name)))
+    ranges = residual.ranges(tuple(needed))
+    return ResidualModel(residual.joint, residual.unit, terms, states, ranges, closed, lawful, _SLOW * fast, bands)
 
 
-def residual_terms(rest: Rest, terms: list[tuple[str, float]]) -> tuple[tuple[ModelTerm, ...], tuple[str, ...]]:
+def residual_terms(
+    residual: JointResidual, terms: list[tuple[str, float]]
+) -> tuple[tuple[ModelTerm, ...], tuple[str, ...]]:
     """Terms with their code, and expressions of the states that they need.
 
     Args:
-        rest: Residual of the joint, with the names of the joints.
+        residual: Residual of the joint, with the names of the joints.
         terms: Text and coefficient of each.
     """
     states: list[str] = []
-    out = tuple(ModelTerm(text, _code(rest, text, states), coefficient) for text, coefficient in terms)
+    out = tuple(ModelTerm(text, _code(residual, text, states), coefficient) for text, coefficient in terms)
     return out, tuple(states)
 
 
-def _measured(rest: Rest, name: str) -> str:
+def _measured(residual: JointResidual, name: str) -> str:
     """The input that a simulator has: the position instead of the displacement since the last reversal."""
-    return name.replace("dx.", "q.", 1) if name == f"dx.{rest.joint}" else name
+    return name.replace("dx.", "q.", 1) if name == f"dx.{residual.joint}" else name
 
 
-def _code(rest: Rest, text: str, states: list[str]) -> str:
+def _code(residual: JointResidual, text: str, states: list[str]) -> str:
     """A term's text as a Python expression over ``x["name"]``; histories become states.
 
     Args:
-        rest: Residual of the joint, with the names of the joints.
+        residual: Residual of the joint, with the names of the joints.
         text: Text of the term.
         states: Expressions of the states so far; new ones are added.
     """
     for name, factory in (("bristle", "Bristle"), ("slip", "Slip")):
         for found in re.findall(rf"{name}\(dx/({_NUMBER})\)", text):
-            state = f"{factory}({f'q.{rest.joint}'!r}, {found})"
+            state = f"{factory}({f'q.{residual.joint}'!r}, {found})"
             text = text.replace(f"{name}(dx/{found})", _state(states, state))
     filters = (("low", "Low", "Hz"), ("late", "Late", "s"), ("resonator", "Resonator", "Hz"),
                ("resonator_rate", "ResonatorRate", "Hz"))  # fmt: skip
     for name, factory, unit in filters:
         for found in re.findall(rf"\b{name}\(([a-z]+, {_NUMBER} {unit}(?:, {_NUMBER})?)\)", text):
             of, *numbers = found.replace(f" {unit}", "").split(", ")
-            state = f"{factory}({f'{of}.{rest.joint}'!r}, {', '.join(numbers)})"
+            state = f"{factory}({f'{of}.{residual.joint}'!r}, {', '.join(numbers)})"
             text = text.replace(f"{name}({found})", _state(states, state))
     for lag, mean in re.findall(rf"load\(({_NUMBER}) s, ({_NUMBER})\)", text):
-        state = f"Load({supply_loads(rest.inputs, rest.joint)!r}, {lag}, {mean})"
+        state = f"Load({supply_loads(residual.inputs, residual.joint)!r}, {lag}, {mean})"
         text = text.replace(f"load({lag} s, {mean})", _state(states, state))
     text = re.sub(r"\|([^|]*)\|", r"abs(\1)", text).replace("^", "**").replace("sign(", "side(")
-    others = sorted((f"{kind}.{name}" for name in rest.others for kind in ("q", "v", "tau")), key=len, reverse=True)
+    others = sorted((f"{kind}.{name}" for name in residual.others for kind in ("q", "v", "tau")), key=len, reverse=True)
     spelled = [(name, name) for name in others]
-    spelled += [(kind, f"{kind}.{rest.joint}") for kind in ("q", "v", "a", "tl", "tau", "temp")] + [("t", "t")]
+    spelled += [(kind, f"{kind}.{residual.joint}") for kind in ("q", "v", "a", "tl", "tau", "temp")] + [("t", "t")]
     # Placeholders first, so that the replacement of one name is not searched for the next.
     for mark, (short, _) in enumerate(spelled):
         text = re.sub(rf"(?<![\w.@]){re.escape(short)}(?![\w.(@])", f"@{mark}@", text)

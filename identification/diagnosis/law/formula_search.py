@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.law.rest import Rest
+from identification.diagnosis.law.joint_residual import JointResidual
 from identification.diagnosis.law.terms import LawTerm, library
 from identification.engine.chance import in_another_order
 from identification.engine.numerics.bounded import bounded_solve
-from identification.engine.products.block_products import BlockProducts, Free, Products, block_products
+from identification.engine.products.block_products import BlockProducts, NuisancePrior, Products, block_products
 from identification.engine.resampling import CHOSEN_AGAIN, block_counts
 from identification.engine.search.stepwise import Chosen, Terms, extended, gains, squares, stepwise
 from identification.gates import above_chance
@@ -33,11 +33,12 @@ class LibraryColumns:
 
     Attributes:
         library: The terms.
-        x: Their columns in the judged band at the kept samples, scaled to unit size, then the free columns, ``(n, C)``.
+        x: Their columns in the judged band at the kept samples, scaled to unit size, then the nuisance columns, ``(n,
+            C)``.
         size: Root mean square of each column of a term, by which the column is divided, ``(D,)``.
         terms: Indices of the columns of each term.
         products: Products of the columns, by block.
-        free: Prior on the coefficients of the free columns (tolerance parameters of the model, and findings).
+        prior: Prior on the coefficients of the nuisance columns (tolerance parameters of the model, and findings).
     """
 
     library: tuple[LawTerm, ...]
@@ -45,7 +46,7 @@ class LibraryColumns:
     size: Float[Array, " D"]
     terms: Terms
     products: BlockProducts
-    free: Free
+    prior: NuisancePrior
 
 
 @dataclass(frozen=True)
@@ -71,134 +72,138 @@ class Choice:
     input_votes: dict[str, float]
 
 
-def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
+def columns_of(residual: JointResidual, *, memory: bool = True) -> LibraryColumns:
     """The library's columns and their products for one residual, with or without linear responses with memory."""
-    terms = library(rest, memory=memory)
+    terms = library(residual, memory=memory)
     parts = []
-    for log in rest.logs:
+    for log in residual.logs:
         series = [column for term in terms for column in term.columns]
         # All columns of a long recording at the full rate would fill the memory.
         pieces = [series[k : k + _AT_ONCE] for k in range(0, len(series), _AT_ONCE)]
         bands = [log.in_band(np.column_stack([column(log) for column in piece])) for piece in pieces]
         parts.append(np.column_stack(bands))
     x = np.concatenate(parts)
-    weight = rest.weight
+    weight = residual.weight
     size = np.sqrt((x**2 * weight[:, None]).sum(axis=0) / max(weight.sum(), 1e-12))
     size = np.where(size > 1e-12, size, np.inf)
     starts = np.cumsum([0, *(len(term.columns) for term in terms)])
     first, second = starts[:-1], starts[1:] - 1
-    x = np.column_stack([x / size, np.concatenate([log.free for log in rest.logs])])
-    products = block_products(x, rest.y, weight, rest.blocks, len(rest.folds))
-    return LibraryColumns(terms, x, size, Terms(first, second), products, Free(rest.precision, rest.right))
+    x = np.column_stack([x / size, np.concatenate([log.nuisances for log in residual.logs])])
+    products = block_products(x, residual.y, weight, residual.blocks, len(residual.folds))
+    return LibraryColumns(
+        terms, x, size, Terms(first, second), products, NuisancePrior(residual.precision, residual.right)
+    )
 
 
-def with_nuisances_at_bounds(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
+def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -> tuple[JointResidual, LibraryColumns]:
     """Residual and columns with each nuisance held at its bound if it reaches it in the fit of the best terms.
 
     The other nuisances are free within their prior, so every later fit is one linear solution without bounds. If a
     chosen term has the same torque as a held nuisance, the next round releases the nuisance. If rounds repeat, it stays
     held, and the term explains the torque beyond the bound.
     """
-    whole = columns.products.summed((rest.folds >= 0).astype(float))
+    whole = columns.products.summed((residual.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
-    free, held, before = columns.free, np.zeros(len(rest.right)), []
+    prior, held, before = columns.prior, np.zeros(len(residual.right)), []
     for _ in range(_MOST_ROUNDS):
-        path = [(), *stepwise(columns.terms, free.eliminate_from(whole), MOST_TERMS)]
-        size = best_size(cross_validated(rest, replace(columns, free=free), MOST_TERMS))
+        path = [(), *stepwise(columns.terms, prior.eliminate_from(whole), MOST_TERMS)]
+        size = best_size(cross_validated(residual, replace(columns, prior=prior), MOST_TERMS))
         at = columns.terms.columns(path[min(size, len(path) - 1)])
-        moved = _bounded(rest, columns, whole, at)[len(at) :]
-        now = np.where(moved <= rest.lower, -1.0, 0.0) + np.where(moved >= rest.upper, 1.0, 0.0)
+        nuisances = _bounded(residual, columns, whole, at)[len(at) :]
+        now = np.where(nuisances <= residual.lower, -1.0, 0.0) + np.where(nuisances >= residual.upper, 1.0, 0.0)
         if (now == held).all():
             break
         repeats = any((now == other).all() for other in before)
         before.append(held)
         held = np.where(now != 0.0, now, held) if repeats else now
-        free = _held(rest, held, squared)
+        prior = _held(residual, held, squared)
         if repeats:
             break
-    return replace(rest, precision=free.precision, right=free.right), replace(columns, free=free)
+    return replace(residual, precision=prior.precision, right=prior.right), replace(columns, prior=prior)
 
 
-def _held(rest: Rest, held: Array, size: Array) -> Free:
+def _held(residual: JointResidual, held: Array, size: Array) -> NuisancePrior:
     """The prior, so narrow around the bound of each held nuisance that no fit changes it."""
     narrow = np.where(held != 0.0, 1e6 * np.maximum(size, 1e-12), 0.0)
-    bound = np.where(held < 0.0, rest.lower, np.where(held > 0.0, rest.upper, 0.0))
-    return Free(rest.precision + np.diag(narrow), rest.right + narrow * bound)
+    bound = np.where(held < 0.0, residual.lower, np.where(held > 0.0, residual.upper, 0.0))
+    return NuisancePrior(residual.precision + np.diag(narrow), residual.right + narrow * bound)
 
 
-def _bounded(rest: Rest, columns: LibraryColumns, products: Products, at: list[int]) -> Array:
-    """Coefficients of some columns of terms, followed by the coefficients of the free columns within their bounds."""
+def _bounded(residual: JointResidual, columns: LibraryColumns, products: Products, at: list[int]) -> Array:
+    """Coefficients of some columns of terms, followed by those of the nuisance columns within their bounds."""
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
     a, b = products.gram[np.ix_(every, every)].copy(), products.right[every].copy()
     own = slice(len(at), None)
-    a[own, own] += rest.precision
+    a[own, own] += residual.precision
     a[np.diag_indices_from(a)] *= 1.0 + 1e-9
-    b[own] += rest.right
+    b[own] += residual.right
     none = np.full(len(at), np.inf)
-    return bounded_solve(a, b, np.concatenate([-none, rest.lower]), np.concatenate([none, rest.upper]))
+    return bounded_solve(a, b, np.concatenate([-none, residual.lower]), np.concatenate([none, residual.upper]))
 
 
-def without_law(rest: Rest, columns: LibraryColumns) -> Float[Array, " B"]:
-    """Squared residual of each block without a law: the free columns alone, fitted to other folds within bounds."""
-    loss = np.zeros(len(rest.folds))
-    moved = list(range(len(columns.size), columns.x.shape[1]))
-    for train, held_out in columns.products.by_fold(rest.folds):
-        theta = _bounded(rest, columns, train, [])
+def without_law(residual: JointResidual, columns: LibraryColumns) -> Float[Array, " B"]:
+    """Squared residual of each block without a law: the nuisance columns alone, fitted to other folds within bounds."""
+    loss = np.zeros(len(residual.folds))
+    nuisances = list(range(len(columns.size), columns.x.shape[1]))
+    for train, held_out in columns.products.by_fold(residual.folds):
+        theta = _bounded(residual, columns, train, [])
         for k in held_out:
-            loss[k] = columns.products.block(k).left(moved, theta)
+            loss[k] = columns.products.block(k).left(nuisances, theta)
     return loss
 
 
-def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B"]) -> Choice:
+def search_formula(residual: JointResidual, columns: LibraryColumns, before: Float[Array, " B"]) -> Choice:
     """The formula of the size that predicts held-out blocks best, tested against chance and repeated by bootstrap.
 
     If bootstrap replicates disagree on this formula, a shorter one on which they agree replaces it, provided that it
     predicts nearly as much.
 
     Args:
-        rest: Residual of the joint.
+        residual: Residual of the joint.
         columns: Columns of the library.
         before: Squared residual of each block without a law.
     """
-    loss = cross_validated(rest, columns, MOST_TERMS)
+    loss = cross_validated(residual, columns, MOST_TERMS)
     loss[0] = before
-    whole = columns.products.summed_without((rest.folds >= 0).astype(float), columns.free)
+    whole = columns.products.summed_without((residual.folds >= 0).astype(float), columns.prior)
     path = [(), *stepwise(columns.terms, whole, MOST_TERMS)]
     size = min(best_size(loss), len(path) - 1)
-    while size > 0 and not _beyond_chance(rest, columns, path[size]):
+    while size > 0 and not _beyond_chance(residual, columns, path[size]):
         size -= 1
-    longest = Choice(columns, path[size], loss[size], loss[0], *_repeated(rest, columns, path[size]))
+    longest = Choice(columns, path[size], loss[size], loss[0], *_repeated(residual, columns, path[size]))
     gained = loss[0].sum() - loss[size].sum()
     for shorter in range(size, 0, -1):
         if loss[0].sum() - loss[shorter].sum() < NEARLY * gained:
             break
-        repeated = _repeated(rest, columns, path[shorter])
-        if repeated[1] >= STABLE and _beyond_chance(rest, columns, path[shorter]):
+        repeated = _repeated(residual, columns, path[shorter])
+        if repeated[1] >= STABLE and _beyond_chance(residual, columns, path[shorter]):
             return Choice(columns, path[shorter], loss[shorter], loss[0], *repeated)
     return longest
 
 
-def cross_validated(rest: Rest, columns: LibraryColumns, most: int, start: Chosen = ()) -> Float[Array, "m B"]:
+def cross_validated(
+    residual: JointResidual, columns: LibraryColumns, most: int, start: Chosen = ()
+) -> Float[Array, "m B"]:
     """Squared residual of each block at every size from 0 terms on, with terms chosen on the other folds.
 
     Args:
-        rest: Residual of the joint.
+        residual: Residual of the joint.
         columns: Columns of the library.
         most: Largest number of terms beside those of ``start``.
         start: Terms that every choice contains.
     """
-    terms, products, folds, free = columns.terms, columns.products, rest.folds, columns.free
+    terms, products, folds, prior = columns.terms, columns.products, residual.folds, columns.prior
     loss = np.zeros((most + 1, len(folds)))
-    moved = list(range(len(columns.size), columns.x.shape[1]))
+    nuisances = list(range(len(columns.size), columns.x.shape[1]))
     for train, held_out in products.by_fold(folds):
-        reduced = free.eliminate_from(train)
+        reduced = prior.eliminate_from(train)
         path = extended(terms, reduced, start, most)
         for size in range(most + 1):
             at = terms.columns(path[min(size, len(path) - 1)])
             theta = reduced.fitted(at)
-            theta = np.concatenate([theta, free.beside(train, at, theta)])
+            theta = np.concatenate([theta, prior.fitted_with(train, at, theta)])
             for k in held_out:
-                loss[size, k] = products.block(k).left([*at, *moved], theta)
+                loss[size, k] = products.block(k).left([*at, *nuisances], theta)
     return loss
 
 
@@ -215,48 +220,50 @@ def best_size(loss: Float[Array, "m B"]) -> int:
     return best
 
 
-def _beyond_chance(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> bool:
+def _beyond_chance(residual: JointResidual, columns: LibraryColumns, chosen: Chosen) -> bool:
     """True if every term gains more than the best term of the library gains by chance on the formula's residual."""
-    terms, seen = columns.terms, (rest.folds >= 0).astype(float)
-    whole = columns.products.summed_without(seen, columns.free)
+    terms, seen = columns.terms, (residual.folds >= 0).astype(float)
+    whole = columns.products.summed_without(seen, columns.prior)
     at = terms.columns(chosen)
     left = squares(terms, whole, chosen)
     least = min(squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
     theta = whole.fitted(at)
-    moved = columns.free.beside(columns.products.summed(seen), at, theta)
-    model = columns.x[:, at] @ theta + columns.x[:, len(columns.size) :] @ moved
-    return least > chance(rest, columns, rest.y - model)
+    nuisances = columns.prior.fitted_with(columns.products.summed(seen), at, theta)
+    model = columns.x[:, at] @ theta + columns.x[:, len(columns.size) :] @ nuisances
+    return least > chance(residual, columns, residual.y - model)
 
 
-def chance(rest: Rest, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
+def chance(residual: JointResidual, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
     """The gain that the best of all terms reaches by chance: on the residual with its blocks permuted."""
     rng = random_stream("order of blocks of a rest")
-    used = rest.weight > 0
-    root = np.sqrt(rest.weight[used])
-    x, numbers = columns.x[used] * root[:, None], rest.blocks[used]
+    used = residual.weight > 0
+    root = np.sqrt(residual.weight[used])
+    x, numbers = columns.x[used] * root[:, None], residual.blocks[used]
     pieces = [left[used][numbers == k] * root[numbers == k] for k in np.unique(numbers)]
     gram = x.T @ x
-    free = replace(columns.free, right=np.zeros(columns.free.count))
+    prior = replace(columns.prior, right=np.zeros(columns.prior.count))
     out = []
     for _ in range(_PERMUTATIONS):
         mixed = in_another_order(pieces, rng)
-        products = free.eliminate_from(Products(gram, mixed @ x, float(mixed @ mixed)))
+        products = prior.eliminate_from(Products(gram, mixed @ x, float(mixed @ mixed)))
         out.append(gains(columns.terms, products, ()).max())
     return float(np.quantile(out, above_chance.CLAIM_LEVEL))
 
 
-def _repeated(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> tuple[dict[str, float], float, dict[str, float]]:
+def _repeated(
+    residual: JointResidual, columns: LibraryColumns, chosen: Chosen
+) -> tuple[dict[str, float], float, dict[str, float]]:
     """How often bootstrap replicates over blocks choose each kind of term, the same kinds, and each input."""
     if not chosen:
         return {}, 0.0, {}
-    seen = rest.folds >= 0
+    seen = residual.folds >= 0
     kinds, inputs, same = Counter(), Counter(), 0
     wanted = Counter(columns.library[k].kind for k in chosen)
     for drawn in block_counts(int(seen.sum()), random_stream("blocks of a law"), CHOSEN_AGAIN):
         counts = np.zeros(len(seen))
         counts[seen] = drawn
         # A replicate of blocks without samples chooses no term.
-        found = extended(columns.terms, columns.products.summed_without(counts, columns.free), (), len(chosen))[-1]
+        found = extended(columns.terms, columns.products.summed_without(counts, columns.prior), (), len(chosen))[-1]
         chosen_kinds = Counter(columns.library[k].kind for k in found)
         same += chosen_kinds == wanted
         kinds.update(set(chosen_kinds))

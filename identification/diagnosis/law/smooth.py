@@ -19,9 +19,9 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
+from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 from identification.diagnosis.law.responses import laguerre, laguerre_gains
-from identification.diagnosis.law.rest import Rest, RestLog
-from identification.diagnosis.rest_law import FrequencyResponse, InputCurve, InputGain, Pair
+from identification.diagnosis.residual_law import FrequencyResponse, InputCurve, InputGain, Pair
 from identification.engine.chance import in_another_order
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import block_products
@@ -47,7 +47,7 @@ class _Samples:
 
     Attributes:
         y: The residual, and its permutations by blocks, ``(n, 1 + D)``.
-        free: Columns whose coefficients are fitted again, ``(n, F)``.
+        nuisances: Columns whose coefficients are fitted again, ``(n, F)``.
         blocks: Block of each sample.
         folds: Fold of each block.
         root: Square root of each weight.
@@ -55,7 +55,7 @@ class _Samples:
     """
 
     y: Float[Array, "n D"]
-    free: Float[Array, "n F"]
+    nuisances: Float[Array, "n F"]
     blocks: Array
     folds: Array
     root: Float[Array, " n"]
@@ -84,43 +84,45 @@ class Gains:
         return self.frequency is not None and _clearly(other - self.left, self.judged, other.sum())
 
 
-def input_gains(rest: Rest) -> Gains:
+def input_gains(residual: JointResidual) -> Gains:
     """Held-out gain of every input, of the best pairs and of the frequency of motion and torque."""
-    used = rest.weight > 0
-    samples = _samples(rest, used)
-    tables = {name: _table(rest, name)[used] * samples.root[:, None] for name in rest.inputs}
-    plain = _losses(samples, np.zeros((len(samples.y), 0)), rest)
+    used = residual.weight > 0
+    samples = _samples(residual, used)
+    tables = {name: _table(residual, name)[used] * samples.root[:, None] for name in residual.inputs}
+    plain = _losses(samples, np.zeros((len(samples.y), 0)), residual)
 
     @cache
     def gains(names: tuple[str, ...]) -> Array:
         x = tables[names[0]]
         if len(names) > 1:
             x = (x[:, :, None] * tables[names[1]][:, None, :]).reshape(len(x), -1) / samples.root[:, None]
-        return plain - _losses(samples, x, rest)
+        return plain - _losses(samples, x, residual)
 
     def gains_of_response(x: Array) -> Array:
         x = x[used] * samples.root[:, None]
-        return plain - _losses(samples, x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-12), rest)
+        return plain - _losses(samples, x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-12), residual)
 
-    single = {(name,): gains((name,)) for name in rest.inputs}
-    pairs = {names: gains(names) for names in combinations(rest.inputs, 2)}
-    dynamic = {(frequency_of(name),): gains_of_response(response_columns(rest, name)) for name in rest.frequency_inputs}
+    single = {(name,): gains((name,)) for name in residual.inputs}
+    pairs = {names: gains(names) for names in combinations(residual.inputs, 2)}
+    dynamic = {
+        (frequency_of(name),): gains_of_response(response_columns(residual, name)) for name in residual.frequency_inputs
+    }
     every = [*single.values(), *pairs.values(), *dynamic.values()]
     total = plain.sum(axis=0)
     by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in every], axis=0)
     chance = float(max(np.quantile(by_chance, _CHANCE), 0.0))
     best = sorted(pairs, key=lambda names: -pairs[names][:, 0].sum())[:_PAIRS]
-    judged = np.flatnonzero(rest.folds < 0) if (rest.folds < 0).any() else np.arange(len(rest.folds))
+    judged = np.flatnonzero(residual.folds < 0) if (residual.folds < 0).any() else np.arange(len(residual.folds))
     listed = []
     for names, gain in (*single.items(), *((names, pairs[names]) for names in best), *dynamic.items()):
         share, interval = _shares(gain[:, 0], plain[:, 0], judged)
         listed.append(InputGain(names, share, interval, chance))
     listed.sort(key=lambda one: -one.gain)
     first = next((one for one in listed if one.inputs in dynamic), None)
-    frequency, left = None, np.full(len(rest.folds), np.inf)
+    frequency, left = None, np.full(len(residual.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
         own = dynamic[first.inputs][:, 0]
-        static = [*single.values(), *pairs.values(), gains_of_response(linear_columns(rest))]
+        static = [*single.values(), *pairs.values(), gains_of_response(linear_columns(residual))]
         best_static = max((gain[:, 0] for gain in static), key=lambda gain: gain[judged].sum())
         if _clearly(own - best_static, judged, plain[judged, 0].sum()):
             frequency, left = first.inputs[0], plain[:, 0] - own
@@ -141,25 +143,27 @@ def _shares(gain: Float[Array, " B"], whole: Float[Array, " B"], judged: Array) 
     return float(gain.sum() / max(whole.sum(), 1e-300)), (float(low), float(high))
 
 
-def _samples(rest: Rest, used: Array) -> _Samples:
-    """Weighted samples of a residual, and its permutations by blocks around the fit of the free columns."""
-    root = np.sqrt(rest.weight[used])
-    y, blocks = rest.y[used] * root, rest.blocks[used]
-    free = np.concatenate([log.free for log in rest.logs])[used] * root[:, None]
+def _samples(residual: JointResidual, used: Array) -> _Samples:
+    """Weighted samples of a residual, and its permutations by blocks around the fit of the nuisance columns."""
+    root = np.sqrt(residual.weight[used])
+    y, blocks = residual.y[used] * root, residual.blocks[used]
+    nuisances = np.concatenate([log.nuisances for log in residual.logs])[used] * root[:, None]
     rng = random_stream("order of blocks of a smooth rest")
-    seen = (rest.folds >= 0)[blocks]
-    moved = solve(free[seen].T @ free[seen] + rest.precision, free[seen].T @ y[seen] + rest.right)
-    left = y - free @ moved
+    seen = (residual.folds >= 0)[blocks]
+    theta = solve(
+        nuisances[seen].T @ nuisances[seen] + residual.precision, nuisances[seen].T @ y[seen] + residual.right
+    )
+    left = y - nuisances @ theta
     pieces = [left[blocks == k] for k in np.unique(blocks)]
     mixed = [in_another_order(pieces, rng) for _ in range(_DRAWS)]
-    prior = np.column_stack([rest.right, np.zeros((len(rest.right), _DRAWS))])
-    return _Samples(np.column_stack([y, *mixed]), free, blocks, rest.folds, root, prior)
+    prior = np.column_stack([residual.right, np.zeros((len(residual.right), _DRAWS))])
+    return _Samples(np.column_stack([y, *mixed]), nuisances, blocks, residual.folds, root, prior)
 
 
-def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Array, "B D"]:
+def _losses(samples: _Samples, x: Float[Array, "n k"], residual: JointResidual) -> Float[Array, "B D"]:
     """Squared residual of each block by fits that have not seen its fold."""
     k, folds = x.shape[1], samples.folds
-    x = np.column_stack([x, samples.free])
+    x = np.column_stack([x, samples.nuisances])
     size = len(folds)
     gram, right = np.zeros((size, x.shape[1], x.shape[1])), np.zeros((size, x.shape[1], samples.y.shape[1]))
     total = np.zeros((size, samples.y.shape[1]))
@@ -168,7 +172,7 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Arra
         xb, yb = x[here], samples.y[here]
         gram[b], right[b], total[b] = xb.T @ xb, xb.T @ yb, (yb**2).sum(axis=0)
     prior = np.zeros((x.shape[1], x.shape[1]))
-    prior[k:, k:] = rest.precision
+    prior[k:, k:] = residual.precision
     prior[np.arange(k), np.arange(k)] = _RIDGE * float(samples.root @ samples.root) / _NODES
     pull = np.vstack([np.zeros((k, samples.y.shape[1])), samples.prior])
     out = np.zeros_like(total)
@@ -182,9 +186,9 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Arra
     return out
 
 
-def table_nodes(rest: Rest, name: str, count: int = _NODES) -> Float[Array, " m"]:
+def table_nodes(residual: JointResidual, name: str, count: int = _NODES) -> Float[Array, " m"]:
     """Nodes of a table over one input: evenly spaced, but for speed and displacement denser close to a reversal."""
-    every = np.concatenate([log.inputs[name] for log in rest.logs])
+    every = np.concatenate([log.inputs[name] for log in residual.logs])
     low, high = np.percentile(every, [1, 99])
     kind = name.split(".")[0]
     if kind in ("v", "dx") and low < 0.0 < high:
@@ -204,63 +208,65 @@ def hats(x: Float[Array, " N"], nodes: Float[Array, " m"]) -> Float[Array, "N m"
     return out
 
 
-def _table(rest: Rest, name: str) -> Float[Array, "n m"]:
+def _table(residual: JointResidual, name: str) -> Float[Array, "n m"]:
     """Columns of the hat functions over one input, in the judged band."""
-    nodes = table_nodes(rest, name)
-    return np.concatenate([log.in_band(hats(log.inputs[name], nodes)) for log in rest.logs])
+    nodes = table_nodes(residual, name)
+    return np.concatenate([log.in_band(hats(log.inputs[name], nodes)) for log in residual.logs])
 
 
-def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
+def input_curves(residual: JointResidual, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
     """Torque on the joint over each of some inputs, fitted together with the model, with bands from block bootstrap.
 
     Where the speed or the displacement since a reversal is among the inputs, each direction has its own curve.
     """
-    own = {f"v.{rest.joint}", f"dx.{rest.joint}"}
-    both_ways = bool(own & set(inputs)) and f"v.{rest.joint}" in rest.inputs
+    own = {f"v.{residual.joint}", f"dx.{residual.joint}"}
+    both_ways = bool(own & set(inputs)) and f"v.{residual.joint}" in residual.inputs
     out: list[InputCurve] = []
     for name in inputs:
         if not is_frequency(name):
-            out += _curves_over(rest, name, by_direction=both_ways and name not in own)
+            out += _curves_over(residual, name, by_direction=both_ways and name not in own)
     return tuple(out)
 
 
-def frequency_responses(rest: Rest, inputs: tuple[str, ...]) -> tuple[FrequencyResponse, ...]:
+def frequency_responses(residual: JointResidual, inputs: tuple[str, ...]) -> tuple[FrequencyResponse, ...]:
     """Gain and phase over the frequency for each frequency among some inputs, fitted together with the model."""
-    return tuple(_frequency_response(rest, base_of(name)) for name in inputs if is_frequency(name))
+    return tuple(_frequency_response(residual, base_of(name)) for name in inputs if is_frequency(name))
 
 
-def _frequency_response(rest: Rest, name: str) -> FrequencyResponse:
-    columns = response_columns(rest, name)
+def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse:
+    columns = response_columns(residual, name)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
-    theta = _drawn(rest, np.column_stack([columns / size, np.concatenate([log.free for log in rest.logs])]), _NODES)
-    low, high = rest.frequencies(name)
+    theta = _drawn(
+        residual, np.column_stack([columns / size, np.concatenate([log.nuisances for log in residual.logs])]), _NODES
+    )
+    low, high = residual.frequencies(name)
     hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
     # The torque on the joint is the opposite of that which the drive has to give.
-    drawn = -(theta / size) @ complex_gains(rest, name, hz).T
+    drawn = -(theta / size) @ complex_gains(residual, name, hz).T
     gains = np.abs(drawn)
     middle = np.degrees(np.unwrap(np.angle(drawn[0])))
     # Phases are periodic: those of the draws are taken relative to the fit's.
     away = np.degrees(np.angle(drawn[1:] / np.where(gains[0] > 0.0, drawn[0], 1.0)))
     parts = (gains[0], *interval(gains[1:]), middle,
              *(middle + end for end in interval(away)))  # fmt: skip
-    per = _unit(rest, name)
-    unit = "" if per == rest.unit else f"{rest.unit}/({per})" if "/" in per else f"{rest.unit}/{per}"
+    per = _unit(residual, name)
+    unit = "" if per == residual.unit else f"{residual.unit}/({per})" if "/" in per else f"{residual.unit}/{per}"
     return FrequencyResponse(frequency_of(name), unit, *(tuple(z.tolist()) for z in (hz, *parts)))
 
 
-def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurve]:
-    nodes = table_nodes(rest, name)
+def _curves_over(residual: JointResidual, name: str, *, by_direction: bool) -> list[InputCurve]:
+    nodes = table_nodes(residual, name)
     parts = []
-    for log in rest.logs:
+    for log in residual.logs:
         table = hats(log.inputs[name], nodes)
         if by_direction:
-            v = log.inputs[f"v.{rest.joint}"]
+            v = log.inputs[f"v.{residual.joint}"]
             table = np.column_stack([table * (v > 0)[:, None], table * (v <= 0)[:, None]])
-        parts.append(np.column_stack([log.in_band(table), log.free]))
-    theta = _drawn(rest, np.concatenate(parts), len(nodes))
+        parts.append(np.column_stack([log.in_band(table), log.nuisances]))
+    theta = _drawn(residual, np.concatenate(parts), len(nodes))
     at = np.sort(np.concatenate([np.linspace(nodes[0], nodes[-1], _CURVE), nodes]))
     weights = hats(at, nodes)
-    unit = _unit(rest, name)
+    unit = _unit(residual, name)
     out = []
     for k, direction in enumerate(("forwards", "backwards") if by_direction else ("",)):
         # The torque on the joint is the opposite of that which the drive has to give.
@@ -270,75 +276,75 @@ def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurv
     return out
 
 
-def _drawn(rest: Rest, columns: Float[Array, "n C"], nodes: int) -> Float[Array, "D k"]:
-    """Coefficients of columns, fitted together with the free columns: first on all blocks, then on each bootstrap draw.
+def _drawn(residual: JointResidual, columns: Float[Array, "n C"], nodes: int) -> Float[Array, "D k"]:
+    """Coefficients of columns, fitted together with the nuisances: first on all blocks, then on each bootstrap draw.
 
     Args:
-        rest: Residual of the joint.
-        columns: Columns at the kept samples, the free ones last.
+        residual: Residual of the joint.
+        columns: Columns at the kept samples, the nuisances last.
         nodes: Number of nodes that share the samples, for the ridge.
     """
-    count, size = columns.shape[1] - len(rest.right), columns.shape[1]
+    count, size = columns.shape[1] - len(residual.right), columns.shape[1]
     prior = np.zeros((size, size))
-    prior[count:, count:] = rest.precision
-    prior[np.arange(count), np.arange(count)] = _RIDGE * float(rest.weight.sum()) / nodes
-    pull = np.concatenate([np.zeros(count), rest.right])
-    seen = rest.folds >= 0
+    prior[count:, count:] = residual.precision
+    prior[np.arange(count), np.arange(count)] = _RIDGE * float(residual.weight.sum()) / nodes
+    pull = np.concatenate([np.zeros(count), residual.right])
+    seen = residual.folds >= 0
     draws = np.zeros((REPLICATES + 1, len(seen)))
     draws[0, seen] = 1.0
     draws[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of a curve"))
-    products = block_products(columns, rest.y, rest.weight, rest.blocks, len(rest.folds))
+    products = block_products(columns, residual.y, residual.weight, residual.blocks, len(residual.folds))
     return products.of_draws(draws, prior, pull)[:, :count]
 
 
-def _unit(rest: Rest, name: str) -> str:
+def _unit(residual: JointResidual, name: str) -> str:
     """Unit of an input."""
     kind = name.split(".")[0]
     if kind == "t":
         return "s"
     if kind == "temp":
         return "°C"
-    return ("m" if rest.unit == "N" else "rad") + _UNITS[kind] if kind in _UNITS else rest.unit
+    return ("m" if residual.unit == "N" else "rad") + _UNITS[kind] if kind in _UNITS else residual.unit
 
 
-def response_columns(rest: Rest, name: str) -> Float[Array, "n k"]:
+def response_columns(residual: JointResidual, name: str) -> Float[Array, "n k"]:
     """Columns of the response to an input in the judged band: its present value, and its series behind filters."""
     parts = []
-    for log in rest.logs:
+    for log in residual.logs:
         dt = _step(log)
         behind = [laguerre(log.inputs[name], dt, hz, _ORDER) for hz in _corners(log)]
-        parts.append(log.in_band(np.column_stack([*(log.inputs[one] for one in _present(rest, name)), *behind])))
+        parts.append(log.in_band(np.column_stack([*(log.inputs[one] for one in _present(residual, name)), *behind])))
     return np.concatenate(parts)
 
 
-def linear_columns(rest: Rest) -> Float[Array, "n k"]:
+def linear_columns(residual: JointResidual) -> Float[Array, "n k"]:
     """Columns without memory: a constant, position, velocity, acceleration and torques of the joint."""
-    kinds = [f"{kind}.{rest.joint}" for kind in ("q", "v", "a", "tl", "tau")]
-    names = [name for name in kinds if name in rest.inputs]
+    kinds = [f"{kind}.{residual.joint}" for kind in ("q", "v", "a", "tl", "tau")]
+    names = [name for name in kinds if name in residual.inputs]
     return np.concatenate(
-        [log.in_band(np.column_stack([np.ones(len(log.t)), *(log.inputs[n] for n in names)])) for log in rest.logs]
+        [log.in_band(np.column_stack([np.ones(len(log.t)), *(log.inputs[n] for n in names)])) for log in residual.logs]
     )
 
 
-def complex_gains(rest: Rest, name: str, hz: Float[Array, " F"]) -> Complex[Array, "F k"]:
+def complex_gains(residual: JointResidual, name: str, hz: Float[Array, " F"]) -> Complex[Array, "F k"]:
     """Complex gain of each series of `response_columns` at given frequencies of the input."""
-    log = rest.logs[0]
+    log = residual.logs[0]
     turning = 2j * np.pi * hz[:, None]
     powers = {"q": -1, "v": 0, "a": 1}  # powers of ``j w`` that make each from the velocity
-    now = [turning ** (powers.get(one.split(".")[0], 0)) for one in _present(rest, name)]
+    now = [turning ** (powers.get(one.split(".")[0], 0)) for one in _present(residual, name)]
     return np.hstack([*now, *(laguerre_gains(hz, _step(log), corner, _ORDER) for corner in _corners(log))])
 
 
-def _present(rest: Rest, name: str) -> list[str]:
+def _present(residual: JointResidual, name: str) -> list[str]:
     """Inputs without memory in the response to one input: for a speed, also position and acceleration of its joint."""
     kind, _, joint = name.partition(".")
     names = [f"{one}.{joint}" for one in ("q", "v", "a")] if kind == "v" else [name]
-    return [one for one in names if one in rest.inputs]
+    return [one for one in names if one in residual.inputs]
 
 
-def _corners(log: RestLog) -> list[float]:
+def _corners(log: ResidualLog) -> list[float]:
     return [share * log.cutoff_hz for share in _CORNERS]
 
 
-def _step(log: RestLog) -> float:
+def _step(log: ResidualLog) -> float:
     return float(log.t[1] - log.t[0])

@@ -18,13 +18,13 @@ import numpy as np
 
 from identification.diagnosis.input_names import base_of, frequency_of, supply_loads
 from identification.diagnosis.law.histories import bristle, slip
+from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 from identification.diagnosis.law.responses import behind, delayed, resonator
-from identification.diagnosis.law.rest import Rest, RestLog
 from phantom_dyn.array_types import Array
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.described import FormulaTerm, less
 
-Series = Callable[[RestLog], Array]
+Series = Callable[[ResidualLog], Array]
 
 _SPEEDS = (0.05, 0.15)  # as a share of the fast end of the speeds
 _PLACES = (0.2, 0.35, 0.5, 0.65, 0.8)  # positions, as a share of the travel
@@ -69,26 +69,26 @@ def rounded(x: float | np.floating) -> float:
 class _Joint:
     """Names, units and ranges of the joint that terms are about."""
 
-    rest: Rest
+    residual: JointResidual
     joint: str
 
     @property
     def angle(self) -> str:
-        return "m" if self.rest.unit == "N" else "rad"
+        return "m" if self.residual.unit == "N" else "rad"
 
     @property
     def speed(self) -> str:
         return f"({self.angle}/s)"
 
     def has(self, kind: str) -> bool:
-        return f"{kind}.{self.joint}" in self.rest.logs[0].inputs
+        return f"{kind}.{self.joint}" in self.residual.logs[0].inputs
 
     def get(self, kind: str) -> Series:
         name = kind if kind == "t" else f"{kind}.{self.joint}"
         return lambda log: log.inputs[name]
 
     def all(self, kind: str) -> Array:
-        return np.concatenate([self.get(kind)(log) for log in self.rest.logs])
+        return np.concatenate([self.get(kind)(log) for log in self.residual.logs])
 
     def names(self, *kinds: str) -> frozenset[str]:
         return frozenset(kind if kind == "t" else f"{kind}.{self.joint}" for kind in kinds)
@@ -96,7 +96,7 @@ class _Joint:
     @cached_property
     def of_effects(self) -> dict[frozenset[str], list[LawTerm]]:
         """Terms that effects of the catalogue state, by their inputs."""
-        units = {"angle": self.angle, "speed": self.speed, "torque": self.rest.unit}
+        units = {"angle": self.angle, "speed": self.speed, "torque": self.residual.unit}
         out: dict[frozenset[str], list[LawTerm]] = {}
         for effect in EFFECTS:
             for one in effect.formula(self.middle):
@@ -122,9 +122,9 @@ class _Joint:
         return LawTerm(kind, self.names(*inputs.split()), (text,), per, (column,))
 
 
-def library(rest: Rest, *, memory: bool = True) -> tuple[LawTerm, ...]:
+def library(residual: JointResidual, *, memory: bool = True) -> tuple[LawTerm, ...]:
     """All terms that the recordings allow, with or without linear responses with memory."""
-    at = _Joint(rest, rest.joint)
+    at = _Joint(residual, residual.joint)
     out = [*_of_effects(at, "")]
     if at.has("v") and at.has("q"):
         out += [*_friction(at), *_place(at), *_memory(at), *_drift(at)]
@@ -135,13 +135,15 @@ def library(rest: Rest, *, memory: bool = True) -> tuple[LawTerm, ...]:
     if at.has("temp"):
         out += _heat(at)
     out += _supply(at)
-    for other in rest.others:
-        out += _other(at, _Joint(rest, other))
+    for other in residual.others:
+        out += _other(at, _Joint(residual, other))
     out += [term for terms in at.of_effects.values() for term in terms]
     # Terms of effects are listed twice, among similar ones and at the end, and a term listed here may be an effect's.
     own = {term.texts: term for terms in at.of_effects.values() for term in terms}
     known = {term.texts: own.get(term.texts, term) for term in out}
-    return tuple(term for term in known.values() if all(base_of(name) in rest.logs[0].inputs for name in term.inputs))
+    return tuple(
+        term for term in known.values() if all(base_of(name) in residual.logs[0].inputs for name in term.inputs)
+    )
 
 
 def _of_effects(at: _Joint, inputs: str) -> list[LawTerm]:
@@ -168,7 +170,7 @@ def _place(at: _Joint) -> Iterator[LawTerm]:
     low, high = (float(x) for x in np.percentile(at.all("q"), [1, 99]))
     wide, middle = high - low, at.middle("q")
 
-    def x(log: RestLog) -> Array:
+    def x(log: ResidualLog) -> Array:
         return q(log) - middle
 
     d = less("q", middle)
@@ -211,7 +213,7 @@ def _wave(
 ) -> LawTerm:
     q = at.get("q")
 
-    def wave(log: RestLog, function: Callable[[Array], Array]) -> Array:
+    def wave(log: ResidualLog, function: Callable[[Array], Array]) -> Array:
         out = function(order * q(log))
         return out if by is None else out * by(log)
 
@@ -225,7 +227,7 @@ def _memory(at: _Joint) -> Iterator[LawTerm]:
     q = at.get("q")
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99])))
     tl = at.get("tl") if at.has("tl") else None
-    unit = at.rest.unit
+    unit = at.residual.unit
     for share in _REACHES:
         reach = rounded(share * wide)
         for name, law in (("bristle", bristle), ("slip", slip)):
@@ -258,7 +260,7 @@ def _drift(at: _Joint) -> Iterator[LawTerm]:
         ("damping that changes with time", "t v", "*v", at.speed, v),
     ]
     if at.has("tl"):
-        factors.append(("gain that changes with time", "t tl", "*tl", at.rest.unit, at.get("tl")))
+        factors.append(("gain that changes with time", "t tl", "*tl", at.residual.unit, at.get("tl")))
     for text, per, shape in shapes:
         for kind, inputs, factor, more, by in factors:
             unit = " ".join(part for part in (per, more) if part)
@@ -271,8 +273,8 @@ def _drift(at: _Joint) -> Iterator[LawTerm]:
 
 def _frequencies(at: _Joint, count: int) -> list[float]:
     """Frequencies [Hz] from the lowest of the recordings to a share `_FASTEST` of the edge of the judged band."""
-    slowest = _SLOWEST / max(float(log.t[-1]) for log in at.rest.logs)
-    return [rounded(hz) for hz in np.geomspace(slowest, _FASTEST * at.rest.logs[0].cutoff_hz, count)]
+    slowest = _SLOWEST / max(float(log.t[-1]) for log in at.residual.logs)
+    return [rounded(hz) for hz in np.geomspace(slowest, _FASTEST * at.residual.logs[0].cutoff_hz, count)]
 
 
 def _dynamic_motion(at: _Joint) -> Iterator[LawTerm]:
@@ -305,7 +307,7 @@ def _dynamic_torque(at: _Joint) -> Iterator[LawTerm]:
     kind = next((kind for kind in ("tl", "tau") if at.has(kind)), None)
     if kind is None:
         return
-    tl, unit = at.get(kind), at.rest.unit
+    tl, unit = at.get(kind), at.residual.unit
     named = frozenset({frequency_of(f"{kind}.{at.joint}")})
     for hz in _frequencies(at, _CORNERS):
         yield LawTerm(
@@ -313,19 +315,19 @@ def _dynamic_torque(at: _Joint) -> Iterator[LawTerm]:
             (lambda log, hz=hz: behind(tl(log), _step(log), 0.5 / (np.pi * hz)) - tl(log),),
         )  # fmt: skip
     for share in _LATE:
-        late = rounded(share / at.rest.logs[0].cutoff_hz)
+        late = rounded(share / at.residual.logs[0].cutoff_hz)
         yield LawTerm(
             "late response to the torque", named, (f"(late({kind}, {late:g} s) - {kind})",), unit,
             (lambda log, late=late: delayed(tl(log), log.t, late) - tl(log),),
         )  # fmt: skip
 
 
-def _step(log: RestLog) -> float:
+def _step(log: ResidualLog) -> float:
     return float(log.t[1] - log.t[0])
 
 
 def _load(at: _Joint) -> Iterator[LawTerm]:
-    tl, v, unit = at.get("tl"), at.get("v"), at.rest.unit
+    tl, v, unit = at.get("tl"), at.get("v"), at.residual.unit
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99]))) if at.has("q") else 0.0
     yield from _of_effects(at, "tl")
     yield at.term("one-sided gain", "tl", "|tl|", unit, lambda log: np.abs(tl(log)))
@@ -349,19 +351,19 @@ def _heat(at: _Joint) -> Iterator[LawTerm]:
 
 def _supply(at: _Joint) -> Iterator[LawTerm]:
     """Voltage sag: a drive that gives less torque under the load of all drives."""
-    loads = supply_loads(at.rest.inputs, at.joint)
+    loads = supply_loads(at.residual.inputs, at.joint)
     if not loads:
         return
     own = loads[0]
-    mean = rounded(np.mean([np.mean(sum(np.abs(log.inputs[n]) for n in loads)) for log in at.rest.logs]))
+    mean = rounded(np.mean([np.mean(sum(np.abs(log.inputs[n]) for n in loads)) for log in at.residual.logs]))
     for lag in _LAGS:
 
-        def sag(log: RestLog, lag: float = lag) -> Array:
+        def sag(log: ResidualLog, lag: float = lag) -> Array:
             total = np.sum([np.abs(log.inputs[name]) for name in loads], axis=0) / mean
             return log.inputs[own] * (behind(total, _step(log), lag) - 1.0)
 
         text = f"{own.split('.')[0]}*(load({lag:g} s, {mean:.3g}) - 1)"
-        yield LawTerm("voltage sag", frozenset(loads), (text,), at.rest.unit, (sag,))
+        yield LawTerm("voltage sag", frozenset(loads), (text,), at.residual.unit, (sag,))
 
 
 def _other(at: _Joint, other: _Joint) -> Iterator[LawTerm]:
@@ -388,12 +390,12 @@ def _other(at: _Joint, other: _Joint) -> Iterator[LawTerm]:
         )
     if other.has("tau"):
         tau, s = other.get("tau"), at.get("v")
-        yield other.term("share of another joint's torque", "tau", f"tau.{name}", at.rest.unit, tau)
+        yield other.term("share of another joint's torque", "tau", f"tau.{name}", at.residual.unit, tau)
         if at.has("v"):
             yield LawTerm(
                 "friction by another joint's torque",
                 at.names("v") | other.names("tau"),
                 (f"|tau.{name}|*sign(v)",),
-                at.rest.unit,
+                at.residual.unit,
                 (lambda log: np.abs(tau(log)) * np.sign(s(log)),),
             )

@@ -46,8 +46,8 @@ class Products:
 
 
 @dataclass(frozen=True)
-class Free:
-    """Free columns: the last ones, which are part of every fit, with a quadratic prior on their coefficients.
+class NuisancePrior:
+    """Gaussian prior on the coefficients of the nuisance columns: the last columns, which are part of every fit.
 
     Attributes:
         precision: Precision of the prior, ``(F, F)``.
@@ -59,11 +59,11 @@ class Free:
 
     @property
     def count(self) -> int:
-        """Number of free columns."""
+        """Number of nuisance columns."""
         return len(self.right)
 
     def eliminate_from(self, products: Products) -> Products:
-        """Products of the other columns with the free columns and their prior eliminated (Schur complement)."""
+        """Products of the other columns with the nuisance columns eliminated (Schur complement)."""
         n = len(products.right) - self.count
         if self.count == 0:
             return products
@@ -76,8 +76,8 @@ class Free:
             float(products.total - right @ solution[:, -1]),
         )
 
-    def beside(self, products: Products, columns: list[int], theta: Float[Array, " k"]) -> Float[Array, " F"]:
-        """Coefficients of the free columns, fitted with given coefficients of some other columns."""
+    def fitted_with(self, products: Products, columns: list[int], theta: Float[Array, " k"]) -> Float[Array, " F"]:
+        """Coefficients of the nuisance columns, fitted with given coefficients of some other columns."""
         n = len(products.right) - self.count
         if self.count == 0:
             return np.zeros(0)
@@ -113,9 +113,9 @@ class BlockProducts:
         at = np.array(columns, dtype=int)
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 
-    def summed_without(self, counts: Float[Array, " B"], free: Free) -> Products:
-        """Sum over all blocks, each as often as ``counts`` says, with the free columns eliminated."""
-        return free.eliminate_from(self.summed(counts))
+    def summed_without(self, counts: Float[Array, " B"], prior: NuisancePrior) -> Products:
+        """Sum over all blocks, each as often as ``counts`` says, with the nuisance columns eliminated."""
+        return prior.eliminate_from(self.summed(counts))
 
     def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[Products, list[int]]]:
         """For each fold, the products of its training blocks and the indices of its held-out blocks.

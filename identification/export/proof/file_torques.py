@@ -306,7 +306,9 @@ def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) ->
 
 def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
     """Torque of a law that is evaluated step by step."""
-    from identification.diagnosis.law.rest import inputs_of  # imports all laws of residuals, which few runs need
+    from identification.diagnosis.law.joint_residual import (
+        inputs_of,  # imports all laws of residuals, which few runs need
+    )
 
     others = [k for k in range(robot.nv) if k != row]
     inputs = inputs_of(robot, log, operation, row, others)

@@ -21,7 +21,7 @@ from identification.words.numbers_and_names import number, percent
 from phantom_dyn import __version__
 
 if TYPE_CHECKING:
-    from identification.diagnosis.rest_law import ResidualModel
+    from identification.diagnosis.residual_law import ResidualModel
 
 _PLACES = 41  # number of values of an input in the table; of a velocity, in both directions together
 _AXES = 2  # number of inputs that vary in the table; others are in the middle of their range

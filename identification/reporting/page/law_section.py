@@ -17,7 +17,7 @@ from identification.words.law_words import dependence_sentences, input_words, in
 from identification.words.numbers_and_names import number, percent
 
 if TYPE_CHECKING:
-    from identification.diagnosis.rest_law import Dependence, FrequencyResponse, InputCurve, InputGain, Law
+    from identification.diagnosis.residual_law import Dependence, FrequencyResponse, InputCurve, InputGain, Law
 
 _ROWS = 8  # inputs and pairs that are shown
 

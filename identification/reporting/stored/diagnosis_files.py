@@ -48,7 +48,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import looks_like_robot
 
 if TYPE_CHECKING:
-    from identification.diagnosis.rest_law import Dependence
+    from identification.diagnosis.residual_law import Dependence
     from identification.geometry.result import GeometryResult
 
 SCHEMA = "gap-diagnosis/3"

@@ -20,12 +20,12 @@ from identification.diagnosis.law.responses import delayed, laguerre, laguerre_g
 from identification.diagnosis.law.smooth import hats, input_curves, input_gains
 from identification.diagnosis.law.terms import library
 from identification.engine.search.stepwise import gains
+from made_up_residual import made_up_residual
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.described import FormulaTerm
 from phantom_dyn.effects.friction.viscous_friction import ViscousFriction
-from rests import made_up_rest
 
-REST = made_up_rest(lambda x: 0.0 * x["t"], seconds=9.0)
+REST = made_up_residual(lambda x: 0.0 * x["t"], seconds=9.0)
 
 # Of what the made-up recording has; it is without temperatures.
 SAID = [
@@ -78,16 +78,16 @@ def test_a_term_about_a_place_is_about_the_middle_of_the_travel():
 
 
 def _noise(seed: int):
-    rest = made_up_rest(lambda x: np.zeros(len(x["t"])), seed=seed)
-    return rest, columns_of(rest)
+    residual = made_up_residual(lambda x: np.zeros(len(x["t"])), seed=seed)
+    return residual, columns_of(residual)
 
 
 def test_the_best_term_of_the_library_gains_from_noise_what_chance_is_said_to_give():
     above, ratios = 0, []
     for seed in range(12):
-        rest, columns = _noise(seed)
-        products = columns.products.summed(np.ones(len(rest.folds)))
-        ratios.append(gains(columns.terms, products, ()).max() / chance(rest, columns, rest.y))
+        residual, columns = _noise(seed)
+        products = columns.products.summed(np.ones(len(residual.folds)))
+        ratios.append(gains(columns.terms, products, ()).max() / chance(residual, columns, residual.y))
         above += ratios[-1] > 1.0
     assert above <= 1
     assert np.median(ratios) > 0.4
@@ -95,8 +95,8 @@ def test_the_best_term_of_the_library_gains_from_noise_what_chance_is_said_to_gi
 
 def test_a_formula_that_held_out_blocks_like_by_chance_is_dropped(monkeypatch):
     monkeypatch.setattr("identification.diagnosis.law.formula_search.best_size", lambda loss: 2)
-    rest, columns = _noise(3)
-    assert search_formula(rest, columns, without_law(rest, columns)).chosen == ()
+    residual, columns = _noise(3)
+    assert search_formula(residual, columns, without_law(residual, columns)).chosen == ()
 
 
 def test_a_longer_formula_has_to_be_surely_better():
@@ -109,19 +109,19 @@ def test_a_formula_that_is_better_on_every_block_is_taken():
 
 
 def test_without_a_law_the_model_moves_to_its_bound_and_no_further():
-    rest = made_up_rest(lambda x: 3.0 * x["tl.j1"], noise=0.01, free=lambda x: x["tl.j1"], bound=1.0)
-    left = without_law(rest, columns_of(rest)).sum()
-    assert left == pytest.approx(4.0 * np.sum(rest.series("tl.j1") ** 2), rel=1e-3)
+    residual = made_up_residual(lambda x: 3.0 * x["tl.j1"], noise=0.01, free=lambda x: x["tl.j1"], bound=1.0)
+    left = without_law(residual, columns_of(residual)).sum()
+    assert left == pytest.approx(4.0 * np.sum(residual.series("tl.j1") ** 2), rel=1e-3)
 
 
 def test_replicates_that_draw_no_sample_choose_no_term():
     # Closed form: all samples are in one of sixteen blocks, which (1 - 1/16)^16 of the replicates do not draw.
-    rest = made_up_rest(lambda x: 3.0 * x["tl.j1"])
-    log = rest.logs[0]
-    rest = replace(rest, logs=(replace(log, weight=(rest.blocks == 0).astype(float)),))
-    columns = columns_of(rest)
+    residual = made_up_residual(lambda x: 3.0 * x["tl.j1"])
+    log = residual.logs[0]
+    residual = replace(residual, logs=(replace(log, weight=(residual.blocks == 0).astype(float)),))
+    columns = columns_of(residual)
     chosen = (next(k for k, term in enumerate(columns.library) if term.inputs == {"tl.j1"}),)
-    input_votes = _repeated(rest, columns, chosen)[2]
+    input_votes = _repeated(residual, columns, chosen)[2]
     drawn = 1.0 - (1.0 - 1.0 / 16.0) ** 16
     assert max(input_votes.values()) == pytest.approx(drawn, abs=3.0 * np.sqrt(drawn * (1.0 - drawn) / 40))
 
@@ -203,25 +203,27 @@ def test_beyond_the_ends_the_value_of_the_end_holds():
 
 
 def test_the_input_of_the_law_foresees_most():
-    gains = input_gains(made_up_rest(lambda x: x["q.j1"] ** 3)).listed
+    gains = input_gains(made_up_residual(lambda x: x["q.j1"] ** 3)).listed
     assert gains[0].inputs == ("q.j1",)
     assert gains[0].gain > 0.9 > gains[0].chance
 
 
 def test_an_input_that_has_no_part_is_not_beyond_chance():
-    gains = {one.inputs: one for one in input_gains(made_up_rest(lambda x: x["q.j1"] ** 3)).listed}
+    gains = {one.inputs: one for one in input_gains(made_up_residual(lambda x: x["q.j1"] ** 3)).listed}
     assert gains["v.j2",].gain < gains["v.j2",].chance
 
 
 def test_a_pair_foresees_what_neither_of_its_inputs_does():
-    gains = {one.inputs: one.gain for one in input_gains(made_up_rest(lambda x: x["q.j2"] * np.sign(x["v.j1"]))).listed}
+    gains = {
+        one.inputs: one.gain for one in input_gains(made_up_residual(lambda x: x["q.j2"] * np.sign(x["v.j1"]))).listed
+    }
     best = max(gains, key=lambda names: gains[names])
     assert set(best) in ({"v.j1", "q.j2"}, {"dx.j1", "q.j2"})
     assert gains[best] > 0.8 > 0.4 > max(gains["v.j1",], gains["q.j2",])
 
 
 def test_a_curve_is_the_torque_on_the_joint_and_its_band_holds_the_truth():
-    (curve,) = input_curves(made_up_rest(lambda x: 2.0 * x["q.j1"]), ("q.j1",))
+    (curve,) = input_curves(made_up_residual(lambda x: 2.0 * x["q.j1"]), ("q.j1",))
     x, middle = np.array(curve.x), np.array(curve.middle)
     np.testing.assert_allclose(middle[3:-3], -2.0 * x[3:-3], atol=0.1)
     inside = (np.array(curve.low) <= -2.0 * x + 0.03) & (-2.0 * x - 0.03 <= np.array(curve.high))
@@ -229,7 +231,7 @@ def test_a_curve_is_the_torque_on_the_joint_and_its_band_holds_the_truth():
 
 
 def test_friction_has_a_curve_for_each_direction():
-    curves = input_curves(made_up_rest(lambda x: x["q.j1"] * np.sign(x["v.j1"])), ("q.j1", "v.j1"))
+    curves = input_curves(made_up_residual(lambda x: x["q.j1"] * np.sign(x["v.j1"])), ("q.j1", "v.j1"))
     assert [(one.input, one.direction) for one in curves] == [
         ("q.j1", "forwards"), ("q.j1", "backwards"), ("v.j1", ""),
     ]  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.engine.products import row_products
-from identification.engine.products.block_products import BlockProducts, Free, block_products, left_of_each
+from identification.engine.products.block_products import BlockProducts, NuisancePrior, block_products, left_of_each
 from identification.engine.products.blocks import FOLDS, Block, assign_folds
 from identification.engine.products.grams import Weights, all_row_grams, row_grams, summed
 from identification.engine.products.row_products import RowProducts
@@ -72,13 +72,13 @@ def test_what_is_left_of_each_sample_squares_up_to_the_losses(samples):
 
 def test_what_may_move_is_fitted_beside_every_choice_with_its_prior(samples):
     x, y, _ = samples
-    free = Free(np.diag([3.0, 5.0]), np.array([1.0, -2.0]))
+    prior = NuisancePrior(np.diag([3.0, 5.0]), np.array([1.0, -2.0]))
     products = _products(samples).summed(np.ones(8))
     a = x.T @ x + np.diag([*np.zeros(10), 3.0, 5.0])
     whole = np.linalg.solve(a[np.ix_([1, 10, 11], [1, 10, 11])], (x.T @ y + [*np.zeros(10), 1.0, -2.0])[[1, 10, 11]])
-    theta = free.eliminate_from(products).fitted([1])
+    theta = prior.eliminate_from(products).fitted([1])
     np.testing.assert_allclose(theta, whole[:1], rtol=1e-6)
-    np.testing.assert_allclose(free.beside(products, [1], theta), whole[1:], rtol=1e-6)
+    np.testing.assert_allclose(prior.fitted_with(products, [1], theta), whole[1:], rtol=1e-6)
 
 
 def test_a_column_of_which_no_drawn_block_has_anything_has_no_coefficient(samples):

@@ -13,28 +13,28 @@ import phantom_dyn as dyn
 from benchmarks.laws.cases import make
 from identification.diagnosis.law.find_law import law_of, residual_terms
 from identification.diagnosis.law.terms import library
-from identification.diagnosis.rest_law import Dependence, ModelTerm, ResidualModel
+from identification.diagnosis.residual_law import Dependence, ModelTerm, ResidualModel
 from identification.diagnosis.result import JointGap, Unexplained
 from identification.export.uses.feedforward import loaded
 from identification.export.uses.residual_model import residual_code, residual_note, residual_table
 from identification.words.note_words import sentence
+from made_up_residual import made_up_residual
 from phantom_dyn.signals.recursive import lagging
-from rests import made_up_rest
 
 SPRING = ResidualModel(
     "j1", "N m", (ModelTerm("q", "x['q.j1']", -2.0), ModelTerm("sign(v)", "side(x['v.j1'])", -0.5)), (),
     {"q.j1": (-1.0, 1.0), "v.j1": (-2.0, 2.0)}, 0.9, True, 0.01,
 )  # fmt: skip
-REST = made_up_rest(lambda x: 0.0 * x["t"], seconds=9.0)
+RESIDUAL = made_up_residual(lambda x: 0.0 * x["t"], seconds=9.0)
 HELD_OUT_S = 15.0
 
 
 def test_every_term_of_the_library_is_the_same_in_the_file():
-    log = REST.logs[0]
+    log = RESIDUAL.logs[0]
     every = {name: (-1e9, 1e9) for name in log.inputs}
     others = []
-    for term in library(REST):
-        terms, states = residual_terms(REST, [(text, 1.0) for text in term.texts])
+    for term in library(RESIDUAL):
+        terms, states = residual_terms(RESIDUAL, [(text, 1.0) for text in term.texts])
         law = loaded(residual_code(replace(SPRING, terms=terms, states=states, valid=every, slow=1e-9)))
         wanted = np.sum([column(log) for column in term.columns], axis=0)
         along = law["Residual"]().along(log.inputs)
@@ -64,10 +64,12 @@ def test_beyond_the_data_the_end_of_the_range_holds():
 
 
 def test_a_name_with_quotes_is_only_a_name():
-    rest = replace(REST, joint='it\'s "j"')
-    terms, states = residual_terms(rest, [("(q - 0.1)*sign(v)", 2.0)])
-    model = replace(SPRING, joint=rest.joint, terms=terms, states=states, valid={f"q.{rest.joint}": (-1.0, 1.0)})
-    x = {f"q.{rest.joint}": 0.6, f"v.{rest.joint}": 1.0}
+    residual = replace(RESIDUAL, joint='it\'s "j"')
+    terms, states = residual_terms(residual, [("(q - 0.1)*sign(v)", 2.0)])
+    model = replace(
+        SPRING, joint=residual.joint, terms=terms, states=states, valid={f"q.{residual.joint}": (-1.0, 1.0)}
+    )
+    x = {f"q.{residual.joint}": 0.6, f"v.{residual.joint}": 1.0}
     assert sum(loaded(residual_code(model))["terms"](x, [])) == pytest.approx(1.0)
 
 
@@ -81,10 +83,10 @@ def test_the_table_holds_the_torque_of_the_file(made_up):
 
 
 def test_an_answer_with_memory_is_in_the_model_and_its_frequencies_in_the_text():
-    rest = made_up_rest(lambda x: 3.0 * lagging(x["v.j1"], 0.02, 0.4))
-    _, found = law_of(rest, (JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200),))
+    residual = made_up_residual(lambda x: 3.0 * lagging(x["v.j1"], 0.02, 0.4))
+    _, found = law_of(residual, (JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200),))
     code = residual_code(found.model)
-    log = rest.logs[0]
+    log = residual.logs[0]
     assert "Low('v.j1', " in code
     assert "Its response to 'v.j1' has memory" in code
     along = loaded(code)["Residual"]().along(log.inputs)
@@ -105,8 +107,8 @@ def test_the_table_says_that_it_has_no_memory(made_up):
 
 
 def test_the_law_is_in_the_model_to_use():
-    rest = made_up_rest(lambda x: (2.0 - 0.05 * (x["t"] - 12.0)) * np.sign(x["v.j1"]))
-    _, found = law_of(rest, (JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200),))
+    residual = made_up_residual(lambda x: (2.0 - 0.05 * (x["t"] - 12.0)) * np.sign(x["v.j1"]))
+    _, found = law_of(residual, (JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200),))
     assert found.model.lawful
     assert {"sign(v)", "(t - 12)*sign(v)"} <= {term.text for term in found.model.terms}
 

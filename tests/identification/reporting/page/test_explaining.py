@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from identification.diagnosis.rest_law import Dependence, FrequencyResponse, InputCurve, InputGain, Law, LawTerm
+from identification.diagnosis.residual_law import Dependence, FrequencyResponse, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import Diagnosis, Finding, Unexplained, Value
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis_schema import Document, Law, Rollout
-from identification.diagnosis import rest_law as results
+from identification.diagnosis import residual_law as results
 from identification.diagnosis.result import Unexplained, Value
 from identification.reporting.stored.diagnosis_files import json_text, to_json
 

@@ -35,7 +35,7 @@ _TWINS = 0.99  # correlation of the drive's torque with the transmitted one abov
 
 
 @dataclass(frozen=True)
-class RestLog:
+class ResidualLog:
     """One recording.
 
     Attributes:
@@ -48,7 +48,7 @@ class RestLog:
         residual: Measured minus modelled torque of these samples in the judged band, by fits that have not seen them,
             ``(n,)``.
         weight: Weight of each of these samples, ``(n,)``.
-        free: Columns of the tolerance parameters and findings that are fitted again with a law, ``(n, F)``.
+        nuisances: Columns of the tolerance parameters and findings that are fitted again with a law, ``(n, F)``.
     """
 
     t: Float[Array, " N"]
@@ -59,7 +59,7 @@ class RestLog:
     kept: slice
     residual: Float[Array, " n"]
     weight: Float[Array, " n"]
-    free: Float[Array, "n F"]
+    nuisances: Float[Array, "n F"]
 
     def in_band(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
         """Kept samples in the judged band of a series at the full rate."""
@@ -74,7 +74,7 @@ class RestLog:
 
 
 @dataclass(frozen=True)
-class Rest:
+class JointResidual:
     """Residual of one joint in all recordings.
 
     Attributes:
@@ -85,15 +85,16 @@ class Rest:
         blocks: Block of each kept sample, -1 for samples that share noise with the block before, ``(n,)``.
         folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
         floor: Noise floor of the joint.
-        precision: Prior precision of the free coefficients (see `Freedom`), in squares of the torque, ``(F, F)``.
+        precision: Prior precision of the coefficients of the nuisances (see `NuisanceColumns`), in squares of the
+            torque, ``(F, F)``.
         right: Precision times the mean of that prior, ``(F,)``.
-        lower, upper: Bounds of the free coefficients, ``(F,)``.
+        lower, upper: Bounds of these coefficients, ``(F,)``.
     """
 
     joint: str
     unit: str
     others: tuple[str, ...]
-    logs: tuple[RestLog, ...]
+    logs: tuple[ResidualLog, ...]
     blocks: Array
     folds: Array
     floor: float
@@ -152,7 +153,7 @@ class Rest:
         return tuple(name for name in both if name in names)
 
 
-def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
+def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> JointResidual:
     """Residual of the named effects on a joint, on blocks that their fits have not seen.
 
     Args:
@@ -165,7 +166,7 @@ def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
     row = robot.joint_names.index(joint)
     torque = held_out_torque(problem, shown.named, shown.found)
     residual = session.in_judged_band(residual_after(problem, torque))
-    freedom = freedom_of(shown, row, floors, residual)
+    nuisances = nuisance_columns(shown, row, floors, residual)
     near = sorted((k for k in branch_rows(robot, joint) if k != row), key=lambda k: abs(k - row))[:_OTHERS]
     logs, numbers = [], []
     thin = sum(len(log.samples) for log in session.logs) // _MOST_SAMPLES + 1
@@ -175,16 +176,24 @@ def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
         weight = sample_weights(problem, k, slice(0, len(log.samples)))[kept, row]
         inputs = inputs_of(robot, log, columns.operations[k], row, near)
         t = log.motion.t - log.motion.t[0]
-        rest = residual[k][kept, row]
+        part = residual[k][kept, row]
         logs.append(
-            RestLog(
-                t, inputs, log.band, session.cutoff_hz, log.valid_in_band, kept, rest, weight, freedom.columns[k][kept]
+            ResidualLog(
+                t,
+                inputs,
+                log.band,
+                session.cutoff_hz,
+                log.valid_in_band,
+                kept,
+                part,
+                weight,
+                nuisances.columns[k][kept],
             )
         )
         numbers.append(_block_numbers(session.blocks, k, len(log.samples))[kept])
     logs = _without_twins(logs, joint)
     names = tuple(robot.joint_names[k] for k in near)
-    return Rest(
+    return JointResidual(
         joint=joint,
         unit=robot.torque_units[row],
         others=names,
@@ -192,10 +201,10 @@ def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
         blocks=np.concatenate(numbers),
         folds=session.folds,
         floor=float(floors[row]),
-        precision=freedom.precision,
-        right=freedom.right,
-        lower=freedom.lower,
-        upper=freedom.upper,
+        precision=nuisances.precision,
+        right=nuisances.right,
+        lower=nuisances.lower,
+        upper=nuisances.upper,
     )
 
 
@@ -235,7 +244,7 @@ def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Array:
     return out
 
 
-def _without_twins(logs: list[RestLog], joint: str) -> list[RestLog]:
+def _without_twins(logs: list[ResidualLog], joint: str) -> list[ResidualLog]:
     """Recordings without constant inputs, and without the drive's torque where it equals the transmitted one."""
     still = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
     passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
@@ -247,8 +256,8 @@ def _without_twins(logs: list[RestLog], joint: str) -> list[RestLog]:
 
 
 @dataclass(frozen=True)
-class Freedom:
-    """Columns of nuisances and findings that every fit of a law fits again, with a Gaussian prior.
+class NuisanceColumns:
+    """Columns of tolerance parameters and findings that every fit of a law fits again, with a Gaussian prior.
 
     A coefficient is a change from the fit of the diagnosis.
 
@@ -266,8 +275,8 @@ class Freedom:
     upper: Float[Array, " F"]
 
 
-def freedom_of(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Series) -> Freedom:
-    """The free columns of one joint's row; the torques of the other joints are part of their prior.
+def nuisance_columns(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Series) -> NuisanceColumns:
+    """The nuisance columns of one joint's row; the torques of the other joints are part of their prior.
 
     Args:
         shown: The effects that are shown.
@@ -289,11 +298,11 @@ def freedom_of(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Se
             precision[np.ix_(place, place)] += (x * weight[:, None]).T @ x
             right[place] += x.T @ (weight * residual[k][:, other])
     place, at = _places(active, problem.columns.rows[row])
-    rest = [k for k in range(len(active)) if k not in set(place)]
-    own, others = precision[np.ix_(place, place)], precision[np.ix_(rest, rest)]
-    if rest:
-        between = precision[np.ix_(place, rest)]
-        through = solve(others, np.column_stack([between.T, right[rest]]))
+    elsewhere = [k for k in range(len(active)) if k not in set(place)]
+    own, others = precision[np.ix_(place, place)], precision[np.ix_(elsewhere, elsewhere)]
+    if elsewhere:
+        between = precision[np.ix_(place, elsewhere)]
+        through = solve(others, np.column_stack([between.T, right[elsewhere]]))
         own, mean = own - between @ through[:, :-1], right[place] - between @ through[:, -1]
     else:
         mean = right[place]
@@ -301,7 +310,7 @@ def freedom_of(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Se
     scale = floors[row] ** 2
     mine = active[place]
     lower, upper = problem.lower[mine] - found.theta[mine], problem.upper[mine] - found.theta[mine]
-    return Freedom(columns, scale * own, scale * mean, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
+    return NuisanceColumns(columns, scale * own, scale * mean, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
 
 
 def _places(active: Array, index: tuple[int, ...]) -> tuple[list[int], list[int]]:

@@ -1,4 +1,4 @@
-"""The law of a rest, and of a diagnosis.
+"""The law of a residual, and of a diagnosis.
 
 The oracles are transfer functions in closed form, and laws without memory that must not be taken for one.
 """
@@ -12,7 +12,7 @@ from benchmarks.laws.cases import make
 from identification.diagnosis.law.find_law import law_of
 from identification.diagnosis.law.smooth import frequency_responses, input_gains
 from identification.diagnosis.result import JointGap
-from rests import RATE, made_up_rest
+from made_up_residual import RATE, made_up_residual
 
 JOINT = JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200)
 
@@ -20,7 +20,7 @@ JOINT = JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200)
 @pytest.fixture(scope="module")
 def warming():
     """Coulomb friction that falls from 2 by 0.05 N m every second, about its mean at twelve seconds."""
-    return law_of(made_up_rest(lambda x: (2.0 - 0.05 * (x["t"] - 12.0)) * np.sign(x["v.j1"])), (JOINT,))
+    return law_of(made_up_residual(lambda x: (2.0 - 0.05 * (x["t"] - 12.0)) * np.sign(x["v.j1"])), (JOINT,))
 
 
 def test_the_inputs_are_those_of_the_law(warming):
@@ -51,7 +51,7 @@ def test_it_is_likened_to_a_law_of_the_literature(warming):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_noise_alone_has_no_law(seed):
-    law, found = law_of(made_up_rest(lambda x: np.zeros(len(x["t"])), seed=seed), (JOINT,))
+    law, found = law_of(made_up_residual(lambda x: np.zeros(len(x["t"])), seed=seed), (JOINT,))
     assert law is None
     assert found.inputs == ()
 
@@ -60,7 +60,7 @@ def test_noise_alone_has_no_law(seed):
 def test_slow_noise_of_a_second_has_no_law(seed):
     rng = np.random.default_rng(seed)
     slow = np.convolve(rng.normal(size=1300), np.exp(-np.arange(50) / 10.0), "valid")[:1200]
-    law, _ = law_of(made_up_rest(lambda x: 0.1 * slow, noise=0.05, seed=seed), (JOINT,))
+    law, _ = law_of(made_up_residual(lambda x: 0.1 * slow, noise=0.05, seed=seed), (JOINT,))
     assert law is None
 
 
@@ -73,17 +73,17 @@ def test_what_no_term_of_the_library_makes_has_no_formula():
         near = (x["q.j1"][:, None] - centres[:, 0]) ** 2 + (x["v.j2"][:, None] - 2 * centres[:, 1]) ** 2 / 4
         return np.exp(-near / 0.02) @ sizes
 
-    assert law_of(made_up_rest(patches), (JOINT,))[0] is None
+    assert law_of(made_up_residual(patches), (JOINT,))[0] is None
 
 
 def test_a_model_that_moves_within_its_bounds_is_not_taken_for_a_law():
-    rest = made_up_rest(lambda x: 0.8 * x["tl.j1"], free=lambda x: x["tl.j1"], bound=1.0)
-    assert law_of(rest, (JOINT,))[0] is None
+    residual = made_up_residual(lambda x: 0.8 * x["tl.j1"], free=lambda x: x["tl.j1"], bound=1.0)
+    assert law_of(residual, (JOINT,))[0] is None
 
 
 def test_what_lies_beyond_the_bounds_of_the_model_is_a_law():
-    rest = made_up_rest(lambda x: 3.0 * x["tl.j1"], free=lambda x: x["tl.j1"], bound=1.0)
-    law, found = law_of(rest, (JOINT,))
+    residual = made_up_residual(lambda x: 3.0 * x["tl.j1"], free=lambda x: x["tl.j1"], bound=1.0)
+    law, found = law_of(residual, (JOINT,))
     assert law is not None
     assert found.terms[0].coefficient == pytest.approx(-2.0, abs=0.05)
 
@@ -137,12 +137,12 @@ def swinging(x):
 
 @pytest.fixture(scope="module")
 def creep():
-    return law_of(made_up_rest(creeping, seconds=48.0), (JOINT,))
+    return law_of(made_up_residual(creeping, seconds=48.0), (JOINT,))
 
 
 @pytest.fixture(scope="module")
 def swing():
-    return law_of(made_up_rest(swinging, seconds=48.0), (JOINT,))
+    return law_of(made_up_residual(swinging, seconds=48.0), (JOINT,))
 
 
 def test_the_frequency_of_the_velocity_is_the_input_of_a_spring_behind_a_damper(creep):
@@ -164,7 +164,7 @@ def test_it_holds_over_the_frequencies_of_the_motion(creep):
 
 
 def test_gain_and_phase_are_those_of_the_transfer_function():
-    (response,) = frequency_responses(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
+    (response,) = frequency_responses(made_up_residual(creeping, seconds=96.0), ("freq(v.j1)",))
     hz = np.array(response.hz)
     truth = -3.0 / (1.0 + 1j * hz / CORNER_HZ)
     assert response.unit == "N m/(rad/s)"
@@ -174,7 +174,7 @@ def test_gain_and_phase_are_those_of_the_transfer_function():
 
 
 def test_their_bands_hold_the_transfer_function():
-    (response,) = frequency_responses(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
+    (response,) = frequency_responses(made_up_residual(creeping, seconds=96.0), ("freq(v.j1)",))
     truth = np.abs(3.0 / (1.0 + 1j * np.array(response.hz) / CORNER_HZ))
     inside = (np.array(response.gain_low) <= 1.02 * truth) & (0.98 * truth <= np.array(response.gain_high))
     assert inside.mean() > 0.8
@@ -185,7 +185,7 @@ def test_a_resonance_is_a_response_to_the_motion(swing):
 
 
 def test_the_response_to_the_torque_is_told_where_the_torque_comes_late():
-    law, found = law_of(made_up_rest(lambda x: x["tl.j1"] - np.interp(x["t"] - 0.03, x["t"], x["tl.j1"])), (JOINT,))
+    law, found = law_of(made_up_residual(lambda x: x["tl.j1"] - np.interp(x["t"] - 0.03, x["t"], x["tl.j1"])), (JOINT,))
     assert found.inputs == ("freq(tl.j1)",)
     assert law.like == "a torque that was filtered or comes late"
 
@@ -197,7 +197,7 @@ def test_a_response_that_no_short_formula_has_names_the_frequency_alone():
     def law(x):
         return np.convolve(x["v.j1"], kernel)[: len(x["t"])]
 
-    gains = input_gains(made_up_rest(law, seconds=96.0, noise=0.02))
+    gains = input_gains(made_up_residual(law, seconds=96.0, noise=0.02))
     assert gains.frequency == "freq(v.j1)"
 
 
@@ -212,11 +212,11 @@ def test_a_response_that_no_short_formula_has_names_the_frequency_alone():
     ids=["spring, damping and inertia", "friction", "hardening spring", "warming friction"],
 )
 def test_what_has_no_memory_is_no_frequency(still):
-    rest = made_up_rest(still)
-    assert input_gains(rest).frequency is None
-    assert not any(name.startswith("freq") for name in law_of(rest, (JOINT,))[1].inputs)
+    residual = made_up_residual(still)
+    assert input_gains(residual).frequency is None
+    assert not any(name.startswith("freq") for name in law_of(residual, (JOINT,))[1].inputs)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_has_no_frequency(seed):
-    assert input_gains(made_up_rest(lambda x: np.zeros(len(x["t"])), seed=seed)).frequency is None
+    assert input_gains(made_up_residual(lambda x: np.zeros(len(x["t"])), seed=seed)).frequency is None

@@ -1,18 +1,18 @@
-"""Made-up rests: what is left on one joint of a recording, with a law that the test writes itself."""
+"""Made-up residuals: what is left on one joint of a recording, with a law that the test writes itself."""
 
 from collections.abc import Callable
 
 import numpy as np
 
 from identification.data.log import Band
-from identification.diagnosis.law.rest import Rest, RestLog
+from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 
 Array = np.ndarray
 
 RATE = 50.0
 
 
-def made_up_rest(
+def made_up_residual(
     law: Callable[[dict[str, Array]], Array],
     *,
     noise: float = 0.1,
@@ -20,8 +20,8 @@ def made_up_rest(
     seed: int = 0,
     free: Callable[[dict[str, Array]], Array] | None = None,
     bound: float = 1.0,
-) -> Rest:
-    """A rest of joint ``j1`` of a robot with two joints.
+) -> JointResidual:
+    """A residual of joint ``j1`` of a robot with two joints.
 
     Args:
         law: Torque that the drive has to give beyond the model, from the inputs by name.
@@ -50,11 +50,11 @@ def made_up_rest(
     y = law(inputs) + noise * rng.normal(size=len(t))
     column = np.zeros((len(t), 0)) if free is None else free(inputs)[:, None]
     count = column.shape[1]
-    log = RestLog(
+    log = ResidualLog(
         t, inputs, Band(RATE, 25.0, np.ones(1), 1), 25.0, np.ones(len(t), bool), slice(None), y, np.ones(len(t)), column
     )
     blocks = np.minimum((t // 1.5).astype(int), int(seconds / 1.5) - 1)
-    return Rest(
+    return JointResidual(
         joint="j1",
         unit="N m",
         others=("j2",),
