@@ -32,8 +32,8 @@ def true_set(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
     def given_set(search: Search, progress: Progress, *_: object) -> frozenset[Term]:
         by_place: dict[Place, list[Term]] = {}
         for term in search.terms:
-            if term.place in truth:
-                by_place.setdefault(term.place, []).append(term)
+            if term.effect_joint in truth:
+                by_place.setdefault(term.effect_joint, []).append(term)
         del progress  # a set is chosen at once
         sets = [frozenset(chosen) for chosen in product(*by_place.values())]
         return min(sets, key=search.score)

@@ -137,11 +137,11 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         found = found_effects(fitted, last.chosen)
         near = runners_up(last.search, last.chosen)
         points = (*found, *near)
-        same = unchanged(found, before) and tried.issuperset(point.place for point in near)
+        same = unchanged(found, before) and tried.issuperset(point.effect_joint for point in near)
         if ratio >= rules.LOWER_NOISE and (same or not needs_refinement(points)):
             break
         before = found
-        tried.update(point.place for point in near)
+        tried.update(point.effect_joint for point in near)
         if points:
             problem = last.search.problem
             residual = residual_after(problem, held_out_torque(problem, last.chosen, fitted))

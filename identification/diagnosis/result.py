@@ -91,7 +91,7 @@ class Finding:
     law: str | None = None
 
     @property
-    def place(self) -> EffectAt:
+    def effect_at(self) -> EffectAt:
         """Effect, joint and recording."""
         return EffectAt(self.effect, self.joint, self.recording, self.words)
 

@@ -284,11 +284,11 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
         gap: Errors of the poses before and after the fit.
         found: All findings, minor ones included.
     """
-    groups = {explained.problem.terms[group[0]].place: group for group in groups_of(explained)}
+    groups = {explained.problem.terms[group[0]].effect_joint: group for group in groups_of(explained)}
     claims = [_claim_of_finding(explained, gap, groups[finding.effect, finding.joint], finding) for finding in found]
     places: dict[At, list[int]] = {}
     for k in explained.fits.seen:
-        places.setdefault(explained.problem.terms[k].place, []).append(k)
+        places.setdefault(explained.problem.terms[k].effect_joint, []).append(k)
     near = [_best_term_of(explained, at, terms, groups) for at, terms in places.items() if at not in groups]
     near = sorted(near, key=lambda one: -one.most)[:NEVER_CLAIMED]
     return (*claims, *(_claim_of_place(explained, gap, one, groups) for one in near))

@@ -270,7 +270,7 @@ def _pose_error(problem: PoseProblem, estimate: Estimate, effect: str, of: str |
     """The numbers of a ``base_pose`` or of the ``tool_pose`` of a frame."""
     out = np.zeros(6)
     for term, value in zip(problem.terms, estimate.values, strict=True):
-        if term.place == (effect, of):
+        if term.effect_joint == (effect, of):
             out[term.part] = value
     return out
 

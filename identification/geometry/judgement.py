@@ -172,7 +172,7 @@ def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
     """The chosen terms, in groups of one effect on one joint."""
     places: dict[tuple[str, str | None], list[int]] = {}
     for k in explained.chosen:
-        places.setdefault(explained.problem.terms[k].place, []).append(k)
+        places.setdefault(explained.problem.terms[k].effect_joint, []).append(k)
     return tuple(tuple(group) for group in places.values())
 
 
@@ -256,7 +256,7 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
 def _places(terms: Sequence[PoseTerm]) -> tuple[Place, ...]:
     places: dict[tuple[str, str | None], list[str]] = {}
     for term in terms:
-        places.setdefault(term.place, []).append(term.parameter)
+        places.setdefault(term.effect_joint, []).append(term.parameter)
     return tuple(Place(effect, joint, tuple(names)) for (effect, joint), names in places.items())
 
 

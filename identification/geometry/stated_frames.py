@@ -54,7 +54,7 @@ def problem_of(
     weights = np.ones(2 * len(sets))
     estimate, here = fitted(near, start_of(near), range(len(terms)), weights)
     _, there = fitted(free, start_of(free), (), weights)
-    far = {term.place for term, value in zip(terms, estimate.values, strict=True) if abs(value) > term.largest}
+    far = {term.effect_joint for term, value in zip(terms, estimate.values, strict=True) if abs(value) > term.largest}
     if (BASE_POSE, None) in far or not _as_good(here, len(terms), there):
         return free
     frames = tuple(frame for frame in parts if (TOOL_POSE, frame) not in far)

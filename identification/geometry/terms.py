@@ -55,8 +55,8 @@ class PoseTerm:
     frame: int = -1
 
     @property
-    def place(self) -> tuple[str, str | None]:
-        """Effect and joint: terms of the same place make one finding."""
+    def effect_joint(self) -> tuple[str, str | None]:
+        """Effect and joint: terms that agree in both make one finding."""
         return self.effect, self.joint
 
 

@@ -103,11 +103,11 @@ def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> 
         chosen: The set that the search has chosen.
         finding: A finding of the diagnosis.
     """
-    place = (finding.effect, finding.joint)
-    term = next((other for other in chosen if other.place == place), None)
+    cause = (finding.effect, finding.joint)
+    term = next((other for other in chosen if other.effect_joint == cause), None)
     if term is None or not finding.rivals:
         return ()
-    causes = [((EffectAt(*place, words=finding.words),), finding.probability)]
+    causes = [((EffectAt(*cause, words=finding.words),), finding.probability)]
     causes += [(rival.effects, rival.probability) for rival in finding.rivals]
     out = []
     for effects, probability in sorted(causes, key=lambda one: -one[1])[:_MOST]:
@@ -128,18 +128,18 @@ def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[F
         chosen: The set that the search has chosen.
         findings: Findings of the diagnosis.
     """
-    found_places = {(finding.effect, finding.joint) for finding in findings}
+    found_causes = {(finding.effect, finding.joint) for finding in findings}
     for finding in findings:
-        place = (finding.effect, finding.joint)
-        shapes = [term for term in search.terms if term.named and term.place == place]
-        if not shapes or any(term.place == place for term in chosen):
+        cause = (finding.effect, finding.joint)
+        shapes = [term for term in search.terms if term.named and term.effect_joint == cause]
+        if not shapes or any(term.effect_joint == cause for term in chosen):
             continue
         rivals = {(at.effect, at.joint) for rival in finding.rivals for at in rival.effects}
         gone = frozenset(
             term
             for term in chosen
-            if term.place not in found_places
-            and (term.place in rivals or any(contains(term, shape) for shape in shapes))
+            if term.effect_joint not in found_causes
+            and (term.effect_joint in rivals or any(contains(term, shape) for shape in shapes))
         )
         chosen = min((with_term(chosen - gone, shape) for shape in shapes), key=search.quick)
     return chosen
@@ -187,7 +187,8 @@ def _variants(
 ) -> tuple[Variant, ...]:
     """Fits of a set of effects in the place of a term, over the shapes of their laws."""
     options = [
-        [other for other in search.terms if other.named and other.place == (at.effect, at.joint)] for at in effects
+        [other for other in search.terms if other.named and other.effect_joint == (at.effect, at.joint)]
+        for at in effects
     ]
     sets = {}
     for group in islice(product(*options), _COMBINATIONS):

@@ -112,7 +112,7 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
         raise ParameterError(f"{len(diagnoses)} diagnosis was given, wanted two or more to compare.")
     _require_same_joints(diagnoses, names)
     diagnoses = [replace(one, findings=all_findings(one)) for one in diagnoses]
-    places = dict.fromkeys(finding.place for diagnosis in diagnoses for finding in diagnosis.findings)
+    places = dict.fromkeys(finding.effect_at for diagnosis in diagnoses for finding in diagnosis.findings)
     table = {at: tuple(_finding_at(diagnosis, at) for diagnosis in diagnoses) for at in places}
     pairs = [pair for found in table.values() for values in _sizes(found).values() for pair in _pairs(values)]
     comparisons = max(1, sum(len(_listed(one.value)) for one, _ in pairs))
@@ -177,7 +177,7 @@ def _require_same_joints(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -
 
 
 def _finding_at(diagnosis: Diagnosis, at: EffectAt) -> Finding | None:
-    return next((finding for finding in diagnosis.findings if finding.place == at), None)
+    return next((finding for finding in diagnosis.findings if finding.effect_at == at), None)
 
 
 def _sizes(found: Sequence[Finding | None]) -> dict[str, tuple[Value | None, ...]]:
@@ -215,7 +215,7 @@ def _listed(value: float | list[float]) -> list[float]:
 
 def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
     """Statement of a diagnosis on an effect that is not one of its findings."""
-    if any(finding.place == at for finding in diagnosis.minor):
+    if any(finding.effect_at == at for finding in diagnosis.minor):
         return "seen, but too small to matter"
     for finding in diagnosis.findings:
         for rival in finding.rivals:

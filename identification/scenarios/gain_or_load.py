@@ -104,12 +104,12 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
         leads = counts[0] < counts[1] or (counts[0] == counts[1] and wins > 0.5)
     found, other = (second, first) if leads else (first, second)
     sure = probability if leads else 1.0 - probability
-    shared = {finding.place for finding in found.findings} & {finding.place for finding in other.findings}
-    rivals = tuple(finding.place for finding in other.findings if finding.place not in shared)
+    shared = {finding.effect_at for finding in found.findings} & {finding.effect_at for finding in other.findings}
+    rivals = tuple(finding.effect_at for finding in other.findings if finding.effect_at not in shared)
     if 1.0 - sure < contract_levels.LISTED or not rivals:
         return leads, found
     findings = tuple(
-        finding if finding.place in shared else _with_rival(finding, rivals, sure) for finding in found.findings
+        finding if finding.effect_at in shared else _with_rival(finding, rivals, sure) for finding in found.findings
     )
     return leads, replace(found, findings=findings)
 

@@ -175,7 +175,7 @@ def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
 
 def _as_rival(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
     """Probability of a claim as a rival of the finding that replaced it; zero if it is not a rival."""
-    findings = [one for one in all_findings(diagnosis) if one.place in claim.instead]
+    findings = [one for one in all_findings(diagnosis) if one.effect_at in claim.instead]
     own = [rival.probability for one in findings for rival in one.rivals if set(rival.effects) == set(claim.effects)]
     return max(own, default=0.0)
 

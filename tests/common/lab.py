@@ -62,7 +62,7 @@ class Prepared:
 
     def term(self, effect: str, joint: str | None) -> Term:
         """The first rival of that effect and joint."""
-        return next(term for term in self.columns.terms if term.place == (effect, joint))
+        return next(term for term in self.columns.terms if term.effect_joint == (effect, joint))
 
 
 class Lab:

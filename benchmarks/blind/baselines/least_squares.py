@@ -79,7 +79,9 @@ def prepare(robot_file: Path, log_file: Path) -> Task:
     columns = build_columns(session)
     known = {effect.name for effect in EFFECTS}
     choices = tuple(
-        Choice(*term.place, tuple(term.columns), term.size) for term in columns.terms if term.effect.name in known
+        Choice(*term.effect_joint, tuple(term.columns), term.size)
+        for term in columns.terms
+        if term.effect.name in known
     )
     prior = np.zeros(len(columns.names))
     for k, nuisance in enumerate(columns.tolerance_parameters):

@@ -44,7 +44,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _PIECE = 4096  # samples at the full rate whose regressor is in memory at once
-Place = tuple[str, str | None, Shape]
+ColumnKey = tuple[str, str | None, Shape]
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ def _assembled(
         _standing(session, given.operations, found),
         given.operations,
         local,
-        tuple(point.place for point in _displacing(session.robot, found)),
+        tuple(point.effect_joint for point in _displacing(session.robot, found)),
     )
 
 
@@ -364,9 +364,9 @@ def effect_columns(
     return tuple(out)
 
 
-def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n c"], ...]]:
+def _kept(before: Columns | None, log: int) -> dict[ColumnKey, tuple[Float[Array, "n c"], ...]]:
     """Columns of one log, by effect, joint and shape, that no fit changes: one array for each row that they touch."""
-    out: dict[Place, tuple[Array, ...]] = {}
+    out: dict[ColumnKey, tuple[Array, ...]] = {}
     if before is None:
         return out
     for block in before.local:
@@ -385,7 +385,7 @@ def _values(
     operation: Operation,
     plain: list[list[Float[Array, " n"]]],
     local: tuple[Local, ...],
-    kept: dict[Place, tuple[Float[Array, "n c"], ...]],
+    kept: dict[ColumnKey, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row; cached ones are reused."""
     operation = operation.for_a_while()

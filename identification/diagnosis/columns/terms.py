@@ -51,7 +51,7 @@ class FoundEffect:
     coefficients: Float[Array, " k"]
 
     @property
-    def place(self) -> tuple[str, str | None]:
+    def effect_joint(self) -> tuple[str, str | None]:
         """Effect and joint, whatever the shape."""
         return self.effect.name, self.joint
 
@@ -82,7 +82,7 @@ class Term:
         return self.columns[0]
 
     @cached_property
-    def place(self) -> tuple[str, str | None]:
+    def effect_joint(self) -> tuple[str, str | None]:
         """Effect and joint, whatever the shape."""
         return self.effect.name, self.joint
 
@@ -129,7 +129,7 @@ def shapes_of(
                 continue
             point = near.get((effect.name, joint))
             if point is None:
-                beside = [point.shape for point in seen if point.place == (effect.name, joint)]
+                beside = [point.shape for point in seen if point.effect_joint == (effect.name, joint)]
                 alike = [point for point in found if point.joint == joint and effect.name in point.effect.same_shapes]
                 beside += [point.shape for point in alike if _load_is_steady(robot, operation, joint)]
                 shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *beside)))
@@ -161,7 +161,7 @@ def _is_load(effect: Effect) -> bool:
     return effect.inertial == "point mass"
 
 
-def untestable_places(
+def untestable_effects(
     robot: Robot, operation: Operation, tried: frozenset[tuple[str, str | None]] | None = None
 ) -> tuple[tuple[str, str | None, str], ...]:
     """Effects and places that a recording like this cannot show, or that nothing in it asks for, and why, in words.
@@ -227,4 +227,4 @@ def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> Ref
 
 def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:
     """Terms in the order of their columns, so that results do not depend on the order of a set."""
-    return tuple(sorted(terms, key=lambda term: (term.columns, term.place[0])))
+    return tuple(sorted(terms, key=lambda term: (term.columns, term.effect_joint[0])))

@@ -22,7 +22,7 @@ from identification.diagnosis.fit.repeated_error import equations, repeated_vari
 from identification.diagnosis.fit.whole_model import (
     Linearised,
     ModelLayout,
-    Place,
+    TermSlices,
     by_other_law,
     change_by_model,
     columns_of,
@@ -53,8 +53,8 @@ _TRUNCATED, _LEAST_INSIDE = 2000, 100
 # Effect of a rotor that the model lacks; its inertia (one sigma, where the model states none) as a share of the inertia
 # that the joint carries; and the number of postures over which that is averaged.
 _ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
-# Radius of gyration of a load [m], one sigma: weights and tools of some kilograms; and places of the three moments of
-# inertia among the ten parameters of a body.
+# Radius of gyration of a load [m], one sigma: weights and tools of some kilograms; and positions of the three moments
+# of inertia among the ten parameters of a body.
 _GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
 # Correlation with a parameter above which the bounds of a tolerance parameter narrow the deviation of the other one.
 _EXCHANGED = 0.1
@@ -65,20 +65,20 @@ class JointFit:
     """Parameters and covariance of a Gauss-Newton fit over all parameters.
 
     Attributes:
-        places: Places of each term's parameters in the vector.
+        term_slices: Slices of each term's parameters in the vector.
         x: All parameters.
         cov: Their covariance.
-        by_law: For each place the part of the covariance from other laws that fit the definition of its effect as well.
+        by_law: For each term the part of the covariance from other laws that fit the definition of its effect as well.
     """
 
-    places: tuple[Place, ...]
+    term_slices: tuple[TermSlices, ...]
     x: Float[Array, " p"]
     cov: Float[Array, "p p"]
     by_law: tuple[Float[Array, "p p"], ...]
 
-    def place(self, term: Term) -> Place:
-        """Places of the parameters of one term."""
-        return next(place for place in self.places if place.term is term)
+    def slices_of(self, term: Term) -> TermSlices:
+        """Slices of the parameters of one term."""
+        return next(slices for slices in self.term_slices if slices.term is term)
 
     def shown_by(self, term: Term) -> Float[Array, "k k"]:
         """Covariance of the coefficients and the shape of one term, for the test whether the term is there.
@@ -86,13 +86,13 @@ class JointFit:
         The doubt which of its own laws the effect follows is left out: it does not bear on that. The doubt which law
         another effect follows does.
         """
-        place = self.place(term)
-        at = np.r_[place.coefficients, place.shape]
-        return (self.cov - self.by_law[self.places.index(place)])[np.ix_(at, at)]
+        slices = self.slices_of(term)
+        at = slices.indices
+        return (self.cov - self.by_law[self.term_slices.index(slices)])[np.ix_(at, at)]
 
     def coefficients(self, term: Term) -> Float[Array, " k"]:
         """Coefficients of one term."""
-        return self.x[self.place(term).coefficients]
+        return self.x[self.slices_of(term).coefficients]
 
 
 def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> JointFit:
@@ -120,16 +120,16 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
     cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)
     by_law, rotors = [], by_rotors(layout, model, a.sum(axis=0) + np.diag(precision))
-    for place in layout.places:
+    for slices in layout.term_slices:
         laws = (
-            _by_law(layout, model, x, place, law, a.sum(axis=0) + np.diag(precision))
-            for law in place.term.effect.other_laws
+            _by_law(layout, model, x, slices, law, a.sum(axis=0) + np.diag(precision))
+            for law in slices.term.effect.other_laws
         )
-        by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(place, x), *laws)))
-        if place.term.effect.inertial == "point mass":
-            shift = by_extent(layout, model, x, place, a.sum(axis=0) + np.diag(precision))
-            by_law[-1] = by_law[-1] + only_at(place.coefficients, np.outer(shift, shift) + rotors)
-    return JointFit(layout.places, x, cov + sum(by_law), tuple(by_law))
+        by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(slices, x), *laws)))
+        if slices.term.effect.inertial == "point mass":
+            shift = by_extent(layout, model, x, slices, a.sum(axis=0) + np.diag(precision))
+            by_law[-1] = by_law[-1] + only_at(slices.coefficients, np.outer(shift, shift) + rotors)
+    return JointFit(layout.term_slices, x, cov + sum(by_law), tuple(by_law))
 
 
 def within_tolerances(
@@ -165,15 +165,15 @@ def within_tolerances(
     return cov * np.outer(less, less)
 
 
-def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
+def _by_share(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
     """First-order error of a shape, from the deviation of its share from one.
 
     A backlash gap or a limit has no other coefficient than a share of one. Where another share fits, the shape is
     wrong by about as much.
     """
     shift = np.zeros(len(x))
-    if place.term.effect.seen_by != "coefficient":
-        shift[place.shape] = (1.0 - x[place.coefficients]) * x[place.shape]
+    if slices.term.effect.seen_by != "coefficient":
+        shift[slices.shape] = (1.0 - x[slices.coefficients]) * x[slices.shape]
     return shift
 
 
@@ -181,7 +181,7 @@ def _by_law(
     layout: ModelLayout,
     model: Linearised,
     x: Float[Array, " p"],
-    place: Place,
+    slices: TermSlices,
     law: OtherLaw,
     total: Float[Array, "p p"],
 ) -> Float[Array, " p"]:
@@ -190,13 +190,13 @@ def _by_law(
     Each shape parameter stays within a factor of two of its value under the term's own law: both laws give it the same
     meaning.
     """
-    at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
-    own = tuple(law_of(layout, place, x))
+    at = slices.indices
+    own = tuple(law_of(layout, slices, x))
     shift = np.zeros(len(x))
     for _ in range(_STEPS):
         candidate = x + shift
-        candidate[place.shape] = np.clip(candidate[place.shape], 0.5 * x[place.shape], 2.0 * x[place.shape])
-        other = by_other_law(layout, place, candidate, law)
+        candidate[slices.shape] = np.clip(candidate[slices.shape], 0.5 * x[slices.shape], 2.0 * x[slices.shape])
+        other = by_other_law(layout, slices, candidate, law)
         # How much less torque it gives than the linearised law of the term.
         less = tuple(
             o + slopes[:, :, at] @ (candidate - x)[at] - t
@@ -215,8 +215,8 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
     same rotors, but anything else that delays the torque looks like an inertia as well.
     """
     robot = layout.problem.session.robot
-    found = {place.term.joint for place in layout.places if place.term.effect.name == _ROTOR}
-    between = any(isinstance(place.term.effect, OwnEffect) for place in layout.places)
+    found = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR}
+    between = any(isinstance(slices.term.effect, OwnEffect) for slices in layout.term_slices)
     beside = total.copy()
     for row, joint in enumerate(robot.joint_names):
         if joint in found or (robot.rotor_inertia[row] > 0.0 and not between):
@@ -236,11 +236,11 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
 
 
 def by_extent(
-    layout: ModelLayout, model: Linearised, x: Float[Array, " p"], place: Place, total: Float[Array, "p p"]
+    layout: ModelLayout, model: Linearised, x: Float[Array, " p"], slices: TermSlices, total: Float[Array, "p p"]
 ) -> Float[Array, " p"]:
     """Shift of all parameters if a load is no point mass, but has an inertia about its own centre, as real loads do."""
-    mass = float(x[place.coefficients][0])
-    own = np.array(place.term.columns)[_MOMENTS_OF_INERTIA]
+    mass = float(x[slices.coefficients][0])
+    own = np.array(slices.term.columns)[_MOMENTS_OF_INERTIA]
     less = tuple(
         mass * _GYRATION**2 * columns_of(layout.problem, tuple(own.tolist()), log).sum(axis=2)
         for log in range(len(layout.operations))
@@ -248,10 +248,10 @@ def by_extent(
     return solve(total, _products(layout, model, less)[1].sum(axis=0))
 
 
-def only_at(places: slice, cov: Float[Array, "p p"]) -> Float[Array, "p p"]:
+def only_at(at: slice, cov: Float[Array, "p p"]) -> Float[Array, "p p"]:
     """A covariance with all entries set to zero but those of a slice of parameters."""
     out = np.zeros_like(cov)
-    out[places, places] = cov[places, places]
+    out[at, at] = cov[at, at]
     return out
 
 
@@ -291,13 +291,13 @@ def _descended(
 
 
 def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
-    """Bodies whose inertial parameters are free, with the places of their changes in the parameter vector."""
-    terms = [place.term for place in layout.places if place.term.effect.inertial == "free"]
+    """Bodies whose inertial parameters are free, with the positions of their changes in the parameter vector."""
+    terms = [slices.term for slices in layout.term_slices if slices.term.effect.inertial == "free"]
     where = {
-        column: place.coefficients.start + k
-        for place in layout.places
-        if place.term.effect.inertial == "free"
-        for k, column in enumerate(place.term.columns)
+        column: slices.coefficients.start + k
+        for slices in layout.term_slices
+        if slices.term.effect.inertial == "free"
+        for k, column in enumerate(slices.term.columns)
     }
     return [(body, np.array([where[column] for column in body.columns])) for body in layout.problem.bodies_of(terms)]
 
@@ -326,16 +326,15 @@ def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, A
     nuisances = slice(0, problem.nuisance_count)
     for out, values in ((precision, problem.precision), (lower, problem.lower), (upper, problem.upper)):
         out[nuisances] = values[nuisances]
-        for place in layout.places:
-            count = place.coefficients.stop - place.coefficients.start
-            out[place.coefficients] = values[list(place.term.columns[:count])]
-    for place in layout.places:
-        if place.term.effect.inertial == "point mass":
+        for slices in layout.term_slices:
+            out[slices.coefficients] = values[list(slices.term.columns[: slices.count])]
+    for slices in layout.term_slices:
+        if slices.term.effect.inertial == "point mass":
             # The sign of the mass is kept, that is a load or a missing part: between them the inertia has a pole.
-            at, least = place.coefficients.start, place.term.effect.lightest(problem.session.robot)
+            at, least = slices.coefficients.start, slices.term.effect.lightest(problem.session.robot)
             lower[at], upper[at] = (0.0, np.inf) if x[at] >= 0 else (least, 0.0)
-        ends = np.sort([0.5 * x[place.shape], 2.0 * x[place.shape]], axis=0)
-        lower[place.shape], upper[place.shape] = ends
+        ends = np.sort([0.5 * x[slices.shape], 2.0 * x[slices.shape]], axis=0)
+        lower[slices.shape], upper[slices.shape] = ends
     return precision, lower, upper
 
 

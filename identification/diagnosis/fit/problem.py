@@ -68,7 +68,7 @@ class Problem:
         Where an effect displaces the links or tilts the base, the columns of tolerance parameters and rigid bodies
         depend on it: a fit without that effect takes `where_read`.
         """
-        if self.where_read is None or {term.place for term in terms}.issuperset(self.columns.displaced):
+        if self.where_read is None or {term.effect_joint for term in terms}.issuperset(self.columns.displaced):
             return self
         return self.where_read
 

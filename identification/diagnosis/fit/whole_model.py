@@ -25,8 +25,8 @@ _STEP = 0.03
 
 
 @dataclass(frozen=True)
-class Place:
-    """Positions of one term's parameters in the parameter vector.
+class TermSlices:
+    """Slices of one term's parameters in the parameter vector.
 
     Attributes:
         term: The effect with the shape that the search has found.
@@ -38,6 +38,16 @@ class Place:
     coefficients: slice
     shape: slice
 
+    @property
+    def count(self) -> int:
+        """Number of coefficients."""
+        return self.coefficients.stop - self.coefficients.start
+
+    @property
+    def indices(self) -> list[int]:
+        """Indices of the coefficients and shape parameters."""
+        return list(range(self.coefficients.start, self.shape.stop))
+
 
 @dataclass(frozen=True)
 class ModelLayout:
@@ -47,29 +57,29 @@ class ModelLayout:
         problem: Columns and fits in the judged band.
         operations: Motions of the logs with the torque of the given model, or of the model adjusted within its
             tolerances.
-        places: Positions of each term's parameters.
+        term_slices: Slices of each term's parameters.
         size: Number of parameters; the first are the tolerance parameters.
     """
 
     problem: Problem
     operations: tuple[Operation, ...]
-    places: tuple[Place, ...]
+    term_slices: tuple[TermSlices, ...]
     size: int
 
-    def operation_of(self, place: Place, log: int) -> Operation:
+    def operation_of(self, slices: TermSlices, log: int) -> Operation:
         """Motion of one log with the model's torque, from which a term's columns are computed.
 
         Where the columns of the tolerance parameters hold at the true positions of the links, an effect that displaces
         them changes the torque of the given model only.
         """
         columns = self.problem.columns
-        held = place.term.place in columns.displaced
+        held = slices.term.effect_joint in columns.displaced
         return (columns.operations if held else self.operations)[log]
 
     @property
     def of_model(self) -> bool:
         """True if any column depends on the torque of the model."""
-        return any(place.term.effect.follows_model for place in self.places)
+        return any(slices.term.effect.follows_model for slices in self.term_slices)
 
     def adjusted(self, changes: Float[Array, " n"]) -> ModelLayout:
         """The same layout with columns computed from the model after these changes within its tolerances."""
@@ -87,7 +97,7 @@ class ModelLayout:
 
 def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[ModelLayout, Float[Array, " p"]]:
     """Layout of the parameter vector, and its values in a fit."""
-    values, places = [found.theta[: problem.nuisance_count]], []
+    values, term_slices = [found.theta[: problem.nuisance_count]], []
     start = problem.nuisance_count
     for term in terms:
         own = found.theta[list(term.columns)]
@@ -95,10 +105,10 @@ def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[M
         held = term.effect.shape_is_estimate or term.effect.shape_held
         shape = np.array(() if held else term.shape, dtype=float)
         middle, stop = start + len(own), start + len(own) + len(shape)
-        places.append(Place(term, slice(start, middle), slice(middle, stop)))
+        term_slices.append(TermSlices(term, slice(start, middle), slice(middle, stop)))
         values += [own, shape]
         start = stop
-    layout = ModelLayout(problem, problem.columns.operations, tuple(places), start)
+    layout = ModelLayout(problem, problem.columns.operations, tuple(term_slices), start)
     return layout, np.concatenate(values)
 
 
@@ -126,25 +136,25 @@ def change_by_model(
     """Change of the terms' torque when their columns come from another model, for each log ``(n, nv)``."""
     out = [np.zeros_like(residual) for residual in layout.problem.white.residual]
     for log, change in enumerate(out):
-        for place in layout.places:
-            if place.term.effect.follows_model:
-                own, shape = x[place.coefficients], x[place.shape]
-                change += _law(adjusted, place, own, shape, log) - _law(layout, place, own, shape, log)
+        for slices in layout.term_slices:
+            if slices.term.effect.follows_model:
+                own, shape = x[slices.coefficients], x[slices.shape]
+                change += _law(adjusted, slices, own, shape, log) - _law(layout, slices, own, shape, log)
     return tuple(out)
 
 
-def law_of(layout: ModelLayout, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+def law_of(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
     """Torque of one term, for each log."""
     return tuple(
-        _law(layout, place, x[place.coefficients], x[place.shape], log) for log in range(len(layout.operations))
+        _law(layout, slices, x[slices.coefficients], x[slices.shape], log) for log in range(len(layout.operations))
     )
 
 
-def by_other_law(layout: ModelLayout, place: Place, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
+def by_other_law(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
     """Torque of a term by another law of the same parameters, for each log ``(n, nv)``."""
-    own, shape = x[place.coefficients], x[place.shape]
+    own, shape = x[slices.coefficients], x[slices.shape]
     return tuple(
-        in_band(layout, log, law(layout.operations[log], place.term.joint, own, shape))
+        in_band(layout, log, law(layout.operations[log], slices.term.joint, own, shape))
         for log in range(len(layout.operations))
     )
 
@@ -158,34 +168,31 @@ def _one_log(
     slopes = np.zeros((n, nv, layout.size))
     slopes[:, :, nuisances] = columns_of(problem, tuple(nuisances.tolist()), log)
     torque = slopes[:, :, nuisances] @ x[nuisances]
-    gains = [place for place in layout.places if place.term.effect.scales_joint]
-    for place in layout.places:
-        if place not in gains:
-            at = [
-                *range(place.coefficients.start, place.coefficients.stop),
-                *range(place.shape.start, place.shape.stop),
-            ]
-            own, slopes[:, :, at] = _with_slopes(layout, place, x[place.coefficients], x[place.shape], log)
+    gains = [slices for slices in layout.term_slices if slices.term.effect.scales_joint]
+    for slices in layout.term_slices:
+        if slices not in gains:
+            at = slices.indices
+            own, slopes[:, :, at] = _with_slopes(layout, slices, x[slices.coefficients], x[slices.shape], log)
             torque += own
-    for place in gains:
+    for slices in gains:
         # A torque constant scales the whole torque of its row, other terms included.
-        column = columns_of(problem, place.term.columns, log)[:, :, 0]
+        column = columns_of(problem, slices.term.columns, log)[:, :, 0]
         rows = np.any(column != 0, axis=0)
-        gain = x[place.coefficients][0]
+        gain = x[slices.coefficients][0]
         slopes[:, rows] *= 1.0 + gain
-        slopes[:, rows, place.coefficients.start] = column[:, rows] + torque[:, rows]
+        slopes[:, rows, slices.coefficients.start] = column[:, rows] + torque[:, rows]
         torque[:, rows] += gain * (column[:, rows] + torque[:, rows])
     return torque, slopes
 
 
 def _with_slopes(
-    layout: ModelLayout, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
+    layout: ModelLayout, slices: TermSlices, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
     """Torque of one term and its Jacobian to coefficients and shape."""
-    effect = place.term.effect
+    effect = slices.term.effect
     if effect.inertial == "point mass":
-        columns = columns_of(layout.problem, place.term.columns, log)
-        slope_of_mass = columns @ load_map(layout.problem.session.robot, place.term, own)
+        columns = columns_of(layout.problem, slices.term.columns, log)
+        slope_of_mass = columns @ load_map(layout.problem.session.robot, slices.term, own)
         return slope_of_mass @ own, slope_of_mass
 
     def slope(k: int) -> Float[Array, "n nv"]:
@@ -194,25 +201,25 @@ def _with_slopes(
         step = np.zeros(len(numbers))
         step[k] = _STEP * max(float(np.abs(mine).max()), 1e-9)
         above, below = (
-            _law(layout, place, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
+            _law(layout, slices, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
         )
         return (above - below) / (2.0 * step[k])
 
     if effect.shape_is_estimate or effect.first_order:
-        return _law(layout, place, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
-    columns = _at_shape(layout, place, tuple(shape.tolist()) or place.term.shape, log)
+        return _law(layout, slices, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
+    columns = _at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
     more = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
     return columns @ own, np.concatenate([columns, *more], axis=2)
 
 
 def _law(
-    layout: ModelLayout, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
+    layout: ModelLayout, slices: TermSlices, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
 ) -> Float[Array, "n nv"]:
     """Torque of one term, in the judged band."""
-    term = place.term
+    term = slices.term
     if isinstance(term.effect, Effect) and term.effect.first_order:
         # The columns are to first order in the coefficients, the law is not.
-        operation = layout.operation_of(place, log)
+        operation = layout.operation_of(slices, log)
         theta = term.effect.from_coefficients(operation.robot, term.joint, own, ())
         torque = -term.effect.torque(operation.robot, operation, term.joint, theta)
         return in_band(layout, log, torque)
@@ -220,7 +227,7 @@ def _law(
     if term.effect.shape_is_estimate:
         # A law whose shape is its own coefficient is exact where the two agree.
         at = term.effect.at_estimate(own, term.shape)
-    return _at_shape(layout, place, at, log) @ own
+    return _at_shape(layout, slices, at, log) @ own
 
 
 def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
@@ -235,12 +242,12 @@ def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Arr
     return out
 
 
-def _at_shape(layout: ModelLayout, place: Place, shape: Shape, log: int) -> Float[Array, "n nv k"]:
+def _at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log: int) -> Float[Array, "n nv k"]:
     """Columns of an effect at a shape, in the judged band."""
-    term = place.term
+    term = slices.term
     if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):
         return columns_of(layout.problem, term.columns, log)
-    operation = layout.operation_of(place, log)
+    operation = layout.operation_of(slices, log)
     signature = term.effect.signature(operation.robot, operation, term.joint, shape)
     narrow = in_band(layout, log, signature.columns)
     out = np.zeros((len(narrow), layout.problem.session.robot.nv, narrow.shape[2]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.columns.terms import Term, untestable_places
+from identification.diagnosis.columns.terms import Term, untestable_effects
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.noise_floor import rms
@@ -42,7 +42,7 @@ def smallest_seen(
     problem, robot = search.problem, search.problem.session.robot
     bounds: dict[tuple[str, str | None], Bound] = {}
     hopeless: dict[tuple[str, str | None], NotTestable] = {}
-    found = {term.place for term in chosen}
+    found = {term.effect_joint for term in chosen}
     kept = sorted({column for term in chosen for column in term.columns})
     base = np.array([*problem.fitted_nuisances, *kept], dtype=int)
     inverse = _inverse(problem, base)
@@ -53,7 +53,7 @@ def smallest_seen(
         term: term.effect
         for term in problem.columns.terms
         if isinstance(term.effect, Effect)
-        and term.place not in found
+        and term.effect_joint not in found
         # A number that several joints share has no limit of its own: those of the single joints hold.
         and term.joint in term.effect.places(robot)
         and not any(contains(other, term) for other in chosen)
@@ -69,11 +69,11 @@ def smallest_seen(
         joint = term.joint if term.joint is not None else "the robot"
         if effect.seen_by == "neither":
             why = f"what is logged of {joint} does not stay beyond any limit that its motion would allow"
-            hopeless[term.place] = NotTestable(*term.place, why)
+            hopeless[term.effect_joint] = NotTestable(*term.effect_joint, why)
             continue
         if term not in tested:
             why = f"{joint} moves too little: the effect leaves no trace in this recording"
-            hopeless[term.place] = NotTestable(*term.place, why)
+            hopeless[term.effect_joint] = NotTestable(*term.effect_joint, why)
             continue
         probe = probes[term]
         name, direction = probe.parameter, probe.direction
@@ -88,22 +88,22 @@ def smallest_seen(
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
             if by_shape:
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
-            hopeless.setdefault(term.place, NotTestable(*term.place, why))
+            hopeless.setdefault(term.effect_joint, NotTestable(*term.effect_joint, why))
             continue
         unit = effect.probe_unit(robot, term.joint, name)
         why = None if by_shape else _beyond_sound_devices(robot, effect, term.joint, name, float(size))
         if why is not None:
-            hopeless.setdefault(term.place, NotTestable(*term.place, why))
+            hopeless.setdefault(term.effect_joint, NotTestable(*term.effect_joint, why))
             continue
         # Where the shape is the size, the smallest detected one is the limit; of other shapes the least visible one.
         below, better = (term.shape[0], min) if by_shape else (float(size), max)
-        if term.place in bounds:
-            below = better(below, bounds[term.place].below)
+        if term.effect_joint in bounds:
+            below = better(below, bounds[term.effect_joint].below)
         share = None if by_shape else float(below) * _torque_share(plain.problem, measured, term, direction)
-        bounds[term.place] = Bound(*term.place, name, float(below), unit, share)
-    left = [value for place, value in hopeless.items() if place not in bounds]
-    tried = frozenset(term.place for term in problem.columns.terms)
-    left += [NotTestable(*place) for place in untestable_places(robot, operation, tried)]
+        bounds[term.effect_joint] = Bound(*term.effect_joint, name, float(below), unit, share)
+    left = [value for cause, value in hopeless.items() if cause not in bounds]
+    tried = frozenset(term.effect_joint for term in problem.columns.terms)
+    left += [NotTestable(*cause) for cause in untestable_effects(robot, operation, tried)]
     return tuple(bounds.values()), tuple(left)
 
 

@@ -35,7 +35,7 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
         terms = ordered(named)
         alone = joint_fit(problem.of(named), terms, shown.found)
         robot = problem.session.robot
-        sizes = {term.place: finding_parameters(robot, term, alone) for term in terms}
+        sizes = {term.effect_joint: finding_parameters(robot, term, alone) for term in terms}
         out.append(_numbers(problem, alone, sizes))
     return tuple(out)
 

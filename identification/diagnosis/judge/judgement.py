@@ -88,7 +88,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen
     )
     minor = tuple(claim.finding for claim in claims if claim.minor)
-    places = frozenset((finding.effect, finding.joint) for finding in minor)
+    minor_effects = frozenset((finding.effect, finding.joint) for finding in minor)
     named = {(finding.effect, finding.joint) for finding in findings}
     moved = any(bool(use.any()) for use in problem.columns.usable)
     notes = remarks(shown)
@@ -108,7 +108,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         numbers=() if as_given else model_numbers(shown),
         bursts=bursts,
         # Last of all, so that its fits cannot change the last digits of the other results.
-        ledger=(*ledger_of(search, shown, judge, places), *coarse_claims(search, rounding)),
+        ledger=(*ledger_of(search, shown, judge, minor_effects), *coarse_claims(search, rounding)),
     )
     return judgement, shown
 

@@ -21,7 +21,7 @@ from identification.diagnosis.judge.shares import gap_of
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.claims import gate_results
 from identification.diagnosis.search.containment import possible, with_term
-from identification.diagnosis.search.record import Place
+from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.squares_left import squares_left
 from identification.diagnosis.search.swaps import replaced
@@ -41,7 +41,7 @@ _RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_clai
 
 @dataclass(frozen=True)
 class _BestGains:
-    """In-sample gains of an effect, with its best shape: added to a set, and in place of one effect of the set.
+    """In-sample gains of an effect, with its best shape: added to a set, and in cause of one effect of the set.
 
     ``of_other`` is the gain of the replaced effect itself.
     """
@@ -58,7 +58,7 @@ class _BestGains:
         return max(self.beside, self.instead_of)
 
 
-def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place]) -> tuple[Claim[EffectAt], ...]:
+def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[EffectJoint]) -> tuple[Claim[EffectAt], ...]:
     """The entries of the ledger: claims first, then the effects that came nearest.
 
     Args:
@@ -67,71 +67,73 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
         judge: Problem and floor of the gap.
         minor: Places of findings that are too small to matter.
     """
-    record, named = search.record, {term.place for term in shown.named}
+    record, named = search.record, {term.effect_joint for term in shown.named}
     near = _best_gains(search, shown.beside)
-    ranked = sorted(near, key=lambda place: -near[place].most)
-    never = [place for place in ranked if place not in record.places and place not in named][:NEVER_CLAIMED]
+    ranked = sorted(near, key=lambda cause: -near[cause].most)
+    never = [cause for cause in ranked if cause not in record.claimed and cause not in named][:NEVER_CLAIMED]
     gates, instead = {}, {}
-    for place in (*record.places, *never):
-        met = sorted(record.met(place), key=lambda result: ORDER[result.gate])
-        gates[place] = until_failed(met)
-        instead[place] = record.instead(place)
+    for cause in (*record.claimed, *never):
+        met = sorted(record.met(cause), key=lambda result: ORDER[result.gate])
+        gates[cause] = until_failed(met)
+        instead[cause] = record.instead(cause)
         failed = next((result for result in met if not result.passed), None)
-        if place in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
+        if cause in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
             continue
-        if place in near:
+        if cause in near:
             # The search decided with another set of effects: its gates are applied once more beside the final set.
-            again, others = _results_beside(search, shown.beside, near[place])
+            again, others = _results_beside(search, shown.beside, near[cause])
             if not again[-1].passed or failed is None:
-                gates[place], instead[place] = again, others
-    terms = {place: near[place].term for place in gates if place in near}
-    terms |= {term.place: term for term in shown.beside if term.place in gates}
-    terms |= {term.place: term for term in shown.named}
+                gates[cause], instead[cause] = again, others
+    terms = {cause: near[cause].term for cause in gates if cause in near}
+    terms |= {term.effect_joint: term for term in shown.beside if term.effect_joint in gates}
+    terms |= {term.effect_joint: term for term in shown.named}
     figures = _figures(shown, judge, terms, instead)
     entries = [
         Claim(
-            (EffectAt(*place),),
-            gates[place],
-            _outcome(place, named, minor, instead[place]),
-            tuple(EffectAt(*other) for other in instead[place]),
-            figures.get(place, {}),
+            (EffectAt(*cause),),
+            gates[cause],
+            _outcome(cause, named, minor, instead[cause]),
+            tuple(EffectAt(*other) for other in instead[cause]),
+            figures.get(cause, {}),
         )
-        for place in gates
+        for cause in gates
     ]
     return tuple(sorted(entries, key=lambda entry: (_RANK[entry.outcome], -entry.figures.get("closes", -np.inf))))
 
 
-def _outcome(place: Place, named: set[Place], minor: frozenset[Place], instead: tuple[Place, ...]) -> Outcome:
-    if place in named:
-        return "minor" if place in minor else "claimed"
+def _outcome(
+    cause: EffectJoint, named: set[EffectJoint], minor: frozenset[EffectJoint], instead: tuple[EffectJoint, ...]
+) -> Outcome:
+    if cause in named:
+        return "minor" if cause in minor else "claimed"
     return "displaced" if instead else "not_claimed"
 
 
-def _best_gains(search: Search, found: frozenset[Term]) -> dict[Place, _BestGains]:
-    """In-sample gains of each effect outside of a set: added to it, and in place of one of its effects.
+def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _BestGains]:
+    """In-sample gains of each effect outside of a set: added to it, and in cause of one of its effects.
 
     The gains are computed to second order, without a new fit.
     """
-    taken = {term.place for term in found}
-    named = tuple(term for term in search.terms if term.named and term.place not in taken)
-    out: dict[Place, _BestGains] = {}
+    taken = {term.effect_joint for term in found}
+    named = tuple(term for term in search.terms if term.named and term.effect_joint not in taken)
+    out: dict[EffectJoint, _BestGains] = {}
     for other in (None, *ordered(found)[:_MOST_FINDINGS]):
         remaining = found - {other}
         rivals = tuple(term for term in named if search.possible(remaining, term))
         gains = search.fits.gains(remaining, rivals if other is None else (*rivals, other))
         for term in rivals:
-            known = out.setdefault(term.place, _BestGains(term))
+            known = out.setdefault(term.effect_joint, _BestGains(term))
             if other is None and gains[term] > known.beside:
-                out[term.place] = replace(known, term=term, beside=gains[term])
+                out[term.effect_joint] = replace(known, term=term, beside=gains[term])
             elif other is not None and gains[term] > known.instead_of:
                 own = gains[other]
-                out[term.place] = replace(known, term=term, instead_of=gains[term], other=other, of_other=own)
+                out[term.effect_joint] = replace(known, term=term, instead_of=gains[term], other=other, of_other=own)
     return out
 
 
 def _results_beside(
     search: Search, found: frozenset[Term], near: _BestGains
-) -> tuple[tuple[GateResult, ...], tuple[Place, ...]]:
+) -> tuple[tuple[GateResult, ...], tuple[EffectJoint, ...]]:
     """Results of the search's gates for an effect beside a set; if it fails, also the effect that explains it instead.
 
     The tested effect is explained by another one if, without that one, it gains enough for a claim, more than twice its
@@ -147,19 +149,21 @@ def _results_beside(
         # A special case of a law in the set is replaced by that law.
         rich = next(one for one in ordered(found) if not possible(frozenset([one]), term))
         margin = search.score(found) - search.score(replaced(found, rich, frozenset([term])))
-        return (explains_more_than_others(margin),), (rich.place,)
+        return (explains_more_than_others(margin),), (rich.effect_joint,)
     if other is None or results[-1].passed:
         return results, ()
     needed = search.threshold.of(term) + max(price(search.sizes[term]) - price(1), 0.0)
-    return results, (other.place,) if could_stand_for(near.instead_of, needed, near.beside, near.of_other) else ()
+    return results, (other.effect_joint,) if could_stand_for(
+        near.instead_of, needed, near.beside, near.of_other
+    ) else ()
 
 
 def _figures(
-    shown: Shown, judge: Judge, terms: dict[Place, Term], instead: dict[Place, tuple[Place, ...]]
-) -> dict[Place, dict[str, float]]:
+    shown: Shown, judge: Judge, terms: dict[EffectJoint, Term], instead: dict[EffectJoint, tuple[EffectJoint, ...]]
+) -> dict[EffectJoint, dict[str, float]]:
     """For each effect ``closes``, the share of the gap that it closes alone, and ``floors_more``.
 
-    The latter is the growth of some joint's residual, in noise floors, with the effect in place of the one named
+    The latter is the growth of some joint's residual, in noise floors, with the effect in cause of the one named
     instead.
     """
     measured = dict(list(terms.items())[:_MOST_MEASURED])
@@ -168,14 +172,14 @@ def _figures(
     once = np.ones((1, len(within.counts)))
     gap = float(gap_of(judge, within, after, once)[0])
     base = float(within.loss(judge.floor, once)[0])
-    out: dict[Place, dict[str, float]] = {}
-    for place, term in measured.items():
+    out: dict[EffectJoint, dict[str, float]] = {}
+    for cause, term in measured.items():
         alone = float(left(frozenset([term])).loss(judge.floor, once)[0])
-        out[place] = {"closes": (base - alone) / gap}
-        others = frozenset(one for one in shown.named if one.place in instead.get(place, ()))
+        out[cause] = {"closes": (base - alone) / gap}
+        others = frozenset(one for one in shown.named if one.effect_joint in instead.get(cause, ()))
         if others:
             swapped = left(with_term(shown.named - others, term))
-            out[place]["floors_more"] = float(np.max((swapped.rms() - after.rms()) / judge.floor))
+            out[cause]["floors_more"] = float(np.max((swapped.rms() - after.rms()) / judge.floor))
     return out
 
 

@@ -91,7 +91,7 @@ def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
     alike: dict[tuple[str, str | None], Term] = {}
     for term in search.terms:
         if term.named and term.effect.goes_with_motion and term.joint == joint:
-            alike.setdefault(term.place, term)
+            alike.setdefault(term.effect_joint, term)
     return frozenset(alike.values())
 
 

@@ -197,12 +197,12 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
     energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
     # No effect gains more than all of the noise, which is less than any claim has to gain.
     if energy < above_chance.LEAST_GAIN:
-        return dict.fromkeys((term.place for term in search.terms), 0.0)
+        return dict.fromkeys((term.effect_joint for term in search.terms), 0.0)
     null = _null_problem(problem, again, noise)
     gains = gains_beside(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:
-        out[term.place] = max(gains[term.columns], out.get(term.place, 0.0))
+        out[term.effect_joint] = max(gains[term.columns], out.get(term.effect_joint, 0.0))
     return out
 
 

@@ -43,7 +43,7 @@ def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], 
     order = np.argsort(fair)
     counted = np.maximum(np.cumsum(parts[order]), 1e-12)
     least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
-    return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.place, 0.0) for term in terms)
+    return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.effect_joint, 0.0) for term in terms)
 
 
 def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:

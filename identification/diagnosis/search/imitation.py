@@ -68,7 +68,7 @@ def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Te
         if other.named
         and not other.shape
         and possible(chosen - {term}, other)
-        and other.place != term.place
+        and other.effect_joint != term.effect_joint
         and not contains(other, term)
         # Sums with parts of a law are no rivals of that law; but free bodies may stand for a load and other causes.
         and (term.effect.inertial == "free" or not contains(term, other))

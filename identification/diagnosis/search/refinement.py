@@ -25,8 +25,8 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     A grid of shapes is coarse, and a linearised law is wrong where an effect is large: for these reasons alone the true
     effect may be second to one with more parameters.
     """
-    taken = {term.place for term in chosen}
-    shaped = tuple(term for term in search.terms if term.named and term.shape and term.place not in taken)
+    taken = {term.effect_joint for term in chosen}
+    shaped = tuple(term for term in search.terms if term.named and term.shape and term.effect_joint not in taken)
     out: dict[tuple[str, str | None], FoundEffect] = {}
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
@@ -39,9 +39,9 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
                 gains[term] >= rules.RUNNER_UP * (search.threshold.of(term) if won is None else won)
                 and len(best) < _MOST_CLOSE
             ):
-                best.setdefault(term.place, term)
-        for place, term in best.items():
-            out.setdefault(place, _point(search.evaluate(with_term(remaining, term)), term))
+                best.setdefault(term.effect_joint, term)
+        for cause, term in best.items():
+            out.setdefault(cause, _point(search.evaluate(with_term(remaining, term)), term))
     return tuple(out.values())
 
 
@@ -53,7 +53,7 @@ def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
 
 def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
     """True if nonlinear laws would be linearised about the same points again."""
-    names = [[(*point.place, len(point.shape)) for point in points] for points in (found, before)]
+    names = [[(*point.effect_joint, len(point.shape)) for point in points] for points in (found, before)]
     if names[0] != names[1]:
         return False
     return all(
@@ -67,7 +67,7 @@ def same_effects(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Te
     """Terms of a new search for the effects that an earlier one has found, each with the nearest shape."""
     out = []
     for point in found:
-        here = [term for term in search.terms if term.place == (point.effect.name, point.joint)]
+        here = [term for term in search.terms if term.effect_joint == (point.effect.name, point.joint)]
         if here:
             out.append(min(here, key=lambda term: (abs(len(term.shape) - len(point.shape)), _apart(term, point))))
     return frozenset(out)

@@ -14,7 +14,7 @@ from identification.diagnosis.search.containment import contains, scales_all_bod
 from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, odds_of_richer
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
-from identification.diagnosis.search.record import Place
+from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import IMPOSSIBLE, Search
 from identification.diagnosis.search.special_cases import simplest_effects
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
@@ -25,7 +25,7 @@ from identification.gates import fair_part, rivalry
 from identification.gates.rivalry import likelier_than_rivals, plausible_size
 from phantom_dyn.array_types import Array, Float
 
-NONE_BARRED: frozenset[Place] = frozenset()
+NONE_BARRED: frozenset[EffectJoint] = frozenset()
 
 # Largest share of what an implausible size explains that a plausible cause may leave.
 _MOSTLY = 0.5
@@ -58,7 +58,7 @@ def stand(
     search: Search,
     chosen: frozenset[Term],
     term: Term,
-    barred: frozenset[Place] = NONE_BARRED,
+    barred: frozenset[EffectJoint] = NONE_BARRED,
     again: tuple[Search, ...] = (),
 ) -> Standing:
     """Compare a finding with all effects and sets of effects that could replace it.
@@ -105,34 +105,34 @@ def stand(
     sets = [same.get(key, key) for key in keys]
     costs = costs_of(search, sets, [key in twins for key in keys])
     costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
-    places = {key: _places(search, chosen, names[key], key, same) for key in keys[1:]}
+    effects = {key: _effects_instead(search, chosen, names[key], key, same) for key in keys[1:]}
     losses = np.array([options[key] for key in keys]).T
     others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in again]
-    shares = _by_place(keys, places, probabilities(losses, costs, others, by_halves=bool(again)))
+    shares = _by_effects(keys, effects, probabilities(losses, costs, others, by_halves=bool(again)))
     for others, swapped in richer_laws:
-        place = _places(search, chosen, others, swapped, same)
-        if not place:
+        instead = _effects_instead(search, chosen, others, swapped, same)
+        if not instead:
             continue
         odds = min(odds_of_richer(search, chosen, swapped), 1.0)
-        shares[place] = max(shares.get(place, 0.0), odds * shares[()])
+        shares[instead] = max(shares.get(instead, 0.0), odds * shares[()])
     for swapped, others in names.items():
         # The same two sets have the same odds, whichever of them holds the finding.
-        if places[swapped] and all(contains(term, other) for other in others):
+        if effects[swapped] and all(contains(term, other) for other in others):
             odds = min(odds_of_richer(search, swapped, chosen), 1.0)
-            shares[()] = max(shares[()], odds * shares[places[swapped]])
+            shares[()] = max(shares[()], odds * shares[effects[swapped]])
     own = shares[()]
     listed = min(contract_levels.LISTED, max(shares.values()))
-    kept = {effects: share for effects, share in shares.items() if share >= listed and effects}
+    kept = {causes: share for causes, share in shares.items() if share >= listed and causes}
     # Odds of laws with more parameters are added to the shares, so that the sum may be above one.
     while kept and min(kept.values()) < contract_levels.LISTED * (own + sum(kept.values())):
-        del kept[min(kept, key=lambda effects: kept[effects])]
+        del kept[min(kept, key=lambda causes: kept[causes])]
     total = own + sum(kept.values())
     rivals = tuple(
-        Rival(tuple(EffectAt(*place) for place in effects), share / total)
-        for effects, share in sorted(kept.items(), key=lambda item: -item[1])
+        Rival(tuple(EffectAt(*cause) for cause in causes), share / total)
+        for causes, share in sorted(kept.items(), key=lambda item: -item[1])
     )
     likely = {at: share / total for at, share in kept.items()}
-    there = _likeliest(search, chosen, term, likely, places)
+    there = _likeliest(search, chosen, term, likely, effects)
     leader, gates = _leader(search, chosen, term, own / total, likely, there)
     elsewhere = tuple((key, likely[at]) for at, key in there.items() if key not in same and adds_up(search, key))
     return Standing(own / total, rivals, leader, gates, elsewhere)
@@ -142,7 +142,7 @@ def _options(
     search: Search,
     chosen: Chosen,
     term: Term,
-    barred: frozenset[Place],
+    barred: frozenset[EffectJoint],
     again: tuple[Search, ...],
     *,
     sound: bool,
@@ -166,7 +166,7 @@ def _options(
         others for one, own in zip(searches, slack, strict=True) for others in relevant(one, chosen, term, own)
     )
     for others in near:
-        if not all(other.named and other.place not in barred for other in others):
+        if not all(other.named and other.effect_joint not in barred for other in others):
             continue
         swapped = replaced(chosen, term, others)
         if swapped in options or not others <= swapped:
@@ -190,38 +190,38 @@ def _options(
     return options, names, richer_laws
 
 
-def _places(
+def _effects_instead(
     search: Search, chosen: Chosen, others: Chosen, swapped: Chosen, same: dict[Chosen, Chosen]
-) -> tuple[Place, ...]:
-    """Effects and joints in a finding's place; for a law that has come to a special case those of that case.
+) -> tuple[EffectJoint, ...]:
+    """Effects and joints that replace a finding; for a law that has come to a special case those of that case.
 
     None where these are the effects of the set with the finding.
     """
     if swapped in same:
-        return tuple(other.place for other in ordered(others))
+        return tuple(other.effect_joint for other in ordered(others))
     robot, found = search.problem.session.robot, search.evaluate(swapped)
-    places = tuple(
-        dict.fromkeys(place for other in ordered(others) for place in simplest_effects(robot, other, found) or ())
+    effects = tuple(
+        dict.fromkeys(cause for other in ordered(others) for cause in simplest_effects(robot, other, found) or ())
     )
-    whole = {*places, *(one.place for one in swapped - others)}
-    return () if whole == {one.place for one in chosen} else places
+    whole = {*effects, *(one.effect_joint for one in swapped - others)}
+    return () if whole == {one.effect_joint for one in chosen} else effects
 
 
 def _likeliest(
     search: Search,
     chosen: Chosen,
     term: Term,
-    kept: dict[tuple[Place, ...], float],
-    places: dict[Chosen, tuple[Place, ...]],
-) -> dict[tuple[Place, ...], Chosen]:
+    kept: dict[tuple[EffectJoint, ...], float],
+    effects: dict[Chosen, tuple[EffectJoint, ...]],
+) -> dict[tuple[EffectJoint, ...], Chosen]:
     """The best whole set of each rival in a finding's place."""
-    there: dict[tuple[Place, ...], Chosen] = {}
-    for key in sorted(places, key=search.score):
+    there: dict[tuple[EffectJoint, ...], Chosen] = {}
+    for key in sorted(effects, key=search.score):
         # In place of a law that has come to a special case, the set with the case itself leads.
-        known = {one.place for one in key - chosen} <= set(places[key])
-        if places[key] in kept and places[key] not in there:
-            leading = key if known else _with_places(search, chosen, term, places[key])
-            there |= {} if leading is None else {places[key]: leading}
+        known = {one.effect_joint for one in key - chosen} <= set(effects[key])
+        if effects[key] in kept and effects[key] not in there:
+            leading = key if known else _with_effects(search, chosen, term, effects[key])
+            there |= {} if leading is None else {effects[key]: leading}
     return there
 
 
@@ -230,8 +230,8 @@ def _leader(
     chosen: Chosen,
     term: Term,
     own: float,
-    kept: dict[tuple[Place, ...], float],
-    there: dict[tuple[Place, ...], Chosen],
+    kept: dict[tuple[EffectJoint, ...], float],
+    there: dict[tuple[EffectJoint, ...], Chosen],
 ) -> tuple[Chosen | None, tuple[GateResult, ...]]:
     """The set with the rival that leads in the finding's place, None if the finding leads; and the gates' results."""
     if not there:
@@ -246,7 +246,7 @@ def _leader(
     if sum(shares[at] for at in plain) < rivalry.NEARLY_AS_LIKELY * max(shares.values()):
         plain = set()
 
-    def rank(at: tuple[Place, ...]) -> tuple[bool, bool, float, int, bool]:
+    def rank(at: tuple[EffectJoint, ...]) -> tuple[bool, bool, float, int, bool]:
         # Of twins the one with fewer causes leads: free bodies come with a load.
         return is_sound[at], at in plain, shares[at], -len(there.get(at, chosen)), at == ()
 
@@ -287,11 +287,11 @@ def _new_in_old(search: Search, theirs: Iterable[Term]) -> bool:
     return bool(search.problem.session.known) and any(one.effect.built_in for one in theirs)
 
 
-def _with_places(search: Search, chosen: Chosen, term: Term, places: tuple[Place, ...]) -> Chosen | None:
+def _with_effects(search: Search, chosen: Chosen, term: Term, effects: tuple[EffectJoint, ...]) -> Chosen | None:
     """The set with given effects in place of a finding, each in its best shape; None if one of them is no rival."""
     others: Chosen = frozenset()
-    for place in places:
-        shapes = [one for one in search.terms if one.place == place]
+    for cause in effects:
+        shapes = [one for one in search.terms if one.effect_joint == cause]
         if not shapes:
             return None
         others |= {min(shapes, key=lambda one: search.quick(replaced(chosen, term, frozenset([one]))))}
@@ -349,14 +349,14 @@ def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Te
     return chosen
 
 
-def _by_place(
-    keys: list[Chosen], places: dict[Chosen, tuple[Place, ...]], shares: Float[Array, " m"]
-) -> dict[tuple[Place, ...], float]:
+def _by_effects(
+    keys: list[Chosen], effects: dict[Chosen, tuple[EffectJoint, ...]], shares: Float[Array, " m"]
+) -> dict[tuple[EffectJoint, ...], float]:
     """Shares by set of effects and joints, summed over shapes; the finding itself under ``()``."""
-    out: dict[tuple[Place, ...], float] = {}
+    out: dict[tuple[EffectJoint, ...], float] = {}
     for key, share in zip(keys, shares, strict=True):
-        place = places.get(key, ())
-        out[place] = out.get(place, 0.0) + float(share)
+        instead = effects.get(key, ())
+        out[instead] = out.get(instead, 0.0) + float(share)
     return out
 
 

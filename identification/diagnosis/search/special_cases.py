@@ -44,9 +44,9 @@ def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tup
     """
     if term.effect.inertial == "free":
         return None
-    place = fitted.place(term)
-    at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
-    x, count = fitted.x[at], place.coefficients.stop - place.coefficients.start
+    slices = fitted.slices_of(term)
+    at = slices.indices
+    x, count = fitted.x[at], slices.count
 
     def cases(x: Array) -> tuple[SpecialCase, ...]:
         shape = tuple(x[count:].tolist()) or term.shape
@@ -62,7 +62,7 @@ def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[st
     """
     nearest = nearest_case_of(robot, term, fitted)
     if nearest is None or differs_from_simpler(nearest[0]).passed:
-        return (term.place,)
+        return (term.effect_joint,)
     return tuple((name, term.joint) for name in nearest[1]) or None
 
 

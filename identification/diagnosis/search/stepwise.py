@@ -12,7 +12,7 @@ from dataclasses import replace
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import dropped, gate_results, least_missed, passes_gates, rows_of
 from identification.diagnosis.search.containment import possible, with_term
-from identification.diagnosis.search.record import Place
+from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.swaps import simplified, swapped
 from identification.engine.claims import GateResult
@@ -96,9 +96,9 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
         return chosen
     named = tuple(term for term in search.terms if term.named and not sines.isdisjoint(rows_of(search.problem, term)))
     gains = search.gains(frozenset(), named)
-    first: dict[Place, Term] = {}
+    first: dict[EffectJoint, Term] = {}
     for term in sorted(named, key=lambda term: -gains[term]):
-        first.setdefault(term.place, term)
+        first.setdefault(term.effect_joint, term)
     best = chosen
     for term in [*first.values()][:_FEW_JUDGED]:
         if term in chosen:

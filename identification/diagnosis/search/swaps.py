@@ -141,7 +141,7 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     One effect between two joints has a lower price than friction of both, and makes the same torque where these move
     alike: it is compared with all sets of such friction.
     """
-    single = [search.alone[other] for other in search.terms if other.named and other.place != term.place]
+    single = [search.alone[other] for other in search.terms if other.named and other.effect_joint != term.effect_joint]
     parts = [
         other
         for other in search.terms
@@ -149,7 +149,9 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     ]
     several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
     several += [frozenset(group) for group in (*_on_each_joint(search, term), *_of_near_twins(search, term))]
-    same = [search.alone[other] for other in search.terms if other.place == term.place and other is not term]
+    same = [
+        search.alone[other] for other in search.terms if other.effect_joint == term.effect_joint and other is not term
+    ]
     return (*single, *several, *same)
 
 

@@ -130,7 +130,7 @@ def test_only_what_one_recording_has_names_it_in_the_json(grown):
 @pytest.mark.whole
 def test_the_ledger_names_the_recording_of_a_claim(grown):
     claimed = {claim.effects for claim in grown.ledger if claim.outcome == "claimed"}
-    assert claimed == {(one.place,) for one in grown.findings}
+    assert claimed == {(one.effect_at,) for one in grown.findings}
     names = [answer.name for answer in why(grown, "coulomb_friction")]
     assert sorted(names) == ["Coulomb friction on joint pin", "Coulomb friction on joint pin in b.csv"]
 

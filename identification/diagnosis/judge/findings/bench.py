@@ -14,7 +14,7 @@ from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.moved_by_noise import loud_search
-from identification.diagnosis.search.record import Place, Record
+from identification.diagnosis.search.record import EffectJoint, Record
 from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing
 from identification.diagnosis.search.search import Search, with_wide_tolerances
 from identification.diagnosis.search.squares_left import squares_left
@@ -76,11 +76,11 @@ class State:
 
     found: frozenset[Term]
     shown: frozenset[Term]
-    barred: frozenset[Place] = NONE_BARRED
+    barred: frozenset[EffectJoint] = NONE_BARRED
     nothing: frozenset[Term] = frozenset()
     searched_again: bool = False
-    outdone: frozenset[Place] = frozenset()
-    compared: frozenset[Place] = frozenset()
+    outdone: frozenset[EffectJoint] = frozenset()
+    compared: frozenset[EffectJoint] = frozenset()
     exchanged: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
     looked_at: tuple[Shown, ...] = ()
     done: bool = False

@@ -213,7 +213,7 @@ def _of(shown: Shown, term: Term) -> Note | None:
     The interval is from fits to other draws of the data, each restricted to bodies that can exist.
     """
     robot, fitted = shown.problem.session.robot, shown.joint_fit
-    at = fitted.place(term).coefficients
+    at = fitted.slices_of(term).coefficients
     own, cov = fitted.x[at], fitted.cov[at, at]
     squares, axes = np.linalg.eigh(cov)
     # The symmetric root: other roots rotate with the rounding of the matrix.

@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.search.rival_sets import Place
+from identification.diagnosis.search.rival_sets import EffectJoint
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
 from identification.gates import special_case
@@ -64,14 +64,14 @@ def missing_shares(plain: Search, kept: Iterable[Term], fitted: JointFit) -> dic
     return {term: _share_of_part(plain.problem, term, fitted.coefficients(term)) for term in free}
 
 
-def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[Place]:
+def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[EffectJoint]:
     """Inertial parameters that express the absence of a part, as a negative payload of the set does already."""
     out = set()
     for term in search.terms:
         if term.effect.inertial == "free":
             theta = search.evaluate(replaced(chosen, payload, frozenset([term]))).theta[list(term.columns)]
             if not more_than_a_missing_part(_share_of_part(search.problem, term, theta)).passed:
-                out.add(term.place)
+                out.add(term.effect_joint)
     return frozenset(out)
 
 

@@ -31,7 +31,7 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
         term: The finding.
         fitted: Fit of the whole model.
     """
-    effect, at = term.effect, _numbers(term, fitted)
+    effect, at = term.effect, fitted.slices_of(term).indices
     assert isinstance(effect, Effect)
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
     if effect.inertial == "free":
@@ -54,25 +54,19 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
     """
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
     # The symmetric root: other roots rotate with the rounding of the matrix.
-    shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[_numbers(term, fitted)]
+    shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[fitted.slices_of(term).indices]
     slope = base_parameters(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
-
-
-def _numbers(term: Term, fitted: JointFit) -> list[int]:
-    """Positions of a term's parameters in a fit."""
-    place = fitted.place(term)
-    return [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
 
 
 def _law(
     robot: Robot, term: Term, fitted: JointFit
 ) -> tuple[tuple[Parameter, ...], Float[Array, " p"], Float[Array, "p k"]]:
-    """Stated parameters, their values, and their derivatives by the numbers of the fit."""
-    effect, place, at = term.effect, fitted.place(term), _numbers(term, fitted)
+    """Stated parameters, their values, and their derivatives with respect to the fitted parameters."""
+    effect, slices = term.effect, fitted.slices_of(term)
+    at, count = slices.indices, slices.count
     assert isinstance(effect, Effect)
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
-    count = place.coefficients.stop - place.coefficients.start
     std = np.sqrt(np.maximum(np.diag(cov)[:count], 0.0))
     parameters, law = effect.stated_law(robot, term.joint, term.shape, std, x[:count])
     values = law(x)

@@ -24,7 +24,7 @@ from identification.diagnosis.judge.moved_by_noise import (
 )
 from identification.diagnosis.judge.shares import least_closed, left_by
 from identification.diagnosis.search.containment import possible, with_term
-from identification.diagnosis.search.record import Place
+from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.rival_sets import Standing, stand
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, simplest_effects
@@ -84,14 +84,14 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
         found = after.found - rivals
         for term in ordered(gone):
             found = with_term(found, term) if possible(found, term) else found
-        places = frozenset(term.place for term in rivals & fallen)
+        causes = frozenset(term.effect_joint for term in rivals & fallen)
         for term in ordered(rivals & fallen) if rivals - fallen else ():
-            bench.record.lost(rivals - fallen, *bench.record.met(term.place)[-1:], instead=gone)
-        outdone = after.outdone - {term.place for term in gone}
+            bench.record.lost(rivals - fallen, *bench.record.met(term.effect_joint)[-1:], instead=gone)
+        outdone = after.outdone - {term.effect_joint for term in gone}
         return replace(
             after.with_others(found),
-            barred=after.barred if single else after.barred | places,
-            outdone=outdone | places if single else outdone,
+            barred=after.barred if single else after.barred | causes,
+            outdone=outdone | causes if single else outdone,
             exchanged=tuple(pair for pair in after.exchanged if pair[1] != rivals),
         )
     return after
@@ -99,10 +99,10 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
 
 def _likeliest_but_for(rivals: frozenset[Term], gone: frozenset[Term], looked_at: tuple[Shown, ...]) -> bool:
     """True if no rival but these was more probable than an effect that they replaced."""
-    places = {term.place for term in rivals}
+    causes = {term.effect_joint for term in rivals}
     compared = next((shown.standings for shown in reversed(looked_at) if gone & shown.standings.keys()), {})
     for standing in (compared[term] for term in gone & compared.keys()):
-        others = [one for one in standing.rivals if {(at.effect, at.joint) for at in one.effects} != places]
+        others = [one for one in standing.rivals if {(at.effect, at.joint) for at in one.effects} != causes]
         if any(one.probability > standing.probability for one in others):
             return False
     return True
@@ -148,14 +148,14 @@ def _sure(bench: Bench, state: State) -> State:
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         # An effect that closes some of the gap, but not everywhere, may be the wrong law of the right joint.
         closes = least[term] > -1.0 and term.named and term in state.found
-        if not closes or term.place in state.compared:
+        if not closes or term.effect_joint in state.compared:
             return _hide(state, term)
-        state = replace(state, compared=state.compared | {term.place})
+        state = replace(state, compared=state.compared | {term.effect_joint})
         instead = _rival_that_closes(bench, state, term)
         if instead is None:
             return _hide(state, term)
         rivals = instead - state.found
-        shown, outdone = (state.shown & instead) | rivals, state.outdone | {term.place}
+        shown, outdone = (state.shown & instead) | rivals, state.outdone | {term.effect_joint}
         return replace(state, found=instead, shown=shown, outdone=outdone), rivals
 
     return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, without)
@@ -166,7 +166,7 @@ def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term
     standing = stand(bench.search, state.found, term, state.barred, bench.again)
     for found, _ in sorted(standing.elsewhere, key=lambda one: -one[1]):
         rivals = found - state.found
-        if not state.outdone.isdisjoint(one.place for one in rivals):
+        if not state.outdone.isdisjoint(one.effect_joint for one in rivals):
             continue
         sound = bench.residuals.judge_of(found).sound
         least = least_closed(bench.left(found), found, sound)
@@ -177,7 +177,7 @@ def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term
 
 def _noise(bench: Bench, state: State) -> State:
     # The special case of another law may be an effect that is barred: that has failed before.
-    made = [term for term in ordered(state.shown) if noise_may_make(term) and term.place not in state.barred]
+    made = [term for term in ordered(state.shown) if noise_may_make(term) and term.effect_joint not in state.barred]
     if not made:
         return state
     judge, results = bench.residuals.judge_of(state.shown), dict[Term, GateResult]()
@@ -209,8 +209,8 @@ def _in_the_loudest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> t
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
     """The state without an effect that noise may imitate; it may not be a rival either."""
-    found = frozenset(other for other in state.found if other.place != term.place)
-    return replace(state, found=found, shown=state.shown & found, barred=state.barred | {term.place}), ()
+    found = frozenset(other for other in state.found if other.effect_joint != term.effect_joint)
+    return replace(state, found=found, shown=state.shown & found, barred=state.barred | {term.effect_joint}), ()
 
 
 def _simpler(bench: Bench, state: State) -> State:
@@ -224,7 +224,10 @@ def _simpler(bench: Bench, state: State) -> State:
             continue
         results[term] = differs_from_simpler(case[0])
         differs = (
-            case[1] and case[0] > 0.0 and term in state.found and simplest_effects(robot, term, white) == (term.place,)
+            case[1]
+            and case[0] > 0.0
+            and term in state.found
+            and simplest_effects(robot, term, white) == (term.effect_joint,)
         )
         if not results[term].passed and differs:
             elsewhere = nearest_case_of(robot, term, white, case[1])
@@ -242,7 +245,7 @@ def _simpler(bench: Bench, state: State) -> State:
         found = replaced(state.found, term, frozenset(instead))
         for one in instead:
             shown = with_term(shown, one) if possible(shown, one) else shown
-        return replace(state, found=found, shown=shown, barred=state.barred | {term.place}), shown - state.shown
+        return replace(state, found=found, shown=shown, barred=state.barred | {term.effect_joint}), shown - state.shown
 
     return _take_away(bench, state, results, without)
 
@@ -255,7 +258,7 @@ def _part(bench: Bench, state: State) -> State:
         payload = payload_of(bench.plain)
         assert payload is not None
         shown, found = (replaced(some, term, frozenset([payload])) for some in (state.shown, state.found))
-        barred = state.barred | {term.place} | named_as_part(bench.search, found, payload)
+        barred = state.barred | {term.effect_joint} | named_as_part(bench.search, found, payload)
         return replace(state, found=found, shown=shown, barred=barred), [payload]
 
     results = {term: more_than_a_missing_part(share) for term, share in shares.items()}
@@ -270,18 +273,18 @@ def _searched_again(bench: Bench, state: State) -> State:
     instead = instead_of(bench.plain, uncertain, state.shown, state.barred)
     if not instead:
         return state
-    barred = state.barred | {term.place for term in uncertain}
+    barred = state.barred | {term.effect_joint for term in uncertain}
     return replace(state.with_others((state.found - uncertain) | instead), barred=barred, searched_again=True)
 
 
 def instead_of(
-    plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[Place]
+    plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[EffectJoint]
 ) -> frozenset[Term]:
     """Effects found by a search without those whose size does not differ from zero; an empty set if there are none."""
     if not uncertain:
         return frozenset()
-    gone = barred | {term.place for term in uncertain}
-    others = replace(plain, terms=tuple(term for term in plain.terms if term.place not in gone))
+    gone = barred | {term.effect_joint for term in uncertain}
+    others = replace(plain, terms=tuple(term for term in plain.terms if term.effect_joint not in gone))
     return forward(others, kept, lambda _: None) - kept
 
 
@@ -313,12 +316,12 @@ def _rivals(bench: Bench, state: State) -> State:
     if over:
         last = replace(looked_at[-1], standings=standings)
         return replace(state, shown=last.chosen, looked_at=(*looked_at, last), done=True)
-    outdone = state.outdone | {term.place for term in state.found - found}
+    outdone = state.outdone | {term.effect_joint for term in state.found - found}
     exchanged = (*state.exchanged, (state.found - found, found - state.found))
     return replace(state.with_others(found), outdone=outdone, exchanged=exchanged, looked_at=looked_at)
 
 
-def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[Place]) -> frozenset[Term]:
+def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[EffectJoint]) -> frozenset[Term]:
     """The set with all replacements at once that are on different joints and bring back no replaced effect.
 
     Of two replacements on one joint only the first is made; the second is compared again beside it.
@@ -327,7 +330,7 @@ def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[
     for way in ways:
         joints = {term.joint for term in chosen ^ way}
         alone = joints.isdisjoint(moved) and None not in moved and (None not in joints or not moved)
-        if alone and outdone.isdisjoint(term.place for term in way - chosen):
+        if alone and outdone.isdisjoint(term.effect_joint for term in way - chosen):
             out, moved = (out - (chosen - way)) | (way - chosen), moved | joints
     return out
 

@@ -116,7 +116,7 @@ def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Ter
 def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
     """The fit, with standard deviations enlarged by the change of each size where a rival replaces another finding.
 
-    Each set of effects with rivals counts once, with its largest probability: one effect in place of two findings is a
+    Each set of effects with rivals counts once, with its largest probability: one effect in slices of two findings is a
     rival of both. Rivals that keep an effect and add another one count for the size of that effect, too.
 
     Args:
@@ -138,9 +138,8 @@ def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
 def _wider(fitted: JointFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> JointFit:
     """The fit, with the shift of the coefficients that both sets share added to their covariance."""
     cov = fitted.cov.copy()
-    for place in fitted.places:
-        if place.term in kept:
-            count = place.coefficients.stop - place.coefficients.start
-            moved = shift[list(place.term.columns[:count])]
-            cov[place.coefficients, place.coefficients] += probability * np.outer(moved, moved)
+    for slices in fitted.term_slices:
+        if slices.term in kept:
+            moved = shift[list(slices.term.columns[: slices.count])]
+            cov[slices.coefficients, slices.coefficients] += probability * np.outer(moved, moved)
     return replace(fitted, cov=cov)

@@ -27,7 +27,7 @@ def size_notes(shown: Shown) -> list[Note]:
     """A note for each implausible size of a finding, and for each joint whose friction drives it."""
     session, out = shown.problem.session, list[Note]()
     for term in ordered(shown.named):
-        own = shown.joint_fit.place(term).coefficients
+        own = shown.joint_fit.slices_of(term).coefficients
         fault = implausible(session, term, shown.joint_fit.coefficients(term), shown.joint_fit.cov[own, own])
         if fault is not None and isinstance(term.effect, Effect):
             parameter, value = fault
@@ -48,9 +48,9 @@ def all_sound(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
         notes: Notes on the sizes of all.
     """
     faults = [note for note in notes if isinstance(note, Note)]
-    places = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
+    implausible = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
     driven = {note.joint for note in faults if note.code is Code.FRICTION_DRIVES}
-    return not any((one.effect, one.joint) in places or one.joint in driven for one in findings)
+    return not any((one.effect, one.joint) in implausible or one.joint in driven for one in findings)
 
 
 def _driven_by_friction(shown: Shown) -> list[int]:

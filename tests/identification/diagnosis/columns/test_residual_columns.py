@@ -63,7 +63,7 @@ def test_an_encoder_that_reads_the_same_at_several_positions_puts_the_links_nowh
     size = np.array([radians, 0.0])
     found = FoundEffect(effect_named("encoder_eccentricity"), "elbow", (), size)
     columns = build_columns(quiet.session, FitPoint((found,)))
-    assert columns.displaced == ((found.place,) if there else ())
+    assert columns.displaced == ((found.effect_joint,) if there else ())
     nuisances = len(columns.tolerance_parameters)
     for row, index in enumerate(columns.rows):
         own = [k for k, column in enumerate(index) if column < nuisances]
@@ -141,7 +141,7 @@ def test_acceleration_columns_end_at_the_judged_band(lab, planar2):
     wide, narrow = (build_columns(session_of_logs(planar2, (log,), cutoff)) for cutoff in (12.0, 1.0))
 
     def column(columns, name):
-        term = next(t for t in columns.terms if t.place == (name, "elbow"))
+        term = next(t for t in columns.terms if t.effect_joint == (name, "elbow"))
         return columns.values[0][1][:, columns.rows[1].index(term.columns[0])]
 
     assert np.std(column(narrow, "rotor_inertia")) < 0.8 * np.std(column(wide, "rotor_inertia"))

@@ -60,7 +60,7 @@ def driven(noise: float) -> Recording:
 
 def test_a_resonance_that_the_drive_excites_gives_the_stiffness(turntable):
     (seen,) = resonances(turntable, process_all((driven(0.5),), turntable)[0])
-    assert seen.place == ("transmission_compliance", "j1")
+    assert seen.effect_joint == ("transmission_compliance", "j1")
     assert 1.0 / seen.shape[0] == pytest.approx(800.0, rel=0.01)
 
 

@@ -143,7 +143,7 @@ def test_both_joints_of_an_arm_may_have_one_scale(scaled):
 
 def test_one_number_on_two_joints_is_found(scaled):
     # Known truth: 1.25 on both.
-    term = next(t for t in scaled.columns.terms if t.place == ("torque_constant", "shoulder+elbow"))
+    term = next(t for t in scaled.columns.terms if t.effect_joint == ("torque_constant", "shoulder+elbow"))
     assert len(term.columns) == 1
     found = fit(scaled.problem, (term,))
     assert 1.0 / (1.0 + found.theta[term.columns[0]]) == pytest.approx(1.25, abs=0.01)
@@ -151,7 +151,7 @@ def test_one_number_on_two_joints_is_found(scaled):
 
 def test_a_joint_has_one_torque_constant(scaled):
     shared, single = (
-        next(t for t in scaled.columns.terms if t.place == ("torque_constant", joint))
+        next(t for t in scaled.columns.terms if t.effect_joint == ("torque_constant", joint))
         for joint in ("shoulder+elbow", "elbow")
     )
     assert with_term(frozenset([single]), shared) == frozenset([shared])
@@ -160,9 +160,9 @@ def test_a_joint_has_one_torque_constant(scaled):
 
 def test_one_scale_of_all_joints_is_not_looked_for_beside_bodies_that_are_all_free(scaled):
     # Closed form: with free bodies it changes nothing but the friction of the model.
-    scale = next(t for t in scaled.columns.terms if t.place == ("torque_constant", "shoulder+elbow"))
-    single = next(t for t in scaled.columns.terms if t.place == ("torque_constant", "elbow"))
-    bodies = next(t for t in scaled.columns.terms if t.place == ("inertial_parameters", None))
+    scale = next(t for t in scaled.columns.terms if t.effect_joint == ("torque_constant", "shoulder+elbow"))
+    single = next(t for t in scaled.columns.terms if t.effect_joint == ("torque_constant", "elbow"))
+    bodies = next(t for t in scaled.columns.terms if t.effect_joint == ("inertial_parameters", None))
     assert with_term(frozenset([scale]), bodies) == frozenset([bodies])
     assert with_term(frozenset([bodies]), scale) == frozenset([scale])
     assert with_term(frozenset([single]), bodies) == frozenset([single, bodies])
@@ -174,7 +174,7 @@ def test_bodies_of_all_links_are_as_likely_as_one_scale_of_all_joints_beside_fri
     torque = lab.acting(planar2, motion, "torque_constant", "shoulder+elbow", 1.25) - 0.4 * np.sign(motion.v)
     search = lab.prepared(planar2, (lab.recording(planar2, motion, torque),)).search
     places = [("torque_constant", "shoulder+elbow"), *(("coulomb_friction", joint) for joint in ("shoulder", "elbow"))]
-    chosen = frozenset(next(t for t in search.terms if t.place == place) for place in places)
+    chosen = frozenset(next(t for t in search.terms if t.effect_joint == place) for place in places)
     scale = next(t for t in chosen if t.effect.shared)
     standing = stand(search, chosen, scale)
     shares = {rival.effects: rival.probability for rival in standing.rivals}

@@ -59,7 +59,7 @@ def diagnosed(planar2, recorded):
 
 def explained(prepared, effect: str) -> float:
     """Share of the held-out loss that the best shape of an effect on the elbow takes off."""
-    terms = [term for term in prepared.columns.terms if term.place == (effect, "elbow")]
+    terms = [term for term in prepared.columns.terms if term.effect_joint == (effect, "elbow")]
     plain = fit(prepared.problem, ()).total
     return 1.0 - min(fit(prepared.problem, (term,)).total for term in terms) / plain
 
@@ -99,7 +99,7 @@ def test_a_supply_that_takes_its_time_weakens_all_drives_alike(lab, planar2, sec
     prepared = lab.prepared(
         planar2, (replace(recording, tau=recording.tau + 0.25 * needed * (late / late.max())[:, None]),)
     )
-    terms = [term for term in prepared.columns.terms if term.place == ("supply", None)]
+    terms = [term for term in prepared.columns.terms if term.effect_joint == ("supply", None)]
     best = min(terms, key=lambda term: fit(prepared.problem, (term,)).total)
     assert fit(prepared.problem, (best,)).total < 0.2 * fit(prepared.problem, ()).total
     assert best.shape[0] == min((term.shape[0] for term in terms), key=lambda tried: abs(np.log(tried / seconds)))
@@ -108,14 +108,14 @@ def test_a_supply_that_takes_its_time_weakens_all_drives_alike(lab, planar2, sec
 def test_a_rhythm_is_tried_at_its_own_frequency(lab, planar2, recorded):
     # Known truth: 3.3 Hz; 20 s part frequencies by a twentieth of a hertz.
     prepared = lab.prepared(planar2, (recorded("rhythm"),))
-    shapes = [term.shape[0] for term in prepared.columns.terms if term.place == ("rhythm", "elbow")]
+    shapes = [term.shape[0] for term in prepared.columns.terms if term.effect_joint == ("rhythm", "elbow")]
     assert min(abs(frequency - 3.3) for frequency in shapes) < 0.0125
 
 
 def test_no_rhythm_is_tried_in_a_recording_that_is_too_short_for_four_periods(lab, planar2):
     # What turns less than four times in a recording is a drift.
     prepared = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2)),))
-    shapes = [term.shape[0] for term in prepared.columns.terms if term.place == ("rhythm", "elbow")]
+    shapes = [term.shape[0] for term in prepared.columns.terms if term.effect_joint == ("rhythm", "elbow")]
     assert min(shapes) >= 4.0 / 10.0
 
 

@@ -9,7 +9,7 @@ import pytest
 from identification.data.signals import process_all
 from identification.diagnosis.columns.operations import expecting, operate, with_known
 from identification.diagnosis.columns.structure import STRUCTURES
-from identification.diagnosis.columns.terms import FoundEffect, KnownEffect, merged, shapes_of, untestable_places
+from identification.diagnosis.columns.terms import FoundEffect, KnownEffect, merged, shapes_of, untestable_effects
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
@@ -33,13 +33,13 @@ def stribeck_at(velocity: float, joint: str = "elbow") -> FoundEffect:
 
 def test_every_effect_and_structure_is_tried_wherever_it_can_be_seen(operation, planar2):
     every = {(effect.name, joint) for effect in (*EFFECTS, *STRUCTURES) for joint in effect.places(planar2)}
-    hidden = {(effect, joint) for effect, joint, _ in untestable_places(planar2, operation)}
+    hidden = {(effect, joint) for effect, joint, _ in untestable_effects(planar2, operation)}
     assert set(tried(planar2, operation)) == every - hidden
 
 
 def test_what_a_torque_sensor_hides_is_not_tried_and_said_in_words(operation, planar2):
     sensed = replace(planar2, torque_source="sensor")
-    hidden = {(effect, joint): why for effect, joint, why in untestable_places(sensed, operation)}
+    hidden = {(effect, joint): why for effect, joint, why in untestable_effects(sensed, operation)}
     assert "sensor" in hidden["torque_constant", "elbow"]
     assert ("torque_constant", "elbow") not in tried(sensed, operation)
 

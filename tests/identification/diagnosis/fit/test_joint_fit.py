@@ -38,7 +38,7 @@ def slipping(lab, planar2):
 
 
 def middle(prepared, place):
-    terms = sorted((t for t in prepared.columns.terms if t.place == place), key=lambda t: t.shape)
+    terms = sorted((t for t in prepared.columns.terms if t.effect_joint == place), key=lambda t: t.shape)
     return terms[len(terms) // 2]
 
 
@@ -59,10 +59,10 @@ def test_a_coefficient_is_known_less_well_when_its_shape_is_not(slipping, planar
     fitted = fitted_with(planar2, prepared, problem, term)
     held = fit(problem, (term,))
     at = np.searchsorted(held.active, term.columns)
-    own = fitted.place(term).coefficients
+    own = fitted.slices_of(term).coefficients
     excess = own.stop - 1  # the kinetic torque is that of any shape
     assert fitted.cov[excess, excess] > held.cov[at[1], at[1]]
-    assert fitted.cov[excess, fitted.place(term).shape.start] < 0  # more excess, shorter reach
+    assert fitted.cov[excess, fitted.slices_of(term).shape.start] < 0  # more excess, shorter reach
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_slopes_are_those_of_the_torque(lab, planar2, place, shape, own):
     terms = (middle(prepared, place), prepared.term("viscous_friction", "elbow"))
     start = fit(problem, terms, held_out=False)
     setting, x = lay_out(problem, terms, start)
-    x[setting.places[0].coefficients] = own
+    x[setting.term_slices[0].coefficients] = own
     slopes = linearised(setting, x).slopes[0]
     for k in range(problem.nuisance_count, setting.size):
         step = np.zeros(setting.size)
@@ -132,7 +132,7 @@ def test_a_gap_of_which_only_a_share_fits_is_known_no_better_than_the_share(lab,
     prepared, problem = judged(lab, planar2, motion, torque, ("backlash", "elbow", (0.02,), [0.8]))
     term = middle(prepared, ("backlash", "elbow"))
     fitted = fitted_with(planar2, prepared, problem, term)
-    share = fitted.x[fitted.place(term).coefficients][0]
+    share = fitted.x[fitted.slices_of(term).coefficients][0]
     gap = finding_parameters(planar2, term, fitted)["gap"]
     assert share < 0.95
     assert gap.std > (1.0 - share) * gap.value
@@ -208,11 +208,11 @@ def test_the_deviations_of_a_load_count_that_it_may_be_no_point(lab, planar2, tr
     for robot in (point, with_parameters(point, ball)):
         torque = inverse_dynamics(planar2, motion) - inverse_dynamics(robot, motion)
         prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque, noise=1e-3, seed=1),), white=False)
-        term = next(t for t in prepared.columns.terms if t.place == ("payload", None))
+        term = next(t for t in prepared.columns.terms if t.effect_joint == ("payload", None))
         fits.append((fitted_with(planar2, prepared, prepared.problem, term), term))
     (of_point, own), (of_ball, other) = fits
     moved = np.abs(of_ball.coefficients(other) - of_point.coefficients(own))
-    place = of_point.place(own).coefficients
+    place = of_point.slices_of(own).coefficients
     deviations = np.sqrt(np.diag(of_point.cov)[place])
     assert moved[3] > 1e-4
     assert np.all(deviations[[0, 1, 3]] > 0.8 * moved[[0, 1, 3]])
@@ -225,8 +225,8 @@ def test_a_rotor_that_no_model_states_leaves_the_mass_on_a_pendulum_open(lab, pe
     motion = lab.motion(1, 4, seconds=20.0, swing=1.5)
     torque = lab.acting(robot, motion, "payload", None, 0.5, 0.0, 0.0, -0.5)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque, noise=1e-3),), white=False)
-    term = next(t for t in prepared.columns.terms if t.place == ("payload", None))
+    term = next(t for t in prepared.columns.terms if t.effect_joint == ("payload", None))
     fitted = fitted_with(robot, prepared, prepared.problem, term)
-    mass, _, _, moment = np.sqrt(np.diag(fitted.cov)[fitted.place(term).coefficients])
+    mass, _, _, moment = np.sqrt(np.diag(fitted.cov)[fitted.slices_of(term).coefficients])
     assert moment < 0.1 * 0.25
     assert (mass < 0.5 / 8) == known

@@ -109,7 +109,7 @@ def odd(lab, planar2):
 
 
 def of_elbow(prepared):
-    return next(t for t in prepared.columns.terms if t.place == ("inertial_parameters", "elbow"))
+    return next(t for t in prepared.columns.terms if t.effect_joint == ("inertial_parameters", "elbow"))
 
 
 def test_a_fit_states_bodies_that_exist_and_what_impossible_ones_would_have_gained(odd, planar2):

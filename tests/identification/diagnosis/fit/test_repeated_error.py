@@ -100,12 +100,12 @@ def fitted_as_coulomb(lab, robot, motion, effect, *numbers):
     torque = lab.acting(robot, motion, effect, "elbow", *numbers)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque),), white=False)
     problem = narrow_search(prepared.search, prepared.noise).problem
-    terms = tuple(t for t in prepared.columns.terms if t.place == ("coulomb_friction", "elbow"))
+    terms = tuple(t for t in prepared.columns.terms if t.effect_joint == ("coulomb_friction", "elbow"))
     layout, x = lay_out(problem, terms, fit(problem, terms, held_out=False))
     given = equations(layout, linearised(layout, x))
     known = np.where(np.arange(layout.size) < problem.nuisance_count, problem.precision[: layout.size], 0.0)
     total = given.slopes.T @ given.slopes + np.diag(known)
-    return given, total, layout.places[0].coefficients.start
+    return given, total, layout.term_slices[0].coefficients.start
 
 
 def more_of_it(given, total, at):

@@ -4,7 +4,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns.terms import merged, untestable_places
+from identification.diagnosis.columns.terms import merged, untestable_effects
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.judge.bounds import (
     _beyond_sound_devices,
@@ -93,7 +93,7 @@ def test_a_joint_that_does_not_move_cannot_show_friction(lab, planar2):
 
 @pytest.mark.parametrize(("source", "joints"), [("sensor", {"shoulder", "elbow"}), ("command", set())])
 def test_a_torque_sensor_alone_cannot_show_a_torque_constant(quiet, planar2, source, joints):
-    hidden = untestable_places(replace(planar2, torque_source=source), merged(quiet.columns.operations))
+    hidden = untestable_effects(replace(planar2, torque_source=source), merged(quiet.columns.operations))
     assert {joint for effect, joint, _ in hidden if effect == "torque_constant"} == joints
 
 
@@ -186,7 +186,7 @@ def test_a_bound_is_what_a_claim_needs_over_the_information_that_is_held_out(qui
 
 
 def tried(quiet, effect: str, joint: str) -> list:
-    terms = [term for term in quiet.search.terms if term.place == (effect, joint)]
+    terms = [term for term in quiet.search.terms if term.effect_joint == (effect, joint)]
     assert len(terms) > 1
     return terms
 

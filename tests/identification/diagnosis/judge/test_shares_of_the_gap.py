@@ -47,7 +47,7 @@ def test_what_a_finding_closes_is_what_is_lost_without_it_over_the_gap(judged):
     shown, judge, within = judged
     gap = float(np.mean(within.rms() ** 2 / judge.floor**2)) - 1.0
     for finding in (claim.finding for claim in findings_without(*judged)):
-        term = next(term for term in shown.chosen if term.place == (finding.effect, finding.joint))
+        term = next(term for term in shown.chosen if term.effect_joint == (finding.effect, finding.joint))
         lost = mean_square(shown, judge, shown.chosen - {term}) - mean_square(shown, judge, shown.chosen)
         assert finding.gap_closed == pytest.approx(lost / gap, rel=1e-6)
         low, high = finding.gap_closed_interval
@@ -75,7 +75,7 @@ def test_the_torque_without_a_finding_is_that_of_the_fit_without_it(judged):
     shown, _, _ = judged
     for claim in findings_without(*judged):
         finding, torque = claim.finding, claim.without
-        term = next(term for term in shown.chosen if term.place == (finding.effect, finding.joint))
+        term = next(term for term in shown.chosen if term.effect_joint == (finding.effect, finding.joint))
         kept = shown.chosen - {term}
         expected = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))
         np.testing.assert_array_equal(torque[0], expected[0])
@@ -87,7 +87,7 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
     # By hand: limits at what the one that closes most of the gap closes, and raises the joint that it raises most.
     shown, judge, _ = judged
     most = max((claim.finding for claim in findings_without(*judged)), key=lambda finding: finding.gap_closed)
-    term = next(term for term in shown.chosen if term.place == (most.effect, most.joint))
+    term = next(term for term in shown.chosen if term.effect_joint == (most.effect, most.joint))
     squares = []
     for kept in (shown.chosen - {term}, shown.chosen):
         torque = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))

@@ -122,7 +122,7 @@ def test_the_regime_is_that_of_what_can_be_foretold(case, quiet):
 
 def test_a_structure_without_a_name_is_left_and_says_its_regime_on_its_joint(case, quiet):
     # Known truth: a drift on the elbow, which nothing else is left of; on the other joint it says nothing.
-    drift = frozenset([next(term for term in quiet.columns.terms if term.place == ("drifting_offset", "elbow"))])
+    drift = frozenset([next(term for term in quiet.columns.terms if term.effect_joint == ("drifting_offset", "elbow"))])
     here = case.left([3.0, 3.0], [1.0, 2.0], [1.0, 1.9], nameless=drift)
     assert (here.structured, here.joint, here.regime) == (True, "elbow", "time_drift")
     there = case.left([3.0, 3.0], [2.0, 1.0], [1.0, 1.0], nameless=drift)

@@ -177,7 +177,7 @@ def test_products_that_are_made_log_by_log_are_those_of_all_logs_together(lab, p
 def test_an_effect_of_many_shapes_gains_what_the_best_of_them_gains(quiet):
     again = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
     place = ("stribeck_friction", "elbow")
-    shapes = [term for term in quiet.search.terms if term.place == place]
+    shapes = [term for term in quiet.search.terms if term.effect_joint == place]
     alone = [spurious_gains(replace(quiet.search, terms=(term,)), again, quiet.noise)[place] for term in shapes]
     assert len(shapes) > 3
     assert spurious_gains(quiet.search, again, quiet.noise)[place] == pytest.approx(max(alone), rel=1e-12)
@@ -188,7 +188,7 @@ def test_encoders_whose_noise_is_no_matter_let_no_effect_gain(quiet):
     # Oracle: the gains themselves, which are there where they are computed.
     fine = recordings_read_again(quiet.session, quiet.columns, (1e-9, 1e-9))
     found = spurious_gains(quiet.search, fine, quiet.noise)
-    assert set(found) == {term.place for term in quiet.search.terms}
+    assert set(found) == {term.effect_joint for term in quiet.search.terms}
     assert not any(found.values())
     coarse = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
     assert max(spurious_gains(quiet.search, coarse, quiet.noise).values()) > 0.0

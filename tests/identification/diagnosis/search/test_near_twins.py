@@ -92,7 +92,7 @@ def in_line(lab, planar2):
 
 
 def term(prepared, name, joint):
-    return next(t for t in prepared.search.terms if t.place == (name, joint))
+    return next(t for t in prepared.search.terms if t.effect_joint == (name, joint))
 
 
 def test_both_joints_are_along_a_line(in_line):
@@ -234,11 +234,11 @@ def test_effects_of_different_joints_join_in_one_step_and_are_the_same(made, mon
 def test_what_is_missed_least_is_what_a_fit_without_it_loses_least(made, monkeypatch, tried):
     needed = [("coulomb_friction", "shoulder"), ("coulomb_friction", "elbow"), ("torque_offset", "shoulder")]
     needless = [("viscous_friction", "shoulder"), ("cable_drag", "elbow"), ("torque_offset", "elbow")]
-    known = {term.place for term in made.search.terms}
+    known = {term.effect_joint for term in made.search.terms}
     chosen = frozenset(made.term(*place) for place in (*needed, *needless) if place in known)
     assert len(chosen) > 4
     monkeypatch.setattr(claims, "_MOST_TRIED", tried)
-    assert {term.place for term in dropped(made.search, chosen)} == set(needed)
+    assert {term.effect_joint for term in dropped(made.search, chosen)} == set(needed)
 
 
 @pytest.fixture
@@ -273,4 +273,7 @@ def test_effects_of_different_joints_are_swapped_in_one_pass_and_are_the_same(ma
     monkeypatch.setattr(search_module, "_MANY_JOINTS", 0)
     assert swapped(made.search, chosen) == one_by_one
     assert len(tried) == 1
-    assert {term.place for term in one_by_one} >= {("coulomb_friction", "shoulder"), ("coulomb_friction", "elbow")}
+    assert {term.effect_joint for term in one_by_one} >= {
+        ("coulomb_friction", "shoulder"),
+        ("coulomb_friction", "elbow"),
+    }

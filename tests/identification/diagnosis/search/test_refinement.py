@@ -93,7 +93,7 @@ def test_friction_under_load_is_fitted_again_where_a_payload_changes_the_load():
 
 
 def test_a_new_search_starts_from_the_shape_nearest_to_what_was_found(quiet):
-    shapes = [term.shape[0] for term in quiet.search.terms if term.place == ("stribeck_friction", "elbow")]
+    shapes = [term.shape[0] for term in quiet.search.terms if term.effect_joint == ("stribeck_friction", "elbow")]
     point = FoundEffect(effect_named("stribeck_friction"), "elbow", (1.05 * shapes[2],), np.array([0.3, 0.2]))
     (start,) = same_effects(quiet.search, (point,))
     assert start.shape == (shapes[2],)

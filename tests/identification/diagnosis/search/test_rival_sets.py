@@ -29,7 +29,7 @@ def silent(_: str) -> None:
 def standings(prepared) -> dict[tuple[str, str | None], object]:
     search = prepared.search
     chosen = explain(search, silent)
-    return {term.place: stand(search, chosen, term) for term in chosen}
+    return {term.effect_joint: stand(search, chosen, term) for term in chosen}
 
 
 def rival_sets(standing) -> list[set[str]]:
@@ -51,7 +51,7 @@ def test_a_richer_law_of_the_same_kind_that_earns_its_price_takes_the_place_of_a
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -drag * [0.0, 1.0]),))
     coulomb = frozenset([prepared.term("coulomb_friction", "elbow")])
     (term,) = with_leading_rivals(prepared.searched(2000.0), coulomb)
-    assert term.place == ("direction_dependent_friction", "elbow")
+    assert term.effect_joint == ("direction_dependent_friction", "elbow")
 
 
 @pytest.fixture(scope="module")
@@ -256,7 +256,7 @@ def test_where_a_law_ends_on_a_special_case_that_case_takes_its_place(quiet):
     finding, beside = quiet.term("stribeck_friction", "elbow"), quiet.term("torque_offset", "shoulder")
     places = (("coulomb_friction", "elbow"), ("viscous_friction", "elbow"))
     leading = _with_places(quiet.search, frozenset([finding, beside]), finding, places)
-    assert {one.place for one in leading} == {*places, beside.place}
+    assert {one.effect_joint for one in leading} == {*places, beside.effect_joint}
 
 
 def test_a_place_that_is_no_rival_leads_to_nothing(quiet):

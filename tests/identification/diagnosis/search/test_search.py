@@ -19,7 +19,7 @@ from phantom_dyn.motion import Motion
 
 
 def places(terms) -> set[tuple[str, str | None]]:
-    return {term.place for term in terms}
+    return {term.effect_joint for term in terms}
 
 
 def silent(_: str) -> None:
@@ -74,7 +74,7 @@ def test_a_richer_law_takes_the_place_of_its_special_cases(quiet):
 
 
 def test_a_law_has_one_shape_at_a_time(quiet):
-    shapes = [term for term in quiet.columns.terms if term.place == ("stribeck_friction", "elbow")]
+    shapes = [term for term in quiet.columns.terms if term.effect_joint == ("stribeck_friction", "elbow")]
     assert with_term(frozenset([shapes[0]]), shapes[3]) == frozenset([shapes[3]])
 
 
@@ -255,7 +255,7 @@ def test_free_inertias_stay_where_single_effects_explain_less(lab, arm):
     robot = with_parameters(arm, np.random.default_rng(1).uniform(0.1, 0.3, arm.model.njoints * 10 - 10))
     torque = inverse_dynamics(arm, motion) - inverse_dynamics(robot, motion)
     prepared = lab.prepared(arm, (lab.recording(arm, motion, torque),))
-    chosen = frozenset([prepared.term(*whole.place)])
+    chosen = frozenset([prepared.term(*whole.effect_joint)])
     assert stepwise._by_single_effects(prepared.search, chosen, silent) == chosen
 
 
@@ -268,7 +268,9 @@ def test_the_search_tries_single_effects_in_place_of_richer_laws(quiet, monkeypa
 def test_sets_of_the_same_rivals_have_the_same_order_however_often_they_are_made(quiet):
     # What depends on the order of a set would differ from run to run otherwise.
     again = [replace(term) for term in quiet.search.terms]
-    first, second = ([(term.place, term.shape) for term in frozenset(terms)] for terms in (quiet.search.terms, again))
+    first, second = (
+        [(term.effect_joint, term.shape) for term in frozenset(terms)] for terms in (quiet.search.terms, again)
+    )
     assert first == second
 
 

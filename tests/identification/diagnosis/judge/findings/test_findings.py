@@ -67,8 +67,8 @@ def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_sure):
     friction = rubbing.term("coulomb_friction", "elbow")
     shown = shown_effects(bench, State.of(frozenset([friction, offset])))
     assert shown.chosen == {friction}
-    assert [place.term for place in shown.joint_fit.places] == [friction]
-    results = {result.gate: result for result in bench.record.met(offset.place)}
+    assert [slices.term for slices in shown.joint_fit.term_slices] == [friction]
+    results = {result.gate: result for result in bench.record.met(offset.effect_joint)}
     assert not results["differs from simpler"].passed
 
 
@@ -84,19 +84,19 @@ def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
     assert instead_of(plain, offset, frozenset(), frozenset()) == {friction}
     assert instead_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
-    assert friction not in instead_of(plain, offset, frozenset(), frozenset([friction.place]))
+    assert friction not in instead_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
 
 
 def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing, monkeypatch):
     # By hand: each of the first sets has the next term lead in its place; the rival of the third is outdone least.
-    terms = tuple({term.place: term for term in rubbing.search.terms if term.named}.values())
+    terms = tuple({term.effect_joint: term for term in rubbing.search.terms if term.named}.values())
     asked: list[Term] = []
 
     def next_leads(search, chosen, term, barred, again):
         asked.append(term)
         following = terms[terms.index(term) + 1]
         ahead = 0.1 if len(asked) == 3 else 0.4
-        rival = Rival(effects=(EffectAt(*following.place),), probability=0.3 + ahead)
+        rival = Rival(effects=(EffectAt(*following.effect_joint),), probability=0.3 + ahead)
         return Standing(0.3, (rival,), frozenset([following]), (likelier_than_rivals(0.3, 0.3 + ahead, leads=False),))
 
     monkeypatch.setattr(shown_module, "stand", next_leads)
@@ -108,7 +108,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
     assert shown.chosen == {terms[2]}
     assert shown.standings[terms[2]].probability == pytest.approx(0.35)
     # What was looked at last had to give way to it.
-    assert bench.record.instead(terms[7].place) == (terms[2].place,)
+    assert bench.record.instead(terms[7].effect_joint) == (terms[2].effect_joint,)
 
 
 @pytest.mark.parametrize(("of_rival", "in_its_place"), [(0.5, True), (-0.5, False)])
@@ -124,7 +124,7 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
     bench = bench_of(rubbing)
     after = shown_module._sure(bench, State.of(frozenset([viscous])))
     assert after.shown == (elsewhere[0][0] if in_its_place else frozenset())
-    assert bench.record.instead(viscous.place) == ((coulomb.place,) if in_its_place else ())
+    assert bench.record.instead(viscous.effect_joint) == ((coulomb.effect_joint,) if in_its_place else ())
 
 
 def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbing, monkeypatch):
@@ -152,7 +152,7 @@ def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):
     stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
     bench = bench_of(rubbing)
     assert shown_effects(bench, State.of(frozenset([stribeck]))).chosen == {coulomb}
-    assert bench.record.instead(stribeck.place) == (coulomb.place,)
+    assert bench.record.instead(stribeck.effect_joint) == (coulomb.effect_joint,)
 
 
 def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):
@@ -209,7 +209,7 @@ class Named:
     joint: str | None
 
     @property
-    def place(self) -> tuple[str, str | None]:
+    def effect_joint(self) -> tuple[str, str | None]:
         return self.name, self.joint
 
 
@@ -244,7 +244,7 @@ def exchanged(place, quiet):
     """Viscous friction gave way to a coupling and a spring together."""
     gone = frozenset([place("viscous_friction", "elbow")])
     rivals = frozenset([place("joint_coupling", "shoulder+elbow"), place("parasitic_spring", "elbow")])
-    state = State(rivals, rivals, outdone=frozenset(term.place for term in gone), exchanged=((gone, rivals),))
+    state = State(rivals, rivals, outdone=frozenset(term.effect_joint for term in gone), exchanged=((gone, rivals),))
     return SimpleNamespace(record=quiet.search.record.forked()), state, gone, rivals
 
 
@@ -253,7 +253,7 @@ def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
     fallen = min(rivals, key=lambda term: term.effect.name)
     after = _without_exchanges(bench, before, replace(before, shown=rivals - {fallen}))
     assert (after.found, after.shown) == (gone, gone)
-    assert after.barred == {fallen.place}
+    assert after.barred == {fallen.effect_joint}
     assert after.outdone == frozenset()
 
 
@@ -285,14 +285,14 @@ def test_it_is_back_beside_the_only_rival_that_falls_if_no_other_is_likelier(exc
     assert after.shown == (gone if back else frozenset())
     assert after.barred == frozenset()
     # It may not take the place of what is back once more.
-    assert ({term.place for term in rival} <= after.outdone) is back
+    assert ({term.effect_joint for term in rival} <= after.outdone) is back
 
 
 def shown_on(lab, robot, torque_of) -> Shown:
     """Inertial parameters of the elbow, found in a recording with a torque beyond the model."""
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque_of(motion)),))
-    term = next(t for t in prepared.columns.terms if t.place == ("inertial_parameters", "elbow"))
+    term = next(t for t in prepared.columns.terms if t.effect_joint == ("inertial_parameters", "elbow"))
     found = fit(prepared.problem, (term,))
     fitted = joint_fit(prepared.problem, (term,), found)
     return cast(Shown, SimpleNamespace(problem=prepared.problem, joint_fit=fitted, named=frozenset([term])))

@@ -52,7 +52,7 @@ def estimates(loaded, planar2, *terms):
 def test_a_linear_parameter_has_the_deviation_of_its_coefficient(loaded, planar2):
     term = loaded.term("coulomb_friction", "elbow")
     fitted, (friction, _) = estimates(loaded, planar2, term, loaded.term("payload", None))
-    at = fitted.place(term).coefficients.start
+    at = fitted.slices_of(term).coefficients.start
     assert friction["torque"].value == fitted.x[at]
     assert friction["torque"].std == pytest.approx(np.sqrt(fitted.cov[at, at]), rel=1e-3)
     assert friction["torque"].unit == "N m"
@@ -71,7 +71,7 @@ def test_a_place_has_the_deviation_of_a_quotient(loaded, planar2):
     # Closed form: c = h / m, var c = (var h - 2 c cov(h, m) + c^2 var m) / m^2.
     term = loaded.term("payload", None)
     fitted, (values,) = estimates(loaded, planar2, term)
-    at = fitted.place(term).coefficients.start + np.array([0, 3])
+    at = fitted.slices_of(term).coefficients.start + np.array([0, 3])
     cov = fitted.cov[np.ix_(at, at)]
     m, h = fitted.x[at]
     c = h / m
@@ -83,7 +83,7 @@ def test_the_deviation_of_a_ratio_is_that_of_its_inverse(loaded, planar2):
     # Closed form: ratio = 1 / (1 + e), so its deviation is that of e times ratio squared.
     term = loaded.term("torque_constant", "elbow")
     fitted, (values,) = estimates(loaded, planar2, term)
-    at = fitted.place(term).coefficients.start
+    at = fitted.slices_of(term).coefficients.start
     ratio = values["ratio"]
     assert ratio.std == pytest.approx(ratio.value**2 * np.sqrt(fitted.cov[at, at]), rel=0.01)
 
@@ -99,7 +99,7 @@ def test_base_parameters_alone_predict_what_all_of_them_do(loaded, planar2, lab,
     motion = lab.motion(2, 77, seconds=2.0)
     np.testing.assert_allclose(
         lab.acting(planar2, motion, effect.name, joint, *alone),
-        lab.acting(planar2, motion, effect.name, joint, *fitted.x[fitted.place(term).coefficients]),
+        lab.acting(planar2, motion, effect.name, joint, *fitted.x[fitted.slices_of(term).coefficients]),
         atol=1e-8,
     )
 
@@ -126,7 +126,7 @@ def test_base_parameters_of_a_linkage_that_does_not_turn_round_predict_too(lab, 
     alone = np.array([values[name].value if name in values else 0.0 for name in names])
     assert 0 < len(values) < len(names)
     other = swing(3.0, 0.15)
-    all_of_them = fitted.x[fitted.place(term).coefficients]
+    all_of_them = fitted.x[fitted.slices_of(term).coefficients]
     torques = [lab.acting(robot, other, "inertial_parameters", "drive", *theta) for theta in (alone, all_of_them)]
     np.testing.assert_allclose(*torques, atol=1e-6 * np.abs(torques[1]).max())
 
@@ -162,7 +162,7 @@ def test_loadings_of_two_findings_have_the_covariance_of_the_fit(loaded, planar2
     terms = (loaded.term("coulomb_friction", "elbow"), loaded.term("viscous_friction", "elbow"))
     fitted, _ = estimates(loaded, planar2, *terms)
     (one,), (two,) = (np.array(finding_loadings(planar2, term, fitted)) for term in terms)
-    at = [fitted.place(term).coefficients.start for term in terms]
+    at = [fitted.slices_of(term).coefficients.start for term in terms]
     assert one @ two == pytest.approx(fitted.cov[at[0], at[1]], rel=1e-6)
 
 
@@ -271,7 +271,7 @@ def test_inertial_parameters_that_say_the_same_as_a_payload_are_named(quiet, mon
     monkeypatch.setattr(PLACE + "share_without", lambda *_: (share, body, HAND))
     payload = quiet.term("payload", None)
     found = named_as_part(quiet.search, frozenset([payload]), payload)
-    rich = {term.place for term in quiet.search.terms if term.effect.inertial == "free"}
+    rich = {term.effect_joint for term in quiet.search.terms if term.effect.inertial == "free"}
     assert rich
     assert found == (rich if taken else frozenset())
 
@@ -293,7 +293,7 @@ def test_a_size_is_uncertain_by_what_it_is_beside_a_likely_rival(rubbing):
     # Closed form: a variance of p (x' - x)^2 on top of its own.
     coulomb, both, shown = rubbing
     shown = replace(shown, standings={coulomb: Standing(0.7, (), elsewhere=((both, 0.3),))})
-    column, at = coulomb.columns[0], shown.joint_fit.place(coulomb).coefficients.start
+    column, at = coulomb.columns[0], shown.joint_fit.slices_of(coulomb).coefficients.start
     shift = shown.plain.evaluate(both).theta[column] - shown.plain.evaluate(shown.chosen).theta[column]
     assert abs(shift) > 0.0
     more = with_other_causes(shown.joint_fit, shown).cov[at, at] - shown.joint_fit.cov[at, at]
