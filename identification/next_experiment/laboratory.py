@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.data.log import Band, Log
 from identification.data.signals import low_pass
+from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.own_effects import Differences
 from identification.diagnosis.columns.residual_columns import Columns, columns_like
 from identification.diagnosis.columns.session import Series, session_of_logs
@@ -69,7 +70,7 @@ class Laboratory:
             places = {column: k for k, column in enumerate(row)}
             here = [(k, places[column]) for k, column in enumerate(self.union.tolist()) if column in places]
             kernel = self.kernels[j]
-            share = self.variance[j] / (self.variance[j] + doubt_of(columns, 0, j, kernel))
+            share = noise_share(self.variance[j], doubt_of(columns, 0, j, kernel))
             values = filtered(kernel, columns.values[0][j][:, [place for _, place in here]])
             values *= np.sqrt(share / self.trust[j])[:, None]
             values = values[len(kernel) - 1 :][columns.usable[0][len(kernel) - 1 :, j]]
@@ -83,7 +84,7 @@ def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"
     use = [part[:, row] for part in columns.usable]
     doubt = np.concatenate([doubt_of(columns, log, row, kernel)[u] for log, u in enumerate(use)])
     variance = noise_variance(columns, [part[:, row] for part in noise], row, kernel)
-    return variance, max(float(np.mean(variance / (variance + doubt))), 1e-300) if len(doubt) else 1.0
+    return variance, max(float(np.mean(noise_share(variance, doubt))), 1e-300) if len(doubt) else 1.0
 
 
 def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]) -> Laboratory:

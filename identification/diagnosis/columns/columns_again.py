@@ -8,7 +8,6 @@ import numpy as np
 
 from identification.diagnosis.columns.residual_columns import Columns, effect_columns, plain_columns
 from identification.diagnosis.columns.session import Session
-from identification.diagnosis.columns.tolerance_parameters import tolerance_parameters
 
 # Edges of the judged band: beside its filter one that ends so high changes what it leaves by at most 2.5 %.
 _PASSES_WHOLE = 1.5
@@ -23,10 +22,9 @@ def where_read(session: Session, columns: Columns) -> Columns:
         session: Robot and logs of the columns.
         columns: At the true positions of links that effects displace.
     """
-    parameters = tolerance_parameters(session.robot)
     values = []
     for k, own in enumerate(columns.values):
-        plain = (np.column_stack(row) for row in plain_columns(session, k, columns.operations[k], parameters))
+        plain = (np.column_stack(row) for row in plain_columns(session, k, columns.operations[k]))
         values.append(tuple(np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True)))
     return replace(columns, values=tuple(values), displaced=())
 
@@ -43,11 +41,11 @@ def reaching_beyond(session: Session, columns: Columns) -> Columns:
     """
     if columns.displaced:
         return columns
-    parameters, values = tolerance_parameters(session.robot), []
+    values = []
     blocks = [block for block in columns.local if block.effect.uses_acceleration]
     for k, own in enumerate(columns.values):
         operation = columns.operations[k].for_a_while()
-        plain = (np.column_stack(row) for row in plain_columns(session, k, operation, parameters, beyond=_PASSES_WHOLE))
+        plain = (np.column_stack(row) for row in plain_columns(session, k, operation, beyond=_PASSES_WHOLE))
         rows = [np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True)]
         for block in blocks:
             parts = effect_columns(session, k, operation, block, _PASSES_WHOLE * session.cutoff_hz)

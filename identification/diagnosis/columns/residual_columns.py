@@ -113,21 +113,20 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     """
     about = FitPoint() if about is None else about
     robot = session.robot
-    given = _given_part(session) if before is None else _given_part_of(session, before)
+    given = _given_part(session) if before is None else _given_part_of(before)
     if before is None or before.displaced or _displacing(robot, about.found):
         given = _with_plain(session, given, about.found)
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
-        residual = residual_within_tolerances(
-            robot, given.tolerance_parameters, given.plain, given.residual, given.usable
-        )
+        residual = residual_within_tolerances(robot, given.plain, given.residual, given.usable)
     operations = tuple(
         with_residual_of_fit(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True)
     )
-    names = [parameter.name for parameter in given.tolerance_parameters] + list(parameter_names(robot))
+    tolerances = [parameter.name for parameter in tolerance_parameters(robot)]
+    names = [*tolerances, *parameter_names(robot)]
     found = (*about.found, *about.runners_up)
-    terms, local = lay_out(session, merged(operations), len(given.tolerance_parameters), names, found, about.resonances)
+    terms, local = lay_out(session, merged(operations), len(tolerances), names, found, about.resonances)
     given = replace(given, operations=operations)
     values = tuple(
         _values(session, k, o, own, local, _kept(before, k))
@@ -157,7 +156,7 @@ def columns_by_log(
     expected = replace(given, operations=operations)
 
     def made(log: int) -> tuple[Array, ...]:
-        plain = plain_columns(session, log, given.operations[log], given.tolerance_parameters, displacing)
+        plain = plain_columns(session, log, given.operations[log], displacing)
         return _values(session, log, operations[log], plain, like.local, {})
 
     return _assembled(session, expected, like.names, like.terms, like.local, (), found), made
@@ -167,7 +166,6 @@ def columns_by_log(
 class _GivenPart:
     """Parts that no fit changes: the given model's torque, the residual, and the columns of model parameters."""
 
-    tolerance_parameters: tuple[ToleranceParameter, ...]
     operations: tuple[Operation, ...]
     plain: tuple[list[list[Float[Array, " n"]]], ...]
     model_torque: Series
@@ -187,7 +185,6 @@ def _given_part(session: Session) -> _GivenPart:
     )
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
     return _GivenPart(
-        tolerance_parameters(robot),
         operations,
         (),
         torque,
@@ -203,9 +200,8 @@ def _doubt(log: Log, operation: Operation) -> Float[Array, "N nv"]:
     return friction if log.switching is None else friction + log.switching
 
 
-def _given_part_of(session: Session, before: Columns) -> _GivenPart:
+def _given_part_of(before: Columns) -> _GivenPart:
     return _GivenPart(
-        tolerance_parameters(session.robot),
         before.operations,
         tuple(_plain_before(before, k) for k in range(len(before.values))),
         before.model_torque,
@@ -225,11 +221,10 @@ def _assembled(
     found: tuple[FoundEffect, ...],
 ) -> Columns:
     """All columns, row by row."""
-    robot, parameters = session.robot, given.tolerance_parameters
+    robot, parameters = session.robot, tolerance_parameters(session.robot)
     rows = []
     for j, acting in enumerate(parameters_by_joint(robot, parameters)):
-        mine = [*acting]
-        mine += [len(parameters) + k for k in _parameters_on(robot, j)]
+        mine = [*acting, *(len(parameters) + k for k in _parameters_on(robot, j))]
         for block in local:
             if j in block.rows:
                 mine += range(block.first, block.first + block.count)
@@ -273,9 +268,7 @@ def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, .
     are exact.
     """
     there = _displacing(session.robot, found)
-    plain = tuple(
-        plain_columns(session, k, o, given.tolerance_parameters, there) for k, o in enumerate(given.operations)
-    )
+    plain = tuple(plain_columns(session, k, o, there) for k, o in enumerate(given.operations))
     return replace(given, plain=plain)
 
 
@@ -291,7 +284,6 @@ def plain_columns(
     session: Session,
     log: int,
     operation: Operation,
-    parameters: tuple[ToleranceParameter, ...],
     displacing: tuple[FoundEffect, ...] = (),
     *,
     beyond: float = 1.0,
@@ -302,7 +294,6 @@ def plain_columns(
         session: Robot and logs.
         log: Index of the log.
         operation: Its motion.
-        parameters: Tolerance parameters of the model.
         displacing: Effects that displace the links.
         beyond: Where columns made of accelerations end, in edges of the judged band.
     """
@@ -311,7 +302,7 @@ def plain_columns(
     there = where_links_are(robot, operation, displacing)
     regressor = narrow(_regressor_in_band(*there, band, operation.per_load))
     bodies = regressor.transpose(1, 0, 2)
-    nuisances = tolerance_columns(robot, operation, parameters, bodies, session.logs[log], narrow)
+    nuisances = tolerance_columns(robot, operation, bodies, session.logs[log], narrow)
     return [[*nuisances[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
 
 

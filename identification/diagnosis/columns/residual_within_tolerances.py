@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.columns.tolerance_parameters import ToleranceParameter, parameters_by_joint
+from identification.diagnosis.columns.tolerance_parameters import parameters_by_joint, tolerance_parameters
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
@@ -15,7 +15,6 @@ from phantom_dyn.signals.splines import interpolated
 
 def residual_within_tolerances(
     robot: Robot,
-    parameters: tuple[ToleranceParameter, ...],
     columns: tuple[list[list[Float[Array, " n"]]], ...],
     residual: tuple[Float[Array, "n nv"], ...],
     usable: tuple[Bool[Array, "n nv"], ...],
@@ -26,11 +25,11 @@ def residual_within_tolerances(
 
     Args:
         robot: The given model.
-        parameters: Tolerance parameters of the model.
         columns: For each log and joint, the columns of the parameters that may change its torque, then any others.
         residual: Measured less modelled torque of each log.
         usable: Samples that may be used.
     """
+    parameters = tolerance_parameters(robot)
     rows = range(residual[0].shape[1])
     acting = [list(indices) for indices in parameters_by_joint(robot, parameters)]
     a = np.diag([1.0 / parameter.sigma**2 for parameter in parameters])

@@ -122,17 +122,15 @@ def tolerance_parameters(robot: Robot) -> tuple[ToleranceParameter, ...]:
 def tolerance_columns(
     robot: Robot,
     operation: Operation,
-    parameters: tuple[ToleranceParameter, ...],
     body: Float[Array, "nv n p"],
     log: Log,
     narrow: Callable[[Array], Array],
 ) -> list[list[Float[Array, " n"]]]:
-    """For each joint, the columns in the band of the parameters that may change its torque, in their order.
+    """For each joint, the columns in the band of the tolerance parameters that may change its torque.
 
     Args:
         robot: The given model.
         operation: One recording at the full rate.
-        parameters: As `tolerance_parameters` returns them.
         body: Columns of the rigid-body regressor in the band, by row.
         log: The recording, with the filter of all columns.
         narrow: Filter of columns made of accelerations.
@@ -140,6 +138,7 @@ def tolerance_columns(
     band = log.band
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
     rows: list[list[Array]] = [[] for _ in range(robot.nv)]
+    parameters = tolerance_parameters(robot)
     acting = parameters_by_joint(robot, parameters)
     of_base = torque_per_base_error(robot, log, operation) if log.base_sensors is not None else {}
     for index, parameter in enumerate(parameters):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
@@ -76,10 +77,10 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
     return Sums(squares[held], counts[held])
 
 
-def sample_weights(problem: Problem, log: int, part: slice) -> Float[Array, "n nv"]:
+def sample_weights(problem: Problem, log: int, part: slice = slice(None)) -> Float[Array, "n nv"]:
     """Weight of each sample of a part of one log: lower where static friction, which may be anything, holds a joint."""
-    variance = problem.weights.floor**2
-    return problem.columns.usable[log][part] * variance / (variance + problem.columns.standing[log][part] ** 2)
+    columns = problem.columns
+    return columns.usable[log][part] * noise_share(problem.weights.floor**2, columns.standing[log][part] ** 2)
 
 
 def judged_noise(problem: Problem, noise: Series) -> Float[Array, " nv"]:

@@ -80,5 +80,5 @@ def replay_of(problem: Problem, changes: tuple[Change, ...]) -> Replay:
         changes,
         session.cutoff_hz,
         tuple((block.log, block.core, block.stop) for block in blocks),
-        tuple(sample_weights(problem, k, slice(None)) for k in range(len(session.logs))),
+        tuple(sample_weights(problem, k) for k in range(len(session.logs))),
     )

@@ -129,7 +129,7 @@ def floor_of(
     value, low, high = value * quieter, low * quieter, high * quieter
     moving = zip(problem.columns.usable, problem.columns.standing, strict=True)
     free = tuple(use & (held == 0.0) for use, held in moving)
-    counts = tuple(sample_weights(problem, k, slice(None)) for k in range(len(residual)))
+    counts = tuple(sample_weights(problem, k) for k in range(len(residual)))
     for j, seen in enumerate(repeated_noise(session, residual, free, counts)):
         if seen is None:
             continue

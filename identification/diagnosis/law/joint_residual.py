@@ -173,7 +173,7 @@ def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Joi
     for k, log in enumerate(session.logs):
         step = max(thin, int(log.band.output_rate_hz / (_PER_PERIOD * session.cutoff_hz)))
         kept = slice(0, None, step)
-        weight = sample_weights(problem, k, slice(0, len(log.samples)))[kept, row]
+        weight = sample_weights(problem, k)[kept, row]
         inputs = inputs_of(robot, log, columns.operations[k], row, near)
         t = log.motion.t - log.motion.t[0]
         part = residual[k][kept, row]
@@ -322,8 +322,7 @@ def _places(active: Array, index: tuple[int, ...]) -> tuple[list[int], list[int]
 
 def _seen_weights(problem: Problem, log: int) -> Float[Array, "n nv"]:
     """Weight of each sample of a log, zero where no fit may see it."""
-    count = len(problem.columns.residual[log])
-    weight = sample_weights(problem, log, slice(0, count))
+    weight = sample_weights(problem, log)
     for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
         if block.log == log and fold < 0:
             weight[block.start : block.stop] = 0.0

@@ -141,9 +141,7 @@ def library(residual: JointResidual, *, memory: bool = True) -> tuple[LawTerm, .
     # Terms of effects are listed twice, among similar ones and at the end, and a term listed here may be an effect's.
     own = {term.texts: term for terms in at.of_effects.values() for term in terms}
     known = {term.texts: own.get(term.texts, term) for term in out}
-    return tuple(
-        term for term in known.values() if all(base_of(name) in residual.logs[0].inputs for name in term.inputs)
-    )
+    return tuple(term for term in known.values() if {base_of(name) for name in term.inputs} <= set(residual.inputs))
 
 
 def _of_effects(at: _Joint, inputs: str) -> list[LawTerm]:

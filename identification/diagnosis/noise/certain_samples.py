@@ -1,4 +1,4 @@
-"""Noise of samples in which a joint moves: a standstill says little about the noise of a torque.
+"""Variance of the noise from samples in which a joint moves: a standstill shows little of the noise of a torque.
 
 A joint at standstill has any friction up to its breakaway torque, so its residual there may be many times its noise. In
 a recording that is mostly standstill, that residual would count as the noise, and friction that shows plainly in motion
@@ -12,18 +12,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
 from phantom_dyn.array_types import Array, Float
 
-_ROUNDS = 30  # most times that variance and weights are computed from each other
-_SETTLED = 0.99  # ratio of two variances after which they are the same
+_ROUNDS = 30  # most iterations between variance and weights
+_CONVERGED = 0.99  # ratio of two successive variances above which the iteration has converged
 
 
 def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> float:
-    """Variance of noise, with the weight of each sample by its noise relative to noise and uncertain friction together.
+    """Variance of noise, with the weights of `noise_share`.
 
-    Weights and variance depend on each other; they are computed in turn, from the mean of all samples on, as long as
-    the weights are those of a fair share of the samples.
+    Weights and variance depend on each other; they are computed in turn, starting from the mean of all samples, as long
+    as the weights stand for a fair share of the samples.
 
     Args:
         squares: Squared noise of each usable sample.
@@ -33,17 +34,17 @@ def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> 
         return 0.0
     variance = float(np.mean(squares))
     for _ in range(_ROUNDS):
-        weights = (variance / np.maximum(variance + doubt, 1e-300)) ** 2
+        weights = noise_share(variance, doubt) ** 2
         if weights.sum() ** 2 < rules.SURE_SHARE * len(squares) * (weights @ weights):
             break
         before, variance = variance, float(weights @ squares / max(weights.sum(), 1e-300))
-        if variance > _SETTLED * before:
+        if variance > _CONVERGED * before:
             break
     return variance
 
 
 def certainty(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> list[Float[Array, " n"]]:
-    """Root of the weight of each sample of a row, for each log: one where the joint moves.
+    """Square root of the weight of each sample of a row, for each log: one where the joint moves.
 
     Args:
         columns: Which samples are usable, and the friction of standing joints.
@@ -56,4 +57,4 @@ def certainty(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -
         np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)
     )
     variance = max(certain_variance(squares**2, beside), 1e-300)
-    return [np.sqrt(variance / (variance + part)) for part in doubt]
+    return [np.sqrt(noise_share(variance, part)) for part in doubt]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.noise.certain_samples import certain_variance, certainty
@@ -218,7 +219,7 @@ def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -
     variance = np.array(
         [noise_variance(columns, [part[:, j] for part in noise], j, kernel) for j, kernel in enumerate(kernels)]
     )
-    share = [variance / (variance + d) for d in doubt]
+    share = [noise_share(variance, d) for d in doubt]
     mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
     # The weight does not matter on a row without usable samples.

@@ -256,6 +256,16 @@ def open_friction(
     return standing**2 + doubt**2 + creeping_doubt(log, friction) ** 2
 
 
+def noise_share(noise: Array | float, friction: Array) -> Array:
+    """Share of the noise in the variance of noise and uncertain friction together: the weight of a sample.
+
+    Args:
+        noise: Variance of the noise.
+        friction: Variance of the friction torque of each sample, which may be anything at standstill.
+    """
+    return noise / np.maximum(noise + friction, 1e-300)
+
+
 def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     """Largest friction torque near each sample, where a law lets it jump at a reversal."""
     reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
