@@ -1,4 +1,4 @@
-"""Work that is done in a second process while this one goes on, where a core is free for it."""
+"""Run a function in a second process while this one continues, if a core is free."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def begun(work: Callable[[], T]) -> Callable[[], T]:
-    """Begin some work, and return what waits for its result.
+def started(work: Callable[[], T]) -> Callable[[], T]:
+    """Start a function in a second process; the returned function waits for its result.
 
-    The second process is a copy of this one (``fork``), so that nothing is loaded or handed over again. Where that is
-    not possible, where no second core is free, or where the copy fails, the work is done here when its result is asked
-    for: an error is raised here then.
+    The second process is a copy of this one (``fork``), so that no module is loaded and no argument is sent. If that is
+    not possible, if no second core is free, or if the copy fails, the function runs in this process when its result is
+    asked for, and raises its errors there.
 
     Args:
-        work: Function to call. It has to be possible to pickle its result.
+        work: Function to call. Its result is pickled.
     """
     if not _has_free_core():
         return cache(work)
@@ -31,7 +31,7 @@ def begun(work: Callable[[], T]) -> Callable[[], T]:
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(work, sender), daemon=True)
     with warnings.catch_warnings():
-        # Threads of numerical libraries wait for work, and no other thread runs here.
+        # Fork warns of other threads: here these are threads of numerical libraries, which are idle.
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
     sender.close()
@@ -48,9 +48,9 @@ def begun(work: Callable[[], T]) -> Callable[[], T]:
 
 
 def _send(work: Callable[[], object], sender: Connection) -> None:
-    """Send the result in a list, which stays empty where the work could not be done."""
+    """Send the result in a list, which is empty after an error."""
     result = []
-    # Whatever is wrong is raised in the first process, where the work is done again.
+    # The first process runs the function again, and raises the error.
     with suppress(Exception):
         result = [work()]
     sender.send(result)
@@ -58,5 +58,5 @@ def _send(work: Callable[[], object], sender: Connection) -> None:
 
 
 def _has_free_core() -> bool:
-    """True on Linux with two cores for this process, as elsewhere a copied process may not use what it holds."""
+    """True on Linux with two cores for this process; elsewhere a forked process may not use its memory safely."""
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1 and not multiprocessing.current_process().daemon

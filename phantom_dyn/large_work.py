@@ -1,12 +1,12 @@
-"""Large work in few large pieces, on joblib: processes by default, Dask, Ray or threads by its backends.
+"""Parallel work on large pieces with joblib: in processes by default, else on Dask, Ray or threads by its backends.
 
     from joblib import parallel_config
 
     with parallel_config(backend="dask"):           # with a dask.distributed.Client, for example
         operational_map(model, grid, names)         # the same call, on the cluster
 
-Every piece runs with one thread of linear algebra, wherever it runs: matrices are small here, and the same sums in the
-same order are the same numbers. joblib is imported where it is used: it takes longer to import than most commands run.
+Every piece runs with one thread of linear algebra: matrices are small here, and results do not depend on the number of
+threads. joblib is imported where it is used: it takes longer to import than most commands run.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from phantom_dyn.errors import ParameterError, PhantomDynError
 R = TypeVar("R")
 
 _ATTEMPTS = 3
-"""Pools of processes before a piece counts as one that ends its process; Dask's scheduler forgives as often."""
-_LOOKED_AFTER_S = 0.2
-"""How often a worker looks whether the process that started it lives [s]."""
+"""Pools of processes that are started before the work is given up; Dask's scheduler tries as often."""
+_WATCH_PERIOD_S = 0.2
+"""Time between two checks of a worker whether the process that started it still runs [s]."""
 _END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux: the kernel signals a process when the thread that started it ends
 _LOST = ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker")
-"""Errors of a lost worker, by name: joblib keeps its own among its externals, and Dask may not be installed."""
+"""Names of the errors of a lost worker: joblib's own are not public, and Dask may not be installed."""
 
 
 class WorkerLostError(PhantomDynError):
-    """Processes that worked on some pieces ended again and again.
+    """Worker processes ended repeatedly before all pieces were done.
 
     Attributes:
-        left: Places of the pieces that are not done, in the order they were given.
+        left: Indices of the pieces that are not done.
     """
 
     def __init__(self, left: Sequence[int]):
@@ -50,7 +50,7 @@ class WorkerLostError(PhantomDynError):
 
 
 def worker_count(jobs: int | None) -> int:
-    """How many pieces are worked on at once.
+    """Number of pieces that are worked on at once.
 
     Args:
         jobs: Processes at most; 1 is this one alone. By default what `joblib.parallel_config` says, else one per core
@@ -84,10 +84,10 @@ def _backend() -> tuple[Any, int | None]:
 def spread(
     function: Callable[..., R], pieces: Iterable[tuple[Any, ...]], *, jobs: int | None = None
 ) -> Iterator[tuple[int, R]]:
-    """Results of a function for many arguments, each with the place of its piece, as they are finished.
+    """Results of a function for many arguments, each with the index of its piece, in the order of completion.
 
-    A process that is lost (killed, out of memory) is survived: what it had not finished is worked on again. On Dask
-    the scheduler does so, here new processes, half as many.
+    If a process is lost (killed, out of memory), its unfinished pieces are run again: on Dask by the scheduler, else in
+    new processes, half as many.
 
     Args:
         function: Function of a module, as it is sent by name. It must depend on its arguments alone.
@@ -95,7 +95,7 @@ def spread(
         jobs: Processes at once; None: one for each core that this process may use.
 
     Raises:
-        WorkerLostError: If processes are lost again and again.
+        WorkerLostError: If processes are lost repeatedly.
         ParameterError: If ``jobs`` is below one.
     """
     left = dict(enumerate(pieces))
@@ -109,13 +109,13 @@ def spread(
 def _spread(function: Callable[..., R], left: dict[int, tuple[Any, ...]], workers: int) -> Iterator[tuple[int, R]]:
     """Results of the pieces in ``left``, which are taken out of it when they are handed over."""
     if workers <= 1:
-        yield from (_run((function, place, arguments)) for place, arguments in left.items())
+        yield from (_run((function, index, arguments)) for index, arguments in left.items())
         return
     for attempt in range(_ATTEMPTS):
         try:
-            for place, result in _finished(function, left, max(2, workers >> attempt)):
-                del left[place]
-                yield place, result
+            for index, result in _finished(function, left, max(2, workers >> attempt)):
+                del left[index]
+                yield index, result
             return
         except Exception as error:
             if type(error).__name__ not in _LOST:
@@ -124,48 +124,49 @@ def _spread(function: Callable[..., R], left: dict[int, tuple[Any, ...]], worker
 
 
 def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], workers: int) -> Iterable[tuple[int, R]]:
+    """Results of the pieces in ``left``, computed by one pool of workers."""
     from joblib import Parallel, delayed
 
-    # Ray and multiprocessing hand over their results only when all are there.
-    handing_over = "generator_unordered" if _backend()[0].supports_return_generator else "list"
-    # Workers of loky live on for minutes where the process that started them was killed.
+    # Ray and multiprocessing return results only when all are finished.
+    return_as = "generator_unordered" if _backend()[0].supports_return_generator else "list"
+    # Workers of loky run on for minutes after the process that started them was killed.
     watched = type(_backend()[0]).__name__ == "LokyBackend"
-    # A thread of a user's may end long before its process, and the workers stay for the next call.
+    # A thread of the user may end long before the process, whose next call uses the same workers.
     by_kernel = threading.current_thread() is threading.main_thread()
     ending: dict[str, Any] = {"initializer": end_with, "initargs": (os.getpid(), by_kernel)} if watched else {}
-    # One piece a call, as pieces are large, and no array of theirs in a file for all processes to share.
+    # One piece per call, as pieces are large; arrays are sent and not shared through files.
     one_each: dict[str, Any] = {"pre_dispatch": "2*n_jobs", "batch_size": 1, "max_nbytes": None}
-    parallel = Parallel(n_jobs=workers, return_as=handing_over, **one_each, **ending)
+    parallel = Parallel(n_jobs=workers, return_as=return_as, **one_each, **ending)
     # One tuple, which travels with its piece. Of an array that is an argument itself joblib leaves one copy with one of
     # Dask's workers, and all pieces that need it would be lost with that worker.
-    calls = [delayed(_run)((function, place, arguments)) for place, arguments in left.items()]
+    calls = [delayed(_run)((function, index, arguments)) for index, arguments in left.items()]
     return cast("Iterable[tuple[int, R]]", parallel(calls))
 
 
 def end_with(parent: int, by_kernel: bool) -> None:
-    """Let this process, a worker, end when the process that started it does, however that ends.
+    """End this worker process as soon as the process that started it has ended, even if that was killed.
 
-    The kernel ends it at once, where it can: a thread that looks has to wait for the lock of the interpreter, which
-    compiled code may hold, and for its turn on a machine that has more to do than it can.
+    On Linux the kernel does so at once. A thread that checks has to wait for the interpreter lock, which compiled code
+    may hold, and for its turn on a busy machine.
 
     Args:
-        parent: Number of that process.
-        by_kernel: Whether its main thread starts the workers, which lives as long as the process.
+        parent: Identifier of the process that started it.
+        by_kernel: Whether its main thread starts the workers: the kernel watches the thread and not the process.
     """
     if by_kernel and (control := getattr(ctypes.CDLL(None), "prctl", None)) is not None:
         control(_END_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
-    # Everywhere else; and here, as it may have ended before the kernel was asked.
+    # On other systems, and for a parent that ended before the kernel was asked.
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 
 def _watch(parent: int) -> None:
     while os.getppid() == parent:
-        time.sleep(_LOOKED_AFTER_S)
+        time.sleep(_WATCH_PERIOD_S)
     os._exit(1)
 
 
 def _run(piece: tuple[Callable[..., R], int, tuple[Any, ...]]) -> tuple[int, R]:
-    """One piece, in whatever process or thread it has come to."""
-    function, place, arguments = piece
+    """Index and result of one piece, computed with one thread of linear algebra."""
+    function, index, arguments = piece
     with threadpool_limits(limits=1):
-        return place, function(*arguments)
+        return index, function(*arguments)

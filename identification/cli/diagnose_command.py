@@ -155,7 +155,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
     from identification.pipeline import planned, with_proposal
     from identification.reporting.diagnosis_summary import next_experiment_lines, note_lines, summary, written_lines
     from identification.reporting.stored.diagnosis_files import check_targets, write_diagnosis_alone, write_outputs
-    from identification.second_process import begun
+    from identification.second_process import started
 
     check_targets(arguments.out, arguments.json, given_files(arguments))
     times = StageTimes() if arguments.profile else None
@@ -179,7 +179,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
     notes, not_held = len(diagnosis.notes), list[str]()
     # The next experiment is planned while the models are written. With --profile one process does both, in turn.
     plan = partial(planned, without_plan)
-    proposal = begun(plan) if times is None else cache(plan)
+    proposal = started(plan) if times is None else cache(plan)
 
     def completed(found: Diagnosis) -> Diagnosis:
         return with_proposal(found, proposal(), without_plan.started)

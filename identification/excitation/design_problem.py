@@ -16,8 +16,8 @@ from identification.excitation.closable import ordinary_postures, solved_numeric
 from identification.excitation.criteria import Criterion
 from identification.excitation.limits import Bounds, Limits, bounds_of, places
 from identification.excitation.motion_shapes import Shapes
-from identification.excitation.moved_tree import TreePulls, clear_of, pulled_to_active
 from identification.excitation.regressor_slope import regressor_slope
+from identification.excitation.tree_gradient import TreeGradient, gradient_of_active, singularity_distance
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.triangular import r_factor
 from phantom_dyn._kernels import rigid_body
@@ -206,7 +206,7 @@ class DesignProblem:
     ) -> tuple[Float[Array, "N m"], Float[Array, "N l nt"] | None]:
         tree = tree_motion(self.robot, motion)
         tau = W @ standard_parameters(self.robot) + project(tree.G, self._driven(tree))
-        parts = [tree.q, tree.v, motion.a, tau, clear_of(self.robot, motion)]
+        parts = [tree.q, tree.v, motion.a, tau, singularity_distance(self.robot, motion)]
         if not self.limits.boxes and self.limits.collisions is None:
             return np.concatenate(parts, axis=1), None
         placed, slope = places(self.robot.model, self.limits, tree.configuration, slopes=slopes)
@@ -246,14 +246,14 @@ class DesignProblem:
         if placed_slope is not None:
             of_x = of_x + np.einsum("nm,nmt->nt", of_places, placed_slope)
         on_tree = apply(tree.G, of_tau)
-        pulls = TreePulls(
+        pulls = TreeGradient(
             slope.q + of_x,
             slope.v + of_u + self._viscous * on_tree,
             slope.a + np.asarray(self.robot.model.armature) * on_tree,
             self._pull_of_slopes(tree, S, of_tau) if numeric else np.zeros_like(tree.G),
             of_clear.sum(axis=1),
         )
-        active = pulled_to_active(self.robot, motion, tree, pulls)
+        active = gradient_of_active(self.robot, motion, tree, pulls)
         slopes = (active[0], active[1], active[2] + of_a)
         gradient = sum(part.T @ pulled for part, pulled in zip(grid.values, slopes, strict=True))
         return value + paid, np.asarray(gradient)

@@ -1,31 +1,31 @@
-"""The gate of chance: is a gain larger than noise gives? Gains are twice a log-likelihood ratio.
+"""The gate of chance: is a gain larger than noise alone reaches? A gain is twice a log-likelihood ratio.
 
-``benchmarks/blind/run.py`` prints false claims and misses under its thresholds, ``benchmarks/blind/power.py`` the sizes
-that are seen.
+``benchmarks/blind/run.py`` prints false claims and misses with these thresholds, ``benchmarks/blind/power.py`` the
+detectable sizes.
 """
 
 from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# probability: that in a recording without a gap no effect of the catalogue reaches the threshold by chance.
+# probability: that no effect of the catalogue reaches the threshold by chance in a recording without a gap.
 CLAIM_LEVEL = 0.99
 
-# gain: the least that a claim needs on held-out data, however little chance gives.
+# gain: the least that a claim needs on held-out data, however small the gain by chance is.
 LEAST_GAIN = 20.0
 
-# gain: of one parameter, about the logarithm of the effective number of samples (BIC).
+# gain: price of one parameter, about the logarithm of the effective number of samples (BIC).
 PARAMETER_PRICE = 5.0
 
 
 def more_than_chance(gain: float, chance: float) -> GateResult:
-    """Does it gain more than the best effect of the whole catalogue, or of its joint, gains by chance?
+    """Does the effect gain more than the best one of the whole catalogue, or of its joint, gains by chance?
 
     A longer recording passes: the gain of a real effect grows with its length, and that of chance does not.
 
     Args:
-        gain: For torques the smaller of the gains on held-out data and in sample; for poses and rests, where chance has
-            a known distribution, the squares that it explains in sample.
-        chance: Threshold that no effect reaches by chance.
+        gain: For torques the smaller of the gains on held-out data and in sample; for poses and recordings at rest,
+            where the gain by chance has a known distribution, the squares that it explains in sample.
+        chance: Threshold, which no effect reaches by chance.
     """
     return GateResult("more than chance", gain, chance, "gain", gain > chance)

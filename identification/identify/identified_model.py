@@ -158,7 +158,7 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
         words, possible, moved = f"The inertias are those of the given model: {error}", False, float("nan")
     else:
         values = dict(zip(full.names, full.pi.tolist(), strict=True))
-        moved = float(np.max(np.abs(full.moved), initial=0.0))
+        moved = float(np.max(np.abs(full.shift), initial=0.0))
         possible = True
         words = (
             "Of all possible bodies with the identified base parameters, these are nearest to the given ones."

@@ -17,7 +17,7 @@ from identification.excitation.descent import descend, feasible_postures, larges
 from identification.excitation.design_problem import DesignProblem, Grid, base_of, joint_sizes
 from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
-from identification.excitation.moved_tree import clear_of
+from identification.excitation.tree_gradient import singularity_distance
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
@@ -83,7 +83,7 @@ def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
 
 def _clear(robot: Robot, logs: tuple[Log, ...]) -> float:
     """Distance of the loops from a singularity that a motion keeps; less if the recordings were nearer to one."""
-    recorded = [clear_of(robot, log.motion) for log in logs]
+    recorded = [singularity_distance(robot, log.motion) for log in logs]
     return float(np.clip(min(float(each.min(initial=CLEAR)) for each in recorded), 0.01, CLEAR))
 
 

@@ -16,7 +16,7 @@ from phantom_dyn.motion import Motion
 
 
 def frame_index(robot: Robot, frame: str) -> int:
-    """Place of a frame in the robot's model.
+    """Index of a frame in the robot's model.
 
     Raises:
         RobotError: If there is none of that name.
@@ -28,8 +28,9 @@ def frame_index(robot: Robot, frame: str) -> int:
 
 
 def _at_rest(robot: Robot, q: Array) -> TreeMotion:
-    rest = np.zeros_like(q)
-    return tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest))
+    """Motion of the tree at standstill."""
+    zero = np.zeros_like(q)
+    return tree_motion(robot, Motion(np.arange(float(len(q))), q, zero, zero))
 
 
 def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float[Array, "N 3 3"], Float[Array, "N 3"]]:
@@ -51,7 +52,7 @@ def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float
 def frame_jacobian(
     robot: Robot, q: Float[Array, "N nv"], frame: str, axes: Literal["body", "hybrid"]
 ) -> Float[Array, "N 6 nv"]:
-    """Jacobian to the twist of a frame's origin: rows v, then w.
+    """Jacobian of the twist of a frame: rows of the velocity of its origin, then of its angular velocity.
 
     Args:
         robot: A plain robot or a closed chain; of the latter the columns are those of its active joints.

@@ -1,4 +1,4 @@
-"""Joint positions that bring the tip to points, on the branch nearest to a configuration."""
+"""Inverse kinematics: joint positions that bring the tip to points, on the branch nearest to a configuration."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
 
 CLOSE = 1e-9
-"""Distance [m] between the tip and the point at which it has arrived: far above rounding, far below any tip."""
+"""Distance [m] between tip and point below which Newton's method has converged: far above rounding errors."""
 _SAMPLES, _STARTS = 20000, 8
-"""Random configurations of the cloud, and starts of Newton's method for each point."""
+"""Number of random configurations, and of starts of Newton's method for each point."""
 _NUMERIC_SAMPLES, _NUMERIC_STARTS = 4000, 6
-"""The same of a chain that is closed numerically, where each sample costs about a millisecond."""
+"""The same for a chain that is closed numerically, where each configuration takes about a millisecond."""
 _NEAR = 48
-"""Configurations of the cloud with tips close to a point, among which starts are chosen."""
+"""Number of random configurations with tips close to a point, among which starts are chosen."""
 _STEPS = 25
-"""Steps of Newton's method at most."""
+"""Largest number of steps of Newton's method."""
 _SAME_BRANCH = 0.5
 """Distance in every joint [rad or m] below which two starts lead to the same branch."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Random configurations within the limits and where the tip is at each: starts on every branch.
+    """Random configurations within the limits and their tip positions, as starts on every branch.
 
     Attributes:
-        q: Shape ``(n, nv)``.
-        tip: Shape ``(n, 3)``.
+        q: Configurations [rad or m], shape ``(n, nv)``.
+        tip: Tip positions [m], shape ``(n, 3)``.
     """
 
     q: Array
@@ -38,14 +38,14 @@ class Cloud:
 
 
 def require_determined(model: MapModel, axes: tuple[str, ...]) -> None:
-    """Refuse a grid over the tip where a point leaves joints free or cannot be reached in general.
+    """Refuse a grid over tip positions that do not determine the joints, or that the tip cannot follow.
 
     Args:
         model: The robot.
         axes: Axes of the grid, some of x, y and z.
 
     Raises:
-        ParameterError: In a sentence.
+        ParameterError: If the number of joints differs from that of the axes.
     """
     joint = f"q.{model.joint_names[0]}=-1:1:21"
     if model.nv not in (2, 3):
@@ -60,21 +60,21 @@ def require_determined(model: MapModel, axes: tuple[str, ...]) -> None:
 
 
 def cloud_of(model: MapModel) -> Cloud | None:
-    """Starts for points without a closed form; None where there is one."""
+    """Random configurations as starts; None for a robot with a closed-form inverse."""
     if model.branches is not None:
         return None
     active = list(model.robot.tree_rows)
     low, high = model.lower[active], model.upper[active]
-    # A turn holds every pose of a rotation, and a metre is far for the rare linear joint without a range.
+    # One turn covers all poses of a revolute joint; a linear joint without limits gets a metre.
     span = np.where(model.robot.prismatic, 1.0, np.pi)
     narrow = np.isfinite(high - low) & (model.robot.prismatic | (high - low < 2 * np.pi))
     low, high = np.where(narrow, low, model.posture - span), np.where(narrow, high, model.posture + span)
-    # The same cloud in every process and run.
+    # The same seed gives the same configurations in every process and run.
     samples = _NUMERIC_SAMPLES if model.closed_numerically else _SAMPLES
     q = np.random.default_rng(0).uniform(low, high, (samples, model.nv))
     q = q[within_limits(model, q)]
     tip = tip_of(model, q)[0]
-    # Where the limits are wide, the loops of a closed chain do not close in most postures.
+    # With wide limits the loops of a closed chain cannot be closed in most postures.
     closed = np.isfinite(tip).all(axis=1)
     return Cloud(q[closed], tip[closed])
 
@@ -83,8 +83,8 @@ def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None, axes: tu
     """Joint positions for tip positions.
 
     Args:
-        model: With three active joints, or two.
-        points: In the root frame [m], shape ``(N, 3)``.
+        model: A robot with two or three active joints.
+        points: Points in the root frame [m], shape ``(N, 3)``.
         cloud: From `cloud_of`.
         axes: Which coordinates of the points count: as many as there are active joints.
 
@@ -111,7 +111,7 @@ def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None, axes: tu
 
 
 def _near_posture(model: MapModel, q: Array) -> Array:
-    """Angles turned by whole turns: within half a turn of the posture, or beyond it where the limits want that."""
+    """Angles shifted by whole turns to within half a turn of the posture, or beyond it if the limits require that."""
     active = list(model.robot.tree_rows)
     turns = np.where(model.robot.prismatic, 0.0, 2 * np.pi)
     q = q - turns * np.round((q - model.posture) / (2 * np.pi))
@@ -120,7 +120,7 @@ def _near_posture(model: MapModel, q: Array) -> Array:
 
 
 def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> Array:
-    """Candidates ``(starts, N, nv)`` by Newton from configurations whose tips are close, from every branch."""
+    """Candidates ``(starts, N, nv)`` by Newton's method from configurations with close tips, on every branch."""
     # Imported here: only points without a closed form need it, and it takes longer to import than many maps.
     from scipy.spatial import KDTree
 
@@ -146,7 +146,7 @@ def _distinct(model: MapModel, near: Array) -> list[Array]:
 
 
 def _newton(model: MapModel, points: Array, start: Array, axes: list[int]) -> Array:
-    """Joint positions by damped Newton; NaN where it does not arrive."""
+    """Joint positions by damped Newton steps, which need not have converged; NaN for a start of NaN."""
     q = start.copy()
     left = np.flatnonzero(np.isfinite(q).all(axis=1))
     for _ in range(_STEPS):

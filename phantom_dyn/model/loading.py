@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""From a robot file and its robot.yaml to a `Robot`.
+"""Load a `Robot` from a URDF or MJCF file and its robot.yaml.
 
-MuJoCo reads MJCF, Pinocchio URDF. What Pinocchio's parser prints, or passes over, is turned into sentences.
+MuJoCo reads MJCF, Pinocchio URDF. What Pinocchio's parser only prints, or ignores, becomes an error or a warning.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ _KINDS = {
     "JointModelSpherical": _BALL,
     "JointModelSphericalZYX": _BALL,
 }
-"""Names of Pinocchio's joints of more than one velocity, for messages."""
-_GYRATION, _TIMES_SIZE = 1.0, 3.0
-"""Radius of gyration [m], and in lengths of the robot, beyond which an inertia is called a placeholder."""
-_DRIVE = (
+"""Words for Pinocchio's joints with several degrees of freedom, for messages."""
+_FAR_M, _FAR_LENGTHS = 1.0, 3.0
+"""Radius of gyration beyond which an inertia is called a placeholder: in metres, and in lengths of the robot."""
+_OF_DRIVES = (
     "gear_ratio",
     "torque_constant",
     "torque_limit",
@@ -58,7 +58,7 @@ _DRIVE = (
     "voltage_limit",
     "controller",
 )
-"""Keys of a joint in robot.yaml that only a driven joint has a use for."""
+"""Keys of a joint in robot.yaml that describe its drive."""
 
 
 @takes(
@@ -74,7 +74,7 @@ def load_robot(source: str | Path, *, config: str | Path | None = None) -> Robot
 
     Returns:
         Robot with one velocity per joint. Joints under ``lock`` and joints that mimic another are held fixed;
-        joints that close a loop are passive, see `phantom_dyn.model.stated_loops`.
+        joints that close a loop are passive (`phantom_dyn.model.stated_loops`).
 
     Raises:
         RobotError: If file, name or configuration cannot be used; one sentence says why and what to do.
@@ -105,10 +105,10 @@ def _config(path: Path) -> RobotConfig:
 
 
 def read_model(path: Path) -> tuple[RobotXml, pin.Model]:
-    """Facts of a robot file and Pinocchio's model of it, with all joints that the file has; meshes are not read.
+    """Content of a robot file and Pinocchio's model of it with all joints of the file; meshes are not read.
 
     Raises:
-        RobotError: If the file cannot be read, or states what no robot has.
+        RobotError: If the file cannot be read, or has a body or number that is impossible.
     """
     root, sha256 = read_root(path)
     if root.tag == "mujoco":
@@ -129,7 +129,7 @@ def parsed_urdf(path: Path) -> pin.Model:
     """Pinocchio's model of a URDF, meshes not read.
 
     Raises:
-        RobotError: If Pinocchio refuses it, or its parser drops the inertia of a link.
+        RobotError: If Pinocchio cannot read it, or its parser ignores the inertia of a link.
     """
     model, reason = None, ""
     with _captured_output() as printed:
@@ -139,7 +139,7 @@ def parsed_urdf(path: Path) -> pin.Model:
             # Pinocchio puts its source position in front of the message.
             reason = str(problem).rpartition("message:")[2].strip()
     errors = [line.removeprefix("Error:").strip() for line in printed if line.startswith("Error:")]
-    # The URDF parser goes on without an inertia or a visual that it cannot read; only the first changes the dynamics.
+    # The URDF parser ignores an inertia or a visual that it cannot read; only the inertia changes the dynamics.
     if model is None or any("inertial" in line.casefold() for line in errors):
         reason = "; ".join(re.sub(r"\s+", " ", text).rstrip(".") for text in errors or [reason])
         raise RobotError(f"{path} is not a robot that Pinocchio can read ({reason}): correct the file.")
@@ -148,7 +148,7 @@ def parsed_urdf(path: Path) -> pin.Model:
 
 @contextmanager
 def _captured_output() -> Iterator[list[str]]:
-    """Collect what C++ code prints: its streams know nothing of `sys.stderr`, so the descriptors are swapped."""
+    """Collect what C++ code prints: it does not write to `sys.stderr`, so the file descriptors are redirected."""
     lines: list[str] = []
     sys.stdout.flush()
     sys.stderr.flush()
@@ -167,6 +167,7 @@ def _captured_output() -> Iterator[list[str]]:
 
 
 def _check_names(model: pin.Model, stated: RobotConfig, config: Path) -> None:
+    """Refuse names of joints and frames in robot.yaml that the model does not have."""
     joints = list(model.names)[1:]
     named = [("joints", name) for name in stated.joints] + [("lock", name) for name in stated.lock]
     frames = []
@@ -206,6 +207,7 @@ def _check_payload_frame(model: pin.Model, stated: RobotConfig, config: Path) ->
 
 
 def _require_simple_joints(model: pin.Model, path: Path) -> None:
+    """Refuse a model without joints, with joints of several degrees of freedom, or with numbers that are not finite."""
     if model.njoints == 1:
         raise RobotError(f"{path} has no joint that moves: give a robot with at least one revolute or linear joint.")
     for index, name in enumerate(list(model.names)[1:], start=1):
@@ -240,8 +242,9 @@ def _require_simple_joints(model: pin.Model, path: Path) -> None:
 
 
 def _has_drive(stated: JointConfig) -> bool:
-    plain = JointConfig()
-    return any(getattr(stated, key) != getattr(plain, key) for key in _DRIVE)
+    """True if robot.yaml describes a drive of this joint."""
+    default = JointConfig()
+    return any(getattr(stated, key) != getattr(default, key) for key in _OF_DRIVES)
 
 
 def _warnings(
@@ -286,10 +289,10 @@ def _why_held(facts: RobotXml, name: str) -> str:
 
 
 def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[str, ...]:
-    """A sentence on bodies whose inertia asks for mass far outside of the robot, as placeholders do."""
+    """A warning of bodies whose radius of gyration is far larger than the robot, as that of placeholders."""
     size = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements)
     size += max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
-    least = max(_GYRATION, _TIMES_SIZE * size)
+    least = max(_FAR_M, _FAR_LENGTHS * size)
     found = [
         f"{body.name} ({body.mass:.3g} kg, {top:.3g} kg m^2)"
         for body in facts.bodies
@@ -306,9 +309,9 @@ def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[
 
 
 def _idle_links(model: pin.Model, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
-    """A sentence on joints that need no torque by the model; rods of a closed chain may well be without mass."""
+    """A warning of joints that need no torque in the model; rods of a closed chain may have no mass."""
     idle = [] if chain is not None else _without_inertia(model)
-    # Of a model without any mass more is said, by the checks of recordings.
+    # The checks of recordings refuse a model without any mass.
     if not idle or len(idle) == model.njoints - 1:
         return ()
     return (
@@ -318,7 +321,7 @@ def _idle_links(model: pin.Model, chain: ClosedChain | None, path: Path) -> tupl
 
 
 def _without_inertia(model: pin.Model) -> list[str]:
-    """Joints of a tree beyond which nothing has mass or inertia, as where a file leaves out an <inertial>."""
+    """Joints of a tree that carry no mass or inertia, as where a file leaves out an <inertial>."""
     bodies = [inertia.toDynamicParameters().any() for inertia in model.inertias]
     out = [joint for joint in range(1, model.njoints) if not any(bodies[k] for k in model.subtrees[joint])]
     return [model.names[joint] for joint in out if not model.armature[model.joints[joint].idx_v]]
@@ -344,7 +347,6 @@ def _robot(
         model.gravity = pin.Motion(np.array(stated.gravity), np.zeros(3))
     rows = list(range(model.nv) if chain is None else chain.active)
     soft = facts.soft_friction if chain is None else {}
-    trust = stated.tolerance
     return Robot(
         model=model,
         name=facts.name or path.stem,
@@ -358,7 +360,7 @@ def _robot(
         torque_hold=stated.torque_hold,
         reference_hold=stated.reference_hold,
         torque_source=stated.torque_source,
-        tolerance=Tolerance(trust.inertia, trust.friction, trust.rotor_inertia),
+        tolerance=Tolerance(stated.tolerance.inertia, stated.tolerance.friction, stated.tolerance.rotor_inertia),
         payload_frame=stated.payload_frame,
         warnings=(
             *_warnings(facts, stated, locked, chain, path),

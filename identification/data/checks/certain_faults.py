@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Certain faults of a recording or of the model, with which a diagnosis would be meaningless.
 
-A fault is certain if no plausible robot explains the data as recorded, but one explains another reading of them, see
-`identification.data.checks.better_readings`.
+A fault is certain if no plausible robot explains the data as recorded, but one explains the data in another unit, with
+another sign or in another order (`identification.data.checks.better_readings`).
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, s
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
-# Largest number of joints: for more the readings would take longer than a diagnosis.
+# Largest number of joints: with more, fits of all other units, signs and orders would take longer than a diagnosis.
 _MOST_JOINTS = 12
 
 
 def massless_model(robot: Robot) -> tuple[Fault, ...]:
-    """A model no link of which has mass or inertia; one joint alone may be a motor, whose rotor has some."""
+    """The fault of a model without mass or inertia in any link; a single joint may be a motor with a rotor only."""
     if np.any(standard_parameters(robot)) or (robot.nv == 1 and np.any(robot.model.armature)):
         return ()
     name = Path(robot.source).name if robot.source else robot.name
@@ -54,9 +54,9 @@ def certain_faults(
         robot: The given model.
         reading: Some of its samples, smoothed; None where there is no torque to compare with the model.
     """
-    of_model = massless_model(robot) or wrong_units(robot)
-    if of_model or reading is None:
-        return of_model, ()
+    model_faults = massless_model(robot) or wrong_units(robot)
+    if model_faults or reading is None:
+        return model_faults, ()
     needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     missing = missing_torque(recording, robot, reading, needed)
     if missing is not None:
@@ -76,21 +76,21 @@ def certain_faults(
 
 
 def _offer(recording: Recording, found: Compared) -> str:
-    """The sentence on a torque without gravity, or on torques in a different unit for each joint."""
+    """Sentence on a torque that lacks gravity, or on torques with a different unit for each joint."""
     if found.suspect.kind == "torque":
         return (
-            f"{recording.file}: {found.suspect.what}: {_mend(recording, found.suspect)}. By the data sheet, state "
+            f"{recording.file}: {found.suspect.what}: {_advice(recording, found.suspect)}. By the data sheet, state "
             "torque_constant and gear_ratio in robot.yaml instead and name the columns i.<joint>: the factors are only "
             "as right as the masses of the model."
         )
     return (
         f"{recording.file}: {found.suspect.what} that the model has: if a controller had taken gravity out, "
-        f"{_mend(recording, found.suspect)}; if the robot stands or hangs otherwise, state gravity in robot.yaml."
+        f"{_advice(recording, found.suspect)}; if the robot stands or hangs otherwise, state gravity in robot.yaml."
     )
 
 
 def load_or_current_words(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[str, ...]:
-    """A sentence on torques that all exceed the modelled ones by the same factor: a load, or a motor current.
+    """Sentence on torques that all exceed the modelled ones by the same factor: a load, or a motor current.
 
     Args:
         recording: The recording; torques that were computed from another quantity are left out.
@@ -110,7 +110,7 @@ def load_or_current_words(recording: Recording, robot: Robot, reading: Reading |
 
 
 def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared) -> Fault:
-    """The fault that a better reading of the data shows."""
+    """The fault, with the evidence of the better fit in another unit, sign or order."""
     if found.suspect.expected:
         step, speed = float(np.median(np.diff(recording.t))), highest_speed(robot, reading)
         why = (
@@ -118,7 +118,7 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
             if found.suspect.kind == "length"
             else f"as recorded a sample comes every {step:.3g} s, and so slow a motion would show no inertia"
         )
-        return Fault(found.suspect.what, why, _mend(recording, found.suspect))
+        return Fault(found.suspect.what, why, _advice(recording, found.suspect))
     j = int(np.nanargmax(found.of_joints))
     after, gain = np.nanmax(found.left[:, j]), found.of_joints[j]
     before = min(1.0, (after + ENOUGH) * np.exp(gain))
@@ -126,11 +126,11 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
         f"as recorded {100 * before:.0f} % of the torque of {robot.joint_names[j]} is left unexplained, whatever load, "
         f"inertias, friction and torque constant the robot has; read so, {max(100 * after, 0.1):.2g} %"
     )
-    return Fault(found.suspect.what, why, _mend(recording, found.suspect))
+    return Fault(found.suspect.what, why, _advice(recording, found.suspect))
 
 
-def _mend(recording: Recording, suspect: Suspect) -> str:
-    """Advice with entries of a column map; a torque that was computed from a current has no entry of its own."""
+def _advice(recording: Recording, suspect: Suspect) -> str:
+    """Entries of a column map that correct the data; a torque that was computed from a current has no entry."""
     if suspect.kind == "attitude":
         return f"write gravity: {suspect.entries['gravity']} into robot.yaml, if the robot is mounted so"
     taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}

@@ -104,12 +104,8 @@ def _mean(each: list[Density | None], weights: list[float]) -> Density | None:
     if not known:
         return None
     share = [weight for _, weight in known]
-    return Density(
-        *(
-            float(np.average([getattr(one, name) for one, _ in known], weights=share))
-            for name in ("value", "low", "high")
-        )
-    )
+    values = np.array([(one.value, one.low, one.high) for one, _ in known])
+    return Density(*np.average(values, axis=0, weights=share).tolist())
 
 
 def _encoders_in_band(
@@ -141,11 +137,13 @@ def reading_error_torque(
     """
     error = error_of_readings(log, readings, rng)
     q, v, a = differentiate(log.motion.q + error, log.band.rate_hz, position_edges(log))
-    rough = log.motion.with_joints(q, v, a)
+    noisy = log.motion.with_joints(q, v, a)
     if log.motion.base is not None:
-        rough = replace(rough, base=read_once_more(log, rng, motion_edge(log.band)))
-    more, own = (inverse_dynamics(robot, motion) - modelled_friction(robot, motion) for motion in (rough, log.motion))
-    return more - own
+        noisy = replace(noisy, base=read_once_more(log, rng, motion_edge(log.band)))
+    with_errors, smooth = (
+        inverse_dynamics(robot, motion) - modelled_friction(robot, motion) for motion in (noisy, log.motion)
+    )
+    return with_errors - smooth
 
 
 def _noise_gain(session: Session) -> float:

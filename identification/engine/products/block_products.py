@@ -1,4 +1,4 @@
-"""Products of columns and residual by block: fits and held-out losses of any set of columns without the samples.
+"""Products of columns and residual by block: fits and held-out losses of any columns without a pass over the samples.
 
 The fit of a bootstrap replicate or of a fold needs only the sum of the products over its blocks, each counted as often
 as it was drawn, and no pass over the samples.
@@ -40,7 +40,7 @@ class Products:
         return solve(part + RIDGE * np.diag(np.diag(part)), self.right[columns])
 
     def left(self, columns: list[int], coefficients: Float[Array, " k"]) -> float:
-        """Sum of squares of the residual after a fit with the given coefficients."""
+        """Sum of squares of the residual that the given coefficients leave."""
         part = self.gram[np.ix_(columns, columns)]
         return float(self.total - 2 * self.right[columns] @ coefficients + coefficients @ part @ coefficients)
 
@@ -85,6 +85,7 @@ class NuisancePrior:
         return solve(self._normal(products), right)
 
     def _normal(self, products: Products) -> Float[Array, "F F"]:
+        """Normal matrix of the nuisance columns with their prior."""
         n = len(products.right) - self.count
         return products.gram[n:, n:] + self.precision
 
@@ -109,7 +110,7 @@ class BlockProducts:
         return Products(gram, counts @ self.right, float(counts @ self.total))
 
     def of(self, columns: list[int]) -> BlockProducts:
-        """Products of some columns with each other and with the residual."""
+        """The products of some of the columns."""
         at = np.array(columns, dtype=int)
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 
@@ -132,21 +133,21 @@ class BlockProducts:
         return Products(self.gram[k], self.right[k], float(self.total[k]))
 
     def of_draws(
-        self, counts: Float[Array, "D B"], precision: Float[Array, "C C"], pull: Float[Array, " C"]
+        self, counts: Float[Array, "D B"], precision: Float[Array, "C C"], right: Float[Array, " C"]
     ) -> Float[Array, "D C"]:
         """Coefficients of all columns on each draw of blocks, with a quadratic prior.
 
         Args:
             counts: How often each draw contains each block.
             precision: Precision of the prior.
-            pull: Precision times the mean of the prior.
+            right: Precision times the mean of the prior.
         """
-        lines, size = self.gram.reshape(len(self.gram), -1), len(pull)
+        grams, size = self.gram.reshape(len(self.gram), -1), len(right)
         out = np.empty((len(counts), size))
         for first in range(0, len(counts), _AT_ONCE):
             some = counts[first : first + _AT_ONCE]
-            normal = (some @ lines).reshape(len(some), size, size) + precision
-            out[first : first + _AT_ONCE] = np.linalg.solve(normal, (some @ self.right + pull)[:, :, None])[:, :, 0]
+            normal = (some @ grams).reshape(len(some), size, size) + precision
+            out[first : first + _AT_ONCE] = np.linalg.solve(normal, (some @ self.right + right)[:, :, None])[:, :, 0]
         return out
 
     def without_each(self, columns: list[int]) -> Float[Array, "B k"]:

@@ -1,6 +1,7 @@
-"""Weighted least squares among what is physically possible: no negative mass, no impossible inertia or friction.
+"""Weighted least squares under physical consistency: positive masses, possible inertias, no negative friction.
 
-Standard parameters follow from base parameters: of all that are possible, those that are nearest to given bodies.
+Base parameters do not determine the standard parameters. Of all consistent ones those nearest to given bodies are
+returned.
 """
 
 from __future__ import annotations
@@ -43,21 +44,21 @@ class FullParameters:
         names: Names of all ``p`` columns of the fit.
         pi: Standard parameters of all bodies and coefficients of the effects, shape ``(p,)``.
         theta: Base parameters that they give, shape ``(r,)``.
-        moved: Distances of these from the fit's, in standard deviations, shape ``(r,)``.
+        shift: Difference from the fitted base parameters, in standard deviations, shape ``(r,)``.
     """
 
     names: tuple[str, ...]
     pi: Float[Array, " p"]
     theta: Float[Array, " r"]
-    moved: Float[Array, " r"]
+    shift: Float[Array, " r"]
 
     def standard(self, first_effect: int) -> Float[Array, "b 10"]:
-        """The bodies' part, one row per body in the order of `phantom_dyn.model.inertia.STANDARD_NAMES`."""
+        """Standard parameters, one row per body in the order of `phantom_dyn.model.inertia.STANDARD_NAMES`."""
         return self.pi[:first_effect].reshape(-1, 10)
 
 
 def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
-    """Possible parameters that fit base parameters best in the sense of their covariance, then nearest to the robot's.
+    """Consistent parameters nearest to fitted base parameters in the metric of their covariance, then to the robot's.
 
     Args:
         robot: The robot that was fitted; its inertias are the reference.
@@ -65,7 +66,7 @@ def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
 
     Raises:
         ParameterError: If the fit has no rigid body or no covariance.
-        EstimationError: If there are none.
+        EstimationError: If the solver finds no consistent parameters.
     """
     root = covariance_root(fit)
     program = _program(robot, fit, root)
@@ -74,7 +75,7 @@ def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
 
 
 def covariance_root(fit: Fit) -> Float[Array, "r r"]:
-    """``B`` with ``B^T B`` the inverse of the covariance of base parameters: equations in units of one deviation each.
+    """Square root ``B`` of the information of base parameters: ``B^T B`` is the inverse of their covariance.
 
     Raises:
         ParameterError: If the fit has no covariance.
@@ -89,7 +90,7 @@ def covariance_root(fit: Fit) -> Float[Array, "r r"]:
 
 
 def selection(base: BaseParameters) -> Float[Array, "r p"]:
-    """Matrix that turns all parameters into base parameters, see `BaseParameters.values`."""
+    """Matrix that maps all parameters to base parameters."""
     out = np.zeros((base.rank, len(base.names)))
     out[range(base.rank), list(base.independent)] = 1.0
     out[:, list(base.dependent)] = base.grouping
@@ -102,7 +103,7 @@ def coefficient_bounds(
     """Physical bounds of the coefficients of terms, ``-inf`` and ``inf`` where there are none.
 
     Args:
-        robot: Says what friction and rotor inertia is modelled already.
+        robot: Its modelled friction and rotor inertia shift the bounds of the coefficients that add to them.
         terms: Terms of a regressor, in its order.
         names: Names of all their coefficients.
     """
@@ -133,8 +134,8 @@ def _program(robot: Robot, fit: Fit, root: Array) -> Program:
 def _full(fit: Fit, pi: Array) -> FullParameters:
     theta = fit.base.values(pi)
     with np.errstate(divide="ignore", invalid="ignore"):
-        moved = (theta - fit.theta) / fit.std()
-    return FullParameters(fit.base.names, pi, theta, moved)
+        shift = (theta - fit.theta) / fit.std()
+    return FullParameters(fit.base.names, pi, theta, shift)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,8 +144,8 @@ class ConsistentFit(Fit):
 
     Attributes:
         pi: Standard parameters of all bodies, then the coefficients of the effects, shape ``(p,)``; those that the
-            recording cannot tell apart are nearest to the robot's.
-        held: One sentence per body or coefficient that a constraint holds; empty where none acts.
+            recording does not determine are nearest to the robot's.
+        held: One sentence per body or coefficient with an active constraint; empty without one.
     """
 
     pi: Float[Array, " p"]
@@ -156,8 +157,8 @@ def consistent(regressor: Regressor, *, prior: float | None = None) -> Consisten
 
     Args:
         regressor: The equations, with the rigid body among the unknowns; its robot is the reference of the prior.
-        prior: How strongly bodies are drawn to the robot's, see `Program`; None: only among those that fit equally
-            well.
+        prior: Weight of the distance from the robot's bodies, see `Program`; None: the distance only decides among
+            parameters that fit equally well.
 
     Raises:
         ParameterError: If the rigid body is not among the unknowns.
@@ -178,13 +179,13 @@ def consistent(regressor: Regressor, *, prior: float | None = None) -> Consisten
     nearest = nearest_unconstrained(program)
     chosen = prior is None and is_possible(program, nearest)
     solution = ProgramSolution(nearest) if chosen else solve_program(program)
-    return _moved(free, regressor, program, solution, prior)
+    return _constrained(free, regressor, program, solution, prior)
 
 
-def _moved(
+def _constrained(
     free: Fit, regressor: Regressor, program: Program, solution: ProgramSolution, prior: float | None
 ) -> ConsistentFit:
-    """The unconstrained fit, moved to the solution of the program."""
+    """The unconstrained fit with the solution of the constrained program in place of its own."""
     held = _held_sentences(regressor, solution)
     fit = replace(free, theta=free.base.values(solution.pi))
     if held or prior is not None:
@@ -192,11 +193,11 @@ def _moved(
     if prior is not None:
         fit = replace(fit, cov=_shrunk(free, program, free.cov), cov_white=_shrunk(free, program, free.cov_white))
     if held:
-        moved = {regressor.names[regressor.first_effect + at] for at in solution.held_bounds}
+        at_bound = {regressor.names[regressor.first_effect + at] for at in solution.held_bounds}
         without = "The deviations are those without these constraints: the true ones are smaller, and not symmetric."
         cautions = (
-            # That the free value is at its bound says the same as the sentence on the constraint.
-            *(one for one in free.cautions if one.about is not About.BOUND or moved.isdisjoint(one.names)),
+            # The sentence on the constraint says already that the value is at its bound.
+            *(one for one in free.cautions if one.about is not About.BOUND or at_bound.isdisjoint(one.names)),
             *map(Caution, (*held, without)),
         )
         fit = replace(fit, cautions=cautions)
@@ -215,7 +216,7 @@ def _relative_error(regressor: Regressor, fit: Fit) -> Float[Array, " nv"]:
 
 
 def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
-    r"""Covariance of an estimate that a prior draws: what is left of the noise, and how far the prior may be off.
+    r"""Covariance of an estimate with a prior: from the noise, and from the error of the prior itself.
 
     With the information ``A`` of the equations and ``H`` of the prior in all parameters, both to second order:
     :math:`S (A + H)^{-1} (A_\theta C A_\theta + H) (A + H)^{-1} S^T`.
@@ -229,16 +230,17 @@ def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
     triangle = np.linalg.qr(np.vstack([equations, prior, finite]), mode="r")
     inverse = np.linalg.inv(triangle)
     out = (selection(free.base) * program.scale) @ inverse
-    # The equations' information is that of base parameters: their scatter there is A C A.
+    # Scatter of the normal equations, A C A in base parameters.
     base_factor = program.factor[:, list(free.base.independent)]
     scatter = base_factor @ covariance @ base_factor.T
-    pulled = equations @ inverse
-    drawn = prior @ inverse
-    total = out @ (pulled.T @ scatter @ pulled + drawn.T @ drawn) @ out.T
+    by_noise = equations @ inverse
+    by_prior = prior @ inverse
+    total = out @ (by_noise.T @ scatter @ by_noise + by_prior.T @ by_prior) @ out.T
     return 0.5 * (total + total.T)
 
 
 def _held_sentences(regressor: Regressor, solution: ProgramSolution) -> tuple[str, ...]:
+    """One sentence per body or coefficient with an active constraint."""
     robot, names = regressor.robot, regressor.names[regressor.first_effect :]
     coefficients = solution.pi[regressor.first_effect :]
     out = [

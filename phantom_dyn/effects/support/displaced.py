@@ -1,7 +1,7 @@
-"""Drive torque when a joint is not where it is thought to be: what effects of readings and transmissions share.
+"""Change of the drive torque where the true position of a joint differs from its encoder reading.
 
-A *reading* that errs moves joint and motor together, so friction and rotor move too. A *link* that gives way moves
-without its motor: friction and rotor stay where the encoder is.
+With an error of the *reading*, joint and motor are both displaced from the reading, so that the torques of friction and
+rotor change too. If the *link* is displaced by an elastic transmission, motor, friction and rotor follow the reading.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ Samples = Float[Array, " N"]
 
 
 def change_by_reading(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Additional drive torque, to first order, where joint ``row`` is ``dq``, ``dv``, ``da`` beyond its reading."""
+    """Change of the drive torque, to first order, where joint ``row`` is displaced by ``dq``, ``dv``, ``da``."""
     out = _first_order(operation, row, dq, dv, da)
     out[:, row] += operation.robot.viscous_friction[row] * dv
     return out
 
 
 def change_by_link(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Additional torque on the links, to first order, of a link that is ``dq``, ``dv``, ``da`` ahead of its motor."""
+    """Change of the link torque, to first order, where link ``row`` is displaced by ``dq``, ``dv``, ``da``."""
     out = _first_order(operation, row, dq, dv, da)
     out[:, row] -= operation.robot.rotor_inertia[row] * da
     return out
 
 
 def _first_order(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Additional torque of links and rotors where joint ``row`` is ``dq``, ``dv``, ``da`` further."""
+    """Change of the torque of links and rotors, to first order, where joint ``row`` is displaced."""
     to_q, to_v, mass = (part[:, :, row].T for part in operation.partials)
-    # Into the same memory: half of the time would go into that of five arrays that live for one sum.
+    # In place, as allocating a new array for each term takes as long as the sum.
     out = to_q * dq
-    more = to_v * dv
-    out += more
-    out += np.multiply(mass, da, out=more)
+    term = to_v * dv
+    out += term
+    out += np.multiply(mass, da, out=term)
     return out.T
 
 
@@ -65,13 +65,13 @@ def displaced(motion: Motion, row: int, dq: Samples, dv: Samples, da: Samples) -
 
 
 def load_and_inertia(operation: Operation, row: int) -> tuple[Samples, Samples]:
-    """Torque that the transmission passes to the link, and the link's inertia, without its rotor, [kg m^2 or kg]."""
+    """Torque through the transmission [N m or N], and inertia of the link without its rotor [kg m^2 or kg]."""
     inertia = operation.inertia[:, row] - operation.robot.rotor_inertia[row]
     return operation.transmitted[:, row], np.maximum(inertia, 1e-12)
 
 
 def behind_encoder(robot: Robot, row: int) -> str | None:
-    """Why effects behind the motor cannot be seen: the encoder is on the link's side. None where it is not."""
+    """Reason why effects of the transmission cannot be seen: an encoder on the link's side; None without one there."""
     if robot.actuators[row].encoder_side == "link":
         return "the encoder sits on the link's side: it never sees how far motor and link are apart"
     return None

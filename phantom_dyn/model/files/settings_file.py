@@ -15,9 +15,9 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 from phantom_dyn.model.files.strict_yaml import load_yaml
 
 LARGEST = 1e12
-"""Of a number in SI units: far beyond any robot, and its square far from the end of the floats."""
+"""Largest number in SI units: far beyond any robot, and its square does not overflow."""
 _LARGEST = 5_000_000
-"""Of a settings file [bytes]: a hundred times those of the largest robot, and half a minute of reading."""
+"""Largest size of a settings file [bytes]: a hundred times that of the largest robot; half a minute of reading."""
 
 
 def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
 
 def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
-    """As `read_settings`, for files whose values may be null; values are not looked at.
+    """As `read_settings`, for files whose values may be null; values are not checked.
 
     Raises:
         PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, or holds no mapping.
@@ -55,7 +55,7 @@ def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
     try:
         content = load_yaml(text)
     except yaml.YAMLError as problem:
-        raise error(f"{path} is not valid YAML{_place(problem)}: correct it there.") from problem
+        raise error(f"{path} is not valid YAML{_position(problem)}: correct it there.") from problem
     if content is None:
         return {}
     if not isinstance(content, dict):
@@ -64,7 +64,7 @@ def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
 
 def describe(value: Any) -> str:
-    """A value as a message shows it, with the YAML word for its kind where that helps; cut where it is long."""
+    """A value for a message, with the word for its kind where that helps, shortened if it is long."""
     if isinstance(value, str):
         return f"the text {shortened(value)!r}"
     if isinstance(value, bool):
@@ -72,7 +72,7 @@ def describe(value: Any) -> str:
     return f"the list {shortened(str(value))}" if isinstance(value, list) else shortened(str(value))
 
 
-def _place(problem: yaml.YAMLError) -> str:
+def _position(problem: yaml.YAMLError) -> str:
     if isinstance(problem, ReaderError):
         letter = problem.character if isinstance(problem.character, int) else ord(problem.character)
         return f" at character {problem.position + 1} (U+{letter:04X}, which no text holds)"
@@ -82,6 +82,7 @@ def _place(problem: yaml.YAMLError) -> str:
 
 
 def _require_values(value: Any, key: str, path: Path, error: type[PhantomDynError]) -> None:
+    """Refuse empty values and numbers that are not finite, at any depth."""
     if value is None:
         raise error(f"{path}: {key} is empty: give a value or remove the key.")
     if isinstance(value, float) and not math.isfinite(value):
@@ -96,7 +97,7 @@ def _require_values(value: Any, key: str, path: Path, error: type[PhantomDynErro
 
 
 def mapping_at(value: Any, file: str, key: str, wanted: tuple[str, ...] | None) -> Mapping[str, Any]:
-    """A mapping with exactly the `wanted` keys, or with any keys that are text for None.
+    """The value, checked to be a mapping with exactly the `wanted` keys, or for None with any keys that are text.
 
     Raises:
         ParameterError: If it is no mapping, or a key is missing or unknown.
@@ -115,19 +116,19 @@ def mapping_at(value: Any, file: str, key: str, wanted: tuple[str, ...] | None) 
 
 
 def _check_keys(value: Mapping[str, Any], file: str, key: str, wanted: tuple[str, ...]) -> None:
-    place = f" in {key}" if key else ""
+    inside = f" in {key}" if key else ""
     for name in value:
         if name not in wanted:
             raise ParameterError(
-                f"{file}: there is no key {shortened(name)}{place}, {known_names(name, wanted, 'keys')}"
+                f"{file}: there is no key {shortened(name)}{inside}, {known_names(name, wanted, 'keys')}"
             )
     for name in wanted:
         if name not in value:
-            raise ParameterError(f"{file}: the key {name} is missing{place}, wanted {', '.join(wanted)}.")
+            raise ParameterError(f"{file}: the key {name} is missing{inside}, wanted {', '.join(wanted)}.")
 
 
 def list_at(value: Any, file: str, key: str) -> list[Any]:
-    """A list.
+    """The value, checked to be a list.
 
     Raises:
         ParameterError: If the value is something else.
@@ -138,7 +139,7 @@ def list_at(value: Any, file: str, key: str) -> list[Any]:
 
 
 def text_at(value: Any, file: str, key: str) -> str:
-    """A text.
+    """The value, checked to be a text.
 
     Raises:
         ParameterError: If the value is something else.
@@ -149,7 +150,7 @@ def text_at(value: Any, file: str, key: str) -> str:
 
 
 def number_at(value: Any, file: str, key: str, *, unknown: bool = False, most: float = math.inf) -> float:
-    """A finite number, at most `most` in size; with `unknown` also null, which is read as NaN.
+    """The value, checked to be a finite number of at most `most` in size; with `unknown` null is read as NaN.
 
     Raises:
         ParameterError: If the value is something else.

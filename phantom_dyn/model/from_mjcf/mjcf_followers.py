@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Joints of a MJCF that follow another one: equalities of joints and of tendons, and hinges that are play."""
+"""Joints of a MJCF that follow another one by an equality of joints or tendons, and joints that model play."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     import mujoco
 
 _OF_JOINTS, _OF_TENDONS = 2, 3
-"""Of mjtEq."""
+"""Kinds of equalities, by MuJoCo's mjtEq."""
 _NARROW = {2: 0.02, 3: 0.25}
-"""Largest range of play, by mjtJoint: of a slide [m] and of a hinge [rad]; joints that are driven go farther."""
+"""Largest range of a joint that models play, by MuJoCo's mjtJoint: of a slide [m] and of a hinge [rad]."""
 _PARALLEL = 1e-3
-"""Of a sine: two axes of one joint and its play."""
+"""Largest sine of the angle between two axes that count as parallel: those of a joint and of its play."""
 
 
 def followers_of(compiled: mujoco.MjModel, driven: frozenset[str], path: Path) -> dict[str, Follower]:
-    """Joints that follow another, by what the file says; of two the one without a drive follows.
+    """Joints that follow another by an equality of the file; of two joints the one without a drive follows.
 
     Args:
         compiled: MuJoCo's model.
@@ -38,12 +38,12 @@ def followers_of(compiled: mujoco.MjModel, driven: frozenset[str], path: Path) -
     active = np.array(compiled.eq_active0).astype(bool)
     for k in np.flatnonzero(active & np.isin(compiled.eq_type, (_OF_JOINTS, _OF_TENDONS))):
         kind = int(compiled.eq_type[k])
-        sums = [_sum(compiled, kind, int(row[k])) for row in (compiled.eq_obj1id, compiled.eq_obj2id)]
+        sides = [_joint_factors(compiled, kind, int(row[k])) for row in (compiled.eq_obj1id, compiled.eq_obj2id)]
         curve = compiled.eq_data[k, :5].tolist()
-        law = _law(compiled, sums, curve)
-        if law is None:
+        equality = _linear_equality(compiled, sides, curve)
+        if equality is None:
             continue
-        factors, constant = law
+        factors, constant = equality
         names = list(factors)
         word = "<equality><joint>" if kind == _OF_JOINTS else "<equality><tendon>"
         if any(curve[2:]) and len(names) > 1:
@@ -62,8 +62,8 @@ def followers_of(compiled: mujoco.MjModel, driven: frozenset[str], path: Path) -
     return out
 
 
-def _sum(compiled: mujoco.MjModel, kind: int, which: int) -> dict[str, float] | None:
-    """Joints and factors of one side of an equality; None for a tendon that runs over sites."""
+def _joint_factors(compiled: mujoco.MjModel, kind: int, which: int) -> dict[str, float] | None:
+    """Factor of each joint in one side of an equality; None for a tendon that runs over sites."""
     if which < 0:
         return {}
     if kind == _OF_JOINTS:
@@ -71,31 +71,31 @@ def _sum(compiled: mujoco.MjModel, kind: int, which: int) -> dict[str, float] | 
     return tendon_joints(compiled, which) or None
 
 
-def _law(
-    compiled: mujoco.MjModel, sums: list[dict[str, float] | None], curve: list[float]
+def _linear_equality(
+    compiled: mujoco.MjModel, sides: list[dict[str, float] | None], curve: list[float]
 ) -> tuple[dict[str, float], float] | None:
-    """``sum(factors q) = constant`` of an equality; None where a side is no sum of joints."""
-    first, second = sums
+    """Factors and constant of ``sum(factors q) = constant``; None where a side is no sum of joints."""
+    first, second = sides
     if first is None or second is None:
         return None
     factors = dict(first)
     for name, factor in second.items():
         factors[name] = factors.get(name, 0.0) - curve[1] * factor
     factors = {name: factor for name, factor in factors.items() if factor}
-    drawn = {name: float(compiled.qpos0[int(compiled.joint(name).qposadr[0])]) for name in factors}
-    constant = curve[0] + sum(factor * drawn[name] for name, factor in factors.items())
+    reference = {name: float(compiled.qpos0[int(compiled.joint(name).qposadr[0])]) for name in factors}
+    constant = curve[0] + sum(factor * reference[name] for name, factor in factors.items())
     return factors, constant
 
 
 def play_of(compiled: mujoco.MjModel, driven: frozenset[str]) -> dict[str, tuple[str, float]]:
-    """Joints that are play: on the body of another joint along the same axis, in a narrow range, without a drive.
+    """Joints that model play: on the body of another joint along the same axis, in a narrow range, without a drive.
 
     Args:
         compiled: MuJoCo's model.
         driven: Joints with an actuator.
 
     Returns:
-        By name, the joint whose play it is, and the width of the range [rad or m].
+        By the name of such a joint: the joint whose play it models, and the width of the play [rad or m].
     """
     out = {}
     for k in range(1, compiled.njnt):

@@ -42,11 +42,13 @@ def model(
     """A fitted model of one move within a tolerance and the given columns of all."""
     used = [*range(nuisances), *columns]
     basis = np.eye(len(theta))[:, used]
-    prior = np.where(np.arange(len(used)) < moves, 1.0 / sigma**2, 1e-6)
+    prior = np.where(np.arange(len(used)) < nuisances, 1.0 / sigma**2, 1e-6)
     full = np.array(theta)
     kept = np.where(np.isin(np.arange(len(theta)), used), full, 0.0)
-    bound = np.where(np.arange(len(used)) < moves, far * sigma, np.inf)
-    return Model(kept, basis, np.zeros(len(theta)), prior, -bound, bound, np.arange(len(used)) < moves, 0.0, columns)
+    bound = np.where(np.arange(len(used)) < nuisances, far * sigma, np.inf)
+    return Model(
+        kept, basis, np.zeros(len(theta)), prior, -bound, bound, np.arange(len(used)) < nuisances, 0.0, columns
+    )
 
 
 def test_a_model_that_can_make_the_truth_is_at_no_distance():

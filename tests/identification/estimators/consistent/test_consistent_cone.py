@@ -183,7 +183,7 @@ def test_impossible_base_parameters_move_by_few_deviations_to_possible_bodies(ar
     fit = fitted(5.0)
     full = full_parameters(arm, fit)
     assert all_possible(full.pi[: fit.first_effect])
-    assert 0 < np.abs(full.moved).max() < 5
+    assert 0 < np.abs(full.shift).max() < 5
 
 
 def test_selection_is_what_base_parameters_are_made_with(fitted, rng):
