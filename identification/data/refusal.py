@@ -1,4 +1,4 @@
-"""A recording that is certainly wrong is not judged: the refusal, and what is said where it is judged all the same."""
+"""Refusal of recordings with certain faults, and the warnings if the user wants them judged anyway."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def fault_sentence(file: str, fault: Fault) -> str:
 
 
 def require_right(recordings: Iterable[Recording]) -> None:
-    """Refuse the first recording that is certainly wrong, unless it is to be judged anyway.
+    """Refuse the first recording with a certain fault, unless it is to be judged anyway.
 
     Args:
         recordings: All recordings of a diagnosis.
@@ -24,9 +24,9 @@ def require_right(recordings: Iterable[Recording]) -> None:
     """
     for recording in recordings:
         if recording.wrong and not recording.anyway:
-            rest = len(recording.wrong) - 1
-            them = "it" if rest == 1 else "them"
-            more = f" ({rest} more of this kind: phantom-dyn check tells {them})" if rest else ""
+            others = len(recording.wrong) - 1
+            them = "it" if others == 1 else "them"
+            more = f" ({others} more of this kind: phantom-dyn check tells {them})" if others else ""
             first_fault = fault_sentence(recording.file, recording.wrong[0]).removesuffix(".")
             raise LogError(f"{first_fault}; or judge it all the same with --anyway{more}.")
 
@@ -37,5 +37,5 @@ def wrong_with(recordings: Iterable[Recording]) -> tuple[str, ...]:
 
 
 def fault_warnings(recordings: Iterable[Recording]) -> tuple[str, ...]:
-    """The same with what shows it and what to do, one sentence each."""
+    """Certain faults of recordings with evidence and advice, one sentence each."""
     return tuple(fault_sentence(recording.file, fault) for recording in recordings for fault in recording.wrong)

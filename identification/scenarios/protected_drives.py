@@ -1,8 +1,8 @@
 """Drives that limit their output beyond a position error, found from the torque that the model needs.
 
 Where the torque was computed from references, no output of the drive was recorded. The modelled torque along the motion
-is used instead, and the control loop is estimated from it as from a voltage: gain, delay, and the error beyond which
-the drive reduces its output to protect itself. A wrong mass changes the gain but not that error.
+takes its place, and gives the gain and delay of the control loop, and the error beyond which the drive reduces its
+output to protect itself. A wrong mass changes the gain but not that error.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def protection_notes(session: Session) -> tuple[Note, ...]:
-    """A note on each joint and recording whose drive protects itself, unless its controller states so.
+    """A note on each joint and recording whose drive protects itself, unless robot.yaml states that.
 
     Args:
         session: Robot, logs and recordings.

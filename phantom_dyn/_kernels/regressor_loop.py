@@ -1,8 +1,8 @@
-"""Compiled loop that writes the rigid-body torque regressor, sample by sample, only where it is not always zero.
+"""Compiled loop that writes the rigid-body torque regressor sample by sample, without entries that are always zero.
 
 The force on a body is m d + dw x h + w x (w x h), the moment about its origin h x d + I dw + w x I w, with d the
-acceleration of the origin and h the first moment. Virtual work on a motion that moves its frame gives its ten entries
-of a row.
+acceleration of the origin and h the first moment. The virtual work of force and moment on the motion of the body's
+frame per joint velocity gives the ten entries of the body in the row of that joint.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from phantom_dyn._kernels.tree_arrays import Kinematics
 from phantom_dyn.array_types import Array
 
 SCATTERED, NONE = -1, -2
-"""Instead of the first column of a joint: its ten columns do not stand side by side, or none of them is wanted."""
+"""Marks in place of the first column of a body: its ten columns are not contiguous, or none of them is wanted."""
 
 
 class OwnRoom(NamedTuple):
-    """Arrays of `regressor_loop` alone.
+    """Working arrays of `regressor_loop` for one body.
 
     Attributes:
         J: Velocities of a body's origin and frame per velocity of each joint that moves it, ``(nt, 6)``.
         b: Terms of a body, ``(6, 10)``.
-        ten: Its ten entries of a row, ``(10,)``.
+        ten: Its ten entries of one row, ``(10,)``.
         moved_by: The degrees of freedom in the order of ``J``, ``(nt,)``.
     """
 
@@ -37,8 +37,8 @@ class OwnRoom(NamedTuple):
     moved_by: Array
 
 
-def own_room_of(tree: Kinematics) -> OwnRoom:
-    """Room for one body of a tree."""
+def body_room(tree: Kinematics) -> OwnRoom:
+    """Working arrays for one body of a tree."""
     nt = len(tree.parents) - 1
     return OwnRoom(np.zeros((nt, 6)), np.zeros((6, 10)), np.zeros(10), np.zeros(nt, dtype=np.int64))
 
@@ -47,7 +47,7 @@ def own_room_of(tree: Kinematics) -> OwnRoom:
 def regressor_loop(
     tree: Kinematics,
     room: Room,
-    own: OwnRoom,
+    body: OwnRoom,
     root: Array,
     q: Array,
     v: Array,
@@ -61,19 +61,19 @@ def regressor_loop(
     Args:
         tree: The joints.
         room: Working arrays of the tree, from `room_of`.
-        own: Working arrays of one body, from `own_room_of`.
+        body: Working arrays of one body, from `body_room`.
         root: Angular velocity and acceleration and specific force of a moving root, ``(N, 9)``; else ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
         slope: ``G`` of a closed chain, ``(1 or N, nt, nv)``; of a plain robot ``(0, nt, nt)``.
-        places: Column of each parameter of each joint, -1 for none, strictly ascending where not; before them the
-            first column where the ten stand side by side, else `SCATTERED` or `NONE`, ``(n - 1, 11)``.
-        out: Receives the regressor, ``(N, nv, c)``; where it is zero for every motion nothing is written.
+        places: For each body the first of its ten columns if they are contiguous, else `SCATTERED` or `NONE`; then the
+            column of each of its parameters, strictly ascending, or -1 for none, ``(n - 1, 11)``.
+        out: Receives the regressor, ``(N, nv, c)``; entries that are zero for every motion are not written.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
     R, o, w, dw, acc, lin, ang, _, _, _ = room
-    J, b, ten, moved_by = own
+    J, b, ten, moved_by = body
     n, closed = len(parents), len(slope) > 0
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
@@ -119,11 +119,11 @@ def regressor_loop(
 
 @inlined
 def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> None:
-    """Write what all rows of a body share at one sample, see `write_row`; what is always zero is not written.
+    """Write the terms that all rows of a body share at one sample; entries that are always zero are not written.
 
     Args:
         R: Rotations of all joints that `place` has written, ``(n, 3, 3)``.
-        i: Which body.
+        i: Index of the body.
         acc: Accelerations of the origins that `move` has written [m/s2], ``(n, 3)``.
         w: Angular velocities that `move` has written [rad/s], ``(n, 3)``.
         dw: Their derivatives, ``(n, 3)``.
@@ -150,18 +150,18 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
 def write_row(
     lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, line: Array, start: int
 ) -> None:
-    """Write the torque per parameter of one body on a motion that moves its frame.
+    """Write the ten entries of one body in one row, from the velocity of its frame per velocity of the row's joint.
 
     Args:
-        lx: Velocity of the body's origin along x of the root.
-        ly: Along y of the root.
-        lz: Along z of the root.
-        sx: Angular velocity of the body about its own x.
-        sy: About its own y.
-        sz: About its own z.
-        b: As `body_terms` writes it.
-        line: Receives it for each of the ten parameters.
-        start: Where in it.
+        lx: Velocity of the body's origin along the root's x axis.
+        ly: The same along the y axis.
+        lz: The same along the z axis.
+        sx: Angular velocity of the body about its own x axis.
+        sy: The same about its y axis.
+        sz: The same about its z axis.
+        b: Terms of the body, from `body_terms`.
+        line: Row of the regressor, which receives the entries.
+        start: Index of the first entry.
     """
     for c in range(10):
         line[start + c] = (lx * b[0, c] + ly * b[1, c] + lz * b[2, c]) + (sx * b[3, c] + sy * b[4, c] + sz * b[5, c])

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, own_room_of, regressor_loop
+from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, body_room, regressor_loop
 from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
 from phantom_dyn._kernels.torque_slope_loop import slope_room_of, torque_slope_loop
 from phantom_dyn._kernels.tree_arrays import TreeArrays
@@ -84,7 +84,7 @@ def regressor(
     samples = _rooted(root), ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
     tree = arrays.kinematics
-    room = room_of(tree, model.gravity.linear), own_room_of(tree)
+    room = room_of(tree, model.gravity.linear), body_room(tree)
     regressor_loop(tree, *room, *samples, _with_first(places.reshape(-1, 10)), out)
     return out
 

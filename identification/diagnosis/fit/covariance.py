@@ -1,4 +1,4 @@
-"""Covariance of all fitted parameters: the noise model's, or the scatter from block to block if that is larger."""
+"""Covariance of all fitted parameters: by the noise model, or by the scatter between blocks if that is larger."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 
 
-def free_numbers(
+def free_parameters(
     b: Float[Array, "B p"],
     precision: Float[Array, " p"],
     x: Float[Array, " p"],
     bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
 ) -> Int[Array, " f"]:
-    """Indices of the parameters that no bound holds against the data."""
+    """Indices of the parameters without an active bound, by the sign of the gradient."""
     gradient = b.sum(axis=0) - precision * x
     lower, upper = bounds
     return np.flatnonzero(~(((x <= lower) & (gradient < 0.0)) | ((x >= upper) & (gradient > 0.0))))
@@ -28,28 +28,28 @@ def covariance(
     free: Int[Array, " f"],
     repeated: Float[Array, " p"],
 ) -> Float[Array, "p p"]:
-    """The larger of the noise model's covariance and the scatter from block to block, priors included.
+    """The larger of the noise model's covariance and the scatter between blocks, priors included.
 
-    The scatter is the variance of the block jackknife plus that of errors which all blocks have in common at the same
-    state. Parameters held by a bound are left out: they do not change when a block is left out, and their gradient,
-    which is not zero at a bound, is no scatter.
+    The scatter is the variance of the block jackknife plus that of errors that recur in all blocks at the same state.
+    Parameters with an active bound do not change when a block is left out, and their gradient is not zero, so that the
+    jackknife leaves them out.
 
     Args:
         a: Products of slopes of each block.
         b: Products of slopes and residual of each block.
         precision: Prior precision of each parameter.
         x: The parameters.
-        free: Indices of those that no bound holds.
-        repeated: Variance of each parameter by what the residual repeats from block to block.
+        free: Indices of the parameters without an active bound.
+        repeated: Variance of each parameter by errors that recur in all blocks.
     """
     total = a.sum(axis=0) + np.diag(precision)
     inverse = solve(total, np.eye(len(x)))
     count = len(a)
     gradient = b.sum(axis=0) - precision * x
-    moved = np.zeros((count, len(x)))
+    changes = np.zeros((count, len(x)))
     for k in range(count):
-        moved[k, free] = solve((total - a[k])[np.ix_(free, free)], (gradient - b[k])[free])
-    moved -= moved.mean(axis=0)
-    scatter = (count - 1) / count * moved.T @ moved + inverse @ np.diag(precision) @ inverse
+        changes[k, free] = solve((total - a[k])[np.ix_(free, free)], (gradient - b[k])[free])
+    changes -= changes.mean(axis=0)
+    scatter = (count - 1) / count * changes.T @ changes + inverse @ np.diag(precision) @ inverse
     larger = np.sqrt(np.maximum(1.0, (np.diag(scatter) + repeated) / np.maximum(np.diag(inverse), 1e-300)))
     return inverse * np.outer(larger, larger)

@@ -92,7 +92,7 @@ class Fitted:
         a, precision = products_of(self.problem, self.active, self.point.scalings, False).a, self.problem.precision
         folded = self._folded
         kept = self.active if folded is None else self.active[folded.keep]
-        normal = a if folded is None else folded.square(a)
+        normal = a if folded is None else folded.reduced_gram(a)
         inverse = solve(normal + np.diag(precision[kept]), np.eye(len(kept)))
         return inverse if folded is None else folded.unfolded(folded.unfolded(inverse).T)
 
@@ -302,7 +302,7 @@ def _point_mass(
         missing = (distance for distance in (0.03, 0.08, 0.2, 0.5) if far < -least * distance)
         starts += [np.array([-far / distance, *moments]) for distance in missing]
     reduced = reduced_load(problem, active, products, payload, whole.theta)
-    start = min((reduced.followed(start) for start in starts), key=reduced.loss)
+    start = min((reduced.iterated(start) for start in starts), key=reduced.loss)
     for _ in range(STEPS):
         last = start
         found = _fit_linear(problem, active, products, Point(payload=Load(payload, last)), near)
@@ -325,8 +325,8 @@ def _fit_linear(
     square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
         folded = _folded_at(problem, active, load)
-        kept, square, line = active[folded.keep], folded.square(square), folded.line(line)
-        folds = None if folds is None else (folded.square(folds[0]), folded.line(folds[1]))
+        kept, square, line = active[folded.keep], folded.reduced_gram(square), folded.reduced_right(line)
+        folds = None if folds is None else (folded.reduced_gram(folds[0]), folded.reduced_right(folds[1]))
     precision, lower, upper, bound = (x[kept] for x in (problem.precision, problem.lower, problem.upper, near.theta))
     if load is not None:
         mass = len(kept) - 4

@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.covariance import covariance, free_numbers
+from identification.diagnosis.fit.covariance import covariance, free_parameters
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.possible_bodies import Body, possible_minimum
 from identification.diagnosis.fit.problem import Problem
@@ -114,7 +114,7 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
         x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
     # Unobservable parameters (an inertia of a link that never turns about that axis) stay where they are.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
-    free = free_numbers(b, precision, x, (lower, upper))
+    free = free_parameters(b, precision, x, (lower, upper))
     cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
     if layout.of_model:
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))

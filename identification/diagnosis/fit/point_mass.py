@@ -1,4 +1,4 @@
-"""A payload as a point mass: its inertia is not linear in mass and first moments, so it is linearised iteratively."""
+"""Fit of a payload as point mass, whose inertia is not linear in mass and first moments, by linearising repeatedly."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
 
 STEPS = 8
-"""Largest number of steps from one estimate to the next."""
+"""Largest number of iterations."""
 # Relative change of the estimate below which it has converged.
 _CONVERGED = 3e-3
-# Inertia of a point about its centre.
+# Inertia per mass about the centre of mass: that of a point, as xx, xy, yy, xz, yz, zz.
 _POINT = np.zeros(6)
-# Slopes of ``h.h 1 - h h^T`` by ``h``, per component of ``h``: entries xx, xy, yy, xz, yz, zz.
+# Derivative of ``h.h 1 - h h^T``, with entries xx, xy, yy, xz, yz, zz, with respect to ``h``, per component of ``h``.
 _INERTIA = np.array(
     [
         [[0, 0, 0], [0, 2, 0], [0, 0, 2]],
@@ -33,7 +33,7 @@ _INERTIA = np.array(
     ],
     dtype=float,
 )
-# Mass [kg] below which there is no mass.
+# Mass [kg] that counts as zero.
 _NO_MASS = 1e-9
 
 
@@ -44,13 +44,13 @@ def converged(start: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
 
 @dataclass(frozen=True)
 class ReducedLoad:
-    """The fit of one payload, all other columns eliminated: those at a bound stay there, the others are optimal.
+    """Fit of one payload with all other columns eliminated: coefficients at a bound are held there, others are optimal.
 
     Attributes:
         a, b: Products of the ten columns of the payload, ``(10, 10)`` and ``(10,)``.
         prior: Prior precision of mass and first moments, ``(4,)``.
-        map: `load_map` of the payload.
-        least: Lightest load [kg], negative where the robot may lack a part that the model has.
+        map: Derivative of the ten inertial parameters at given mass and first moments, `load_map`.
+        least: Smallest mass [kg]; negative where the robot may lack a part that the model has.
     """
 
     a: Float[Array, "10 10"]
@@ -59,7 +59,7 @@ class ReducedLoad:
     map: Callable[[Float[Array, " 4"]], Float[Array, "10 4"]]
     least: float
 
-    def followed(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
+    def iterated(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
         """Mass and first moments to which the iteration converges from a start."""
         for _ in range(STEPS):
             last = start
@@ -84,7 +84,7 @@ class ReducedLoad:
 def reduced_load(
     problem: Problem, active: Int[Array, " k"], products: Products, payload: Term, theta: Float[Array, " K"]
 ) -> ReducedLoad:
-    """Eliminate all columns of a fit but those of its payload.
+    """The fit of a payload with all other columns of a fit eliminated.
 
     Args:
         problem: Priors and bounds.
@@ -94,17 +94,17 @@ def reduced_load(
         theta: All coefficients of a fit with free inertia, which shows the columns at a bound.
     """
     at = np.searchsorted(active, payload.columns)
-    others = without(at, len(active))
+    others = complement(at, len(active))
     x = theta[active]
     inside = (x[others] > problem.lower[active[others]]) & (x[others] < problem.upper[active[others]])
     free, held = others[inside], others[~inside]
     b = products.b - products.a[:, held] @ x[held]
     inner = products.a[np.ix_(free, free)] + np.diag(problem.precision[active[free]])
     cross = products.a[np.ix_(free, at)]
-    made = solve(inner, np.column_stack([cross, b[free]]))
+    solution = solve(inner, np.column_stack([cross, b[free]]))
     return ReducedLoad(
-        a=products.a[np.ix_(at, at)] - cross.T @ made[:, :-1],
-        b=b[at] - cross.T @ made[:, -1],
+        a=products.a[np.ix_(at, at)] - cross.T @ solution[:, :-1],
+        b=b[at] - cross.T @ solution[:, -1],
         prior=problem.precision[active[at[:4]]],
         map=partial(load_map, problem.session.robot, payload),
         least=payload.effect.lightest(problem.session.robot),
@@ -116,9 +116,9 @@ class FoldedLoad:
     """Columns of a fit with the ten of a payload reduced to its mass and first moments, which come last.
 
     Attributes:
-        at: Places of the ten among the columns, ``(10,)``.
+        at: Indices of the ten columns of the payload, ``(10,)``.
         count: Number of columns.
-        jacobian: Derivative of the ten inertial parameters by mass and first moments, see `load_map`.
+        jacobian: Derivative of the ten inertial parameters with respect to mass and first moments (`load_map`).
     """
 
     at: Int[Array, " 10"]
@@ -127,21 +127,21 @@ class FoldedLoad:
 
     @cached_property
     def others(self) -> Int[Array, " m"]:
-        """Places of all other columns."""
-        return without(self.at, self.count)
+        """Indices of all other columns."""
+        return complement(self.at, self.count)
 
     @property
     def keep(self) -> Int[Array, " n"]:
-        """Places of the columns whose priors and bounds the fitted numbers have."""
+        """Indices of the columns with the priors and bounds of the reduced coefficients."""
         return np.concatenate([self.others, self.at[:4]])
 
     @property
     def expand(self) -> Float[Array, "k n"]:
-        """Derivative of the coefficients of all columns by the fitted numbers."""
+        """Derivative of the coefficients of all columns with respect to the reduced ones."""
         return self.unfolded(np.eye(len(self.others) + 4)).T
 
-    def square(self, a: Float[Array, "*F k k"]) -> Float[Array, "*F n n"]:
-        """Products of the reduced columns."""
+    def reduced_gram(self, a: Float[Array, "*F k k"]) -> Float[Array, "*F n n"]:
+        """Products of the reduced columns with each other."""
         many, n = self.others, len(self.others)
         out = np.empty((*a.shape[:-2], n + 4, n + 4))
         out[..., :n, :n] = a[..., many[:, None], many]
@@ -151,34 +151,32 @@ class FoldedLoad:
         out[..., n:, n:] = self.jacobian.T @ a[..., self.at[:, None], self.at] @ self.jacobian
         return out
 
-    def line(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
+    def reduced_right(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
         """Products of the reduced columns with the residual."""
         return np.concatenate([b[..., self.others], b[..., self.at] @ self.jacobian], axis=-1)
 
     def unfolded(self, x: Float[Array, "*F n"]) -> Float[Array, "*F k"]:
-        """Coefficients of all columns from the fitted numbers."""
+        """Coefficients of all columns from the reduced ones."""
         out = np.empty((*x.shape[:-1], self.count))
         out[..., self.others] = x[..., :-4]
         out[..., self.at] = x[..., -4:] @ self.jacobian.T
         return out
 
 
-def without(at: Int[Array, " m"], count: int) -> Int[Array, " n"]:
-    """Places below ``count`` that are not among the given ones."""
-    rest = np.ones(count, dtype=bool)
-    rest[at] = False
-    return np.flatnonzero(rest)
+def complement(at: Int[Array, " m"], count: int) -> Int[Array, " n"]:
+    """Indices below ``count`` that are not among the given ones."""
+    return np.setdiff1d(np.arange(count), at)
 
 
 def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
-    """`point_mass_map` of a term, with the shape of a missing part where the mass is negative."""
+    """`point_mass_map` of a term, with the inertia of the missing part if the mass is negative."""
     return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
 
 
 def mass_bounds(start: float, least: float) -> tuple[float, float]:
-    """Bounds of the mass in a fit linearised about one: at most double, at least half, as the inertia goes as 1/m.
+    """Bounds of the mass in a fit linearised about a mass: half and double, as the inertia depends on 1/m.
 
-    A start without mass has no centre, and leads to any mass.
+    A start without mass has no centre of mass, and leaves the mass free.
     """
     if abs(start) <= _NO_MASS:
         return least, np.inf
@@ -187,15 +185,15 @@ def mass_bounds(start: float, least: float) -> tuple[float, float]:
 
 
 def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"] = _POINT) -> Float[Array, "10 4"]:
-    """Slope of the ten inertial parameters of a point mass by its mass and first moments ``(m, h)``.
+    """Derivative of the ten inertial parameters of a point mass with respect to mass and first moments ``(m, h)``.
 
-    The inertia is ``(h.h 1 - h h^T) / m``, negative with a mass that is missing. Twice the mass and moments make twice
-    the inertia, so that the slope times ``(m, h)`` gives the parameters themselves (Euler's theorem). Without a mass at
+    The inertia is ``(h.h 1 - h h^T) / m``, negative for a missing mass. It is homogeneous of degree one in ``(m, h)``,
+    so that the derivative times ``(m, h)`` gives the parameters themselves (Euler's theorem). Without a mass at
     the start the inertia is left out.
 
     Args:
         start: Mass and first moments.
-        own: Inertia about the centre per mass, of a part that is no point.
+        own: Inertia per mass about the centre of mass; zero for a point.
     """
     jacobian = np.zeros((10, 4))
     jacobian[:4] = np.eye(4)

@@ -22,12 +22,12 @@ _Sizes = dict[tuple[str, str | None], dict[str, Value]]
 
 
 def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
-    """Sets of numbers that were fitted together, the stated sizes first.
+    """Sets of fitted numbers, first that with the stated sizes.
 
-    A structure without a name is no part of the corrected model: where there is one, everything is fitted without it.
+    A structure without a name is no part of the corrected model. If there is one, a second set is fitted without it.
 
     Args:
-        shown: The effects, and the fit that states their sizes.
+        shown: The effects, and the fit from which their sizes are stated.
     """
     problem, named = shown.problem, shown.named
     out = [_numbers(problem, shown.joint_fit, {})]
@@ -41,6 +41,7 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
 
 
 def _numbers(problem: Problem, fitted: JointFit, sizes: _Sizes) -> FittedNumbers:
+    """The numbers of one fit."""
     parameters = tolerance_parameters(problem.session.robot)
     timing = float(sum(fitted.x[k] for k in problem.fitted_nuisances if parameters[k].kind == TIMING))
     soft, arrivals, base = (

@@ -17,9 +17,9 @@ from identification.gates import above_chance, exchange, fair_part
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from phantom_dyn.array_types import Array, Float
 
-# Most swaps that are evaluated on held-out data, the best in sample.
+# Largest number of swaps that are evaluated on held-out data: those that are best in sample.
 _WORTH_TRYING = 8
-# The same for swaps on the same joints, where there are many joints.
+# The same for the swaps on each set of joints, if the robot has many joints.
 _TRIED_EACH = 3
 
 
@@ -72,10 +72,10 @@ def _record_swap(search: Search, before: frozenset[Term], after: frozenset[Term]
 
 
 def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
-    """Swap effects on all joints that gain by it, in one step; the most promising swap of each joint is tried first.
+    """Swap effects on all joints in one step where it lowers the score, the most promising swap of each joint first.
 
     Args:
-        search: Rivals.
+        search: Fits and scores of sets.
         chosen: The current set.
         ranked: Sets that differ from it by a swap, the most promising first.
     """
@@ -114,7 +114,7 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set with one number for several joints in place of one for each, where it explains as much."""
+    """The set with one shared coefficient for several joints in place of one for each, where it explains as much."""
     single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
     for term in search.terms:
         own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
@@ -136,10 +136,10 @@ def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
-    """Sets of effects that may replace ``term``: single ones, its special cases, friction of both its joints.
+    """Sets of effects that may replace ``term``: single effects, special cases, friction of each of its two joints.
 
-    One effect between two joints has a lower price than friction of both, and makes the same torque where these move
-    alike: it is compared with all sets of such friction.
+    An effect between two joints has a lower price than friction of both, and the same torque if both move alike, so
+    that it is compared with all sets of such friction.
     """
     single = [search.alone[other] for other in search.terms if other.named and other.effect_joint != term.effect_joint]
     parts = [
@@ -193,7 +193,7 @@ def spanned(
     """True if other columns can make the torque of some columns, within the accuracy of the method.
 
     Args:
-        search: Holds their products.
+        search: Has the products of all columns.
         columns: Columns that make the torque.
         theta: Their coefficients.
         by: The other columns.
@@ -206,10 +206,10 @@ def spanned(
 
 
 def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:
-    """Alternatives of ``term`` that touch a joint that it touches and could gain in sample what it gains.
+    """Alternatives of ``term`` that act on one of its joints and could gain as much in sample.
 
     Args:
-        search: Rivals.
+        search: Fits and scores of sets.
         chosen: A set with ``term`` in it.
         term: The effect to be replaced.
         slack: Allowed deficit of an alternative's gain, after prices.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
 
 Row = tuple[str, ...]
-_SOME = 400  # poses of a curve: more would enlarge the page and not make the curve clearer
+_MOST_POSES = 400  # of a curve: more enlarge the page and do not make the curve clearer
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class PosesView:
         findings: Cause, size, share, certainty and rivals of each finding.
         frames: Gap of each frame: given, corrected, noise.
         fitted: Poses that the recordings do not give and that were fitted.
-        bounds: Sizes that would have been seen.
-        not_testable: Numbers that these poses cannot show, grouped by reason.
+        bounds: Detection limits: sizes that would have been found.
+        not_testable: Parameters that these poses do not determine, grouped by reason.
         chart: Errors of the poses before and after.
     """
 
@@ -45,7 +45,7 @@ class PosesView:
 
 
 def poses_view(found: GeometryResult) -> PosesView:
-    """The contents of the section on measured poses."""
+    """Content of the section on measured poses."""
     return PosesView(
         sentences=words.sentences(found),
         findings=[_finding(one) for one in (*found.findings, *found.minor)],
@@ -60,12 +60,13 @@ def poses_view(found: GeometryResult) -> PosesView:
             for one in found.fitted
         ],
         bounds=[_bound(one) for one in found.bounds],
-        not_testable=_unseen(found),
+        not_testable=_not_testable(found),
         chart=Markup("" if found.evidence is None else _chart(found.evidence, found.frames)),
     )
 
 
 def _finding(one: PoseFinding) -> Row:
+    """Row of the table of findings."""
     rivals = "; ".join(words.joined([words.place_words(place) for place in rival.places]) for rival in one.rivals)
     return (
         f"{words.EFFECTS[one.effect]} of {words.carrier(one.effect, one.joint)}",
@@ -77,29 +78,34 @@ def _finding(one: PoseFinding) -> Row:
 
 
 def _frame(one: FrameGap) -> Row:
+    """Row of the table of frames."""
     sizes = (one.rms_before, one.rms_after, one.noise_floor)
     return (one.frame, *(words.small_words(size, one.unit) for size in sizes), one.noise_floor_source.replace("_", " "))
 
 
 def _bound(one: PoseBound) -> Row:
+    """Row of the table of detection limits."""
     at = words.carrier(one.effect, one.joint)
     return (at, f"{one.effect} {one.parameter}", words.small_words(one.below, one.unit))
 
 
-def _unseen(found: GeometryResult) -> list[Row]:
-    whys: dict[str, list[str]] = {}
+def _not_testable(found: GeometryResult) -> list[Row]:
+    """Rows of the parameters that these poses do not determine, one for each reason."""
+    names_by_reason: dict[str, list[str]] = {}
     for one in found.not_testable:
-        whys.setdefault(one.why, []).append(f"{words.carrier(one.effect, one.joint)} {one.effect} {one.parameter}")
-    return [(", ".join(names), why) for why, names in whys.items()]
+        names_by_reason.setdefault(one.why, []).append(
+            f"{words.carrier(one.effect, one.joint)} {one.effect} {one.parameter}"
+        )
+    return [(", ".join(names), why) for why, names in names_by_reason.items()]
 
 
 def _chart(evidence: PoseEvidence, frames: tuple[FrameGap, ...]) -> str:
-    """Errors of poses before and after, one panel per frame, over time for a motion and else over their number."""
+    """Errors of poses before and after, one panel per frame: over time for a motion, else over the pose number."""
     moving = bool(evidence.moving.all())
     panels = []
     for number, name in enumerate(evidence.frames):
         rows = np.flatnonzero(evidence.frame == number)
-        rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _SOME)).astype(int)]
+        rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST_POSES)).astype(int)]
         x = evidence.t[rows] if moving else np.arange(1.0, len(rows) + 1)
         noise = max(frame.noise_floor for frame in frames if frame.frame == name and frame.unit == "m")
         curves = (

@@ -1,7 +1,7 @@
 """A spring on one joint that the model lacks (cable, hose, seal): ``torque = -k (q - q0)``.
 
-It leaves a residual that grows with position on one joint only. Gravity of a wrong mass looks alike over a small
-range; wide postures of the other joints separate the two.
+The residual of that joint is linear in its position. Over a small range the gravity torque of a wrong mass looks the
+same; motions of the other joints over wide ranges separate the two.
 URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
 """
 
@@ -36,7 +36,7 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.described import less
 
-# Largest rest position [rad or m]; its square is a number too.
+# Largest rest position [rad or m]; its square does not overflow.
 _FARTHEST = 1e150
 
 
@@ -78,7 +78,7 @@ class ParasiticSpring(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Position, and the constant ``-k q0``."""
+        """Columns of the position, and of a constant torque ``-k q0``."""
         q = operation.q[:, row_of(robot, joint)]
         return on_one_joint(
             robot,
@@ -88,19 +88,19 @@ class ParasiticSpring(Effect):
         )
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``q0 = -preload / k``, at most `_FARTHEST`: a spring without stiffness rests nowhere."""
+        """``q0 = -preload / k``, at most `_FARTHEST`, as a spring without stiffness has no rest position."""
         least = max(abs(coefficients[1]) / _FARTHEST, np.finfo(float).tiny)
         stiffness = coefficients[0] if abs(coefficients[0]) >= least else np.copysign(least, coefficients[0])
         return np.array([coefficients[0], -coefficients[1] / stiffness])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """A spring pulls back."""
+        """The stiffness is not negative."""
         return ((0.0, np.inf), (-np.inf, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without stiffness it is a constant torque."""
+        """Nothing, or without stiffness a constant torque."""
         return (SpecialCase((), coefficients), SpecialCase(("torque_offset",), coefficients[:1]))
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
@@ -110,13 +110,13 @@ class ParasiticSpring(Effect):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """About the posture."""
+        """A spring of this stiffness with its rest position at the given posture."""
         return (size, float(posture[row_of(robot, joint)]))
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Position."""
-        rest = middle("q")
-        return (FormulaTerm("spring", less("q", rest), lambda q: q - rest, "{angle}"),)
+        """Displacement from the middle of the recorded positions."""
+        center = middle("q")
+        return (FormulaTerm("spring", less("q", center), lambda q: q - center, "{angle}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-k (q - q0)`` on the joint."""
@@ -134,7 +134,7 @@ class ParasiticSpring(Effect):
         return Simulated(torque=torque, laws=(Law(spring_law, row, (float(theta[0]), float(theta[1]))),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """Model files can contain the whole effect as stiffness and rest position."""
         return ModelNumbers(whole=True, spring=(float(theta[0]), float(theta[1])))
 
 

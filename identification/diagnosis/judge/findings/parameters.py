@@ -17,14 +17,14 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-_SAMPLES = 200  # random postures; their rows are far more than the base parameters of one effect
+_SAMPLES = 200  # random postures: far more rows than an effect has base parameters
 
 
 def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, Value]:
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
-    Deviations are those of the joint fit, propagated through the law to first order. Of inertial parameters only base
-    parameters are given, which motion can determine, with the sums that they stand for.
+    Deviations are those of the joint fit, propagated through the law to first order. Of inertial parameters only the
+    base parameters are given, as motion determines no others.
 
     Args:
         robot: The given model.
@@ -42,10 +42,10 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
 
 
 def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:
-    """Rows of a square root of the covariance of all findings, for the parameters of one finding.
+    """Rows of a square root of the covariance of all findings' parameters, for the parameters of one finding.
 
-    One row for each parameter (for each number of a list), in the order of `finding_parameters`: the covariance of any
-    two parameters, also of different findings, is the product of their rows.
+    One row per parameter (per entry of a list), in the order of `finding_parameters`. The covariance of any two
+    parameters, also of different findings, is the inner product of their rows.
 
     Args:
         robot: The given model.
@@ -53,7 +53,7 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
         fitted: Fit of the whole model.
     """
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
-    # The symmetric root: other roots rotate with the rounding of the matrix.
+    # The symmetric root is unique; others depend on the rounding of the matrix.
     shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[fitted.slices_of(term).indices]
     slope = base_parameters(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
@@ -72,11 +72,11 @@ def _law(
     values = law(x)
     slope = np.empty((len(values), len(x)))
     for k in range(len(x)):
-        # Over a hundredth of a deviation every law is linear.
+        # Over a hundredth of a standard deviation every law is linear.
         step = 0.01 * np.sqrt(max(cov[k, k], 1e-30))
-        moved = x.copy()
-        moved[k] += step
-        slope[:, k] = (law(moved) - values) / step
+        shifted = x.copy()
+        shifted[k] += step
+        slope[:, k] = (law(shifted) - values) / step
     return parameters, values, slope
 
 
@@ -94,16 +94,16 @@ def _named(
 
 
 def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: Float[Array, "k k"]) -> dict[str, Value]:
-    """Base parameters among the free ones."""
+    """Base parameters of free bodies, with standard deviations."""
     parameters, mix = base_parameters(robot, term)
     std = np.sqrt(np.maximum(np.diag(mix @ cov @ mix.T), 0.0))
     return _named(parameters, mix @ coefficients, std, lists=False)
 
 
 def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Float[Array, "r k"]]:
-    """Base parameters of free bodies, and the matrix of the sums of parameters that they stand for.
+    """Base parameters of free bodies, and the matrix that maps all inertial parameters to them.
 
-    They come from the regressor over random motions.
+    They are found from the regressor at random motions.
 
     Args:
         robot: The given model.
@@ -128,7 +128,7 @@ def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
     if not solved_numerically(robot):
         base = any_base_motion(rng, _SAMPLES) if robot.floating else None
         return rigid_body_regressor(robot, Motion(np.arange(float(_SAMPLES)), q, v, a, base=base))
-    # The start of the chain is put between the postures, so that each can be reached.
+    # The start of the chain stands between all postures, so that the loops can be closed at each.
     q = with_start_between(robot, ordinary_postures(robot, _SAMPLES))
     v, a = (np.repeat(part, 2, axis=0)[: len(q)] for part in (v, a))
     return rigid_body_regressor(robot, Motion(np.arange(float(len(q))), q, v, a))[1::2]

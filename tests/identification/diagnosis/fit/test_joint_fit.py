@@ -6,7 +6,7 @@ from identification.data.changes import KnownPayload, with_payload
 from identification.diagnosis.columns.operations import adjusted_robot
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.columns.tolerance_parameters import tolerance_parameters
-from identification.diagnosis.fit.covariance import covariance, free_numbers
+from identification.diagnosis.fit.covariance import covariance, free_parameters
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit, within_tolerances
 from identification.diagnosis.fit.whole_model import lay_out, linearised
@@ -189,7 +189,7 @@ def test_the_pull_on_a_number_that_a_bound_holds_is_no_scatter():
 
     def known(pull):
         pulled = np.column_stack([pull, b[:, 1:]])
-        free = free_numbers(pulled, np.zeros(3), np.zeros(3), bounds)
+        free = free_parameters(pulled, np.zeros(3), np.zeros(3), bounds)
         return covariance(a, pulled, np.zeros(3), np.zeros(3), free, np.zeros(3))
 
     one, other = (known(pull) for pull in pulls)
