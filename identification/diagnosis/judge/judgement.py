@@ -49,7 +49,7 @@ from identification.gates.in_band import torque_is_there
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Share of a joint's samples that a regime needs to be reported.
+# Smallest share of a joint's samples in a regime for which its residual is stated.
 _FEW = 0.01
 _DEVIATIONS = 2.0
 """Standard deviations from the estimate of a hidden payload to its upper limit at 95 %."""
@@ -75,14 +75,14 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
     kept = [claim for claim in claims if not claim.minor]
     findings = tuple(claim.finding for claim in kept)
-    after = _less(sums(problem, residual), rounding.total)
+    after = _without_rounding(sums(problem, residual), rounding.total)
     bursts = _events(problem, left)
     left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.discrepancy)
     foreseen = left_over.fraction_of_explainable > 0.0
     joints = joint_gaps(
         problem, left.floor, sums(problem, given), within, after, _by_regime(problem, left), foreseen=foreseen
     )
-    left_over = _located(_timed(left_over, bursts), problem, residual, joints)
+    left_over = _with_joint(_with_times(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = smallest_seen(
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen
@@ -114,14 +114,14 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
 
 
 @dataclass(frozen=True)
-class _Left:
+class _Remaining:
     """Residual of each log's torque after a set of effects, and the noise floor that it is compared with.
 
     Attributes:
         torque: Torque of the corrected model for each log.
-        residual: After the named effects, in the judged band.
-        whole: After all effects, structures without a name included.
-        doubt: Variance of uncertain friction, see `_open_friction`.
+        residual: Residual of the named effects, in the judged band.
+        whole: Residual of all effects, structures without a name included.
+        doubt: Variance of the friction torque where joints stand, creep or reverse.
         rounding: Spurious torque of coarse readings.
         floor: Noise floor of each joint.
         judge: Problem and floor of the gap.
@@ -136,16 +136,16 @@ class _Left:
     judge: Judge
 
 
-def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Left]:
+def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Remaining]:
     """The effects of an explanation that pass all gates of the judge, and their residual."""
     sensed = sensed_of(plain.problem)
 
     @cache
-    def before_foreseen(chosen: frozenset[Term]) -> _Left:
-        return _left(explanation, plain, chosen, noise, sensed)
+    def before_foreseen(chosen: frozenset[Term]) -> _Remaining:
+        return _remaining(explanation, plain, chosen, noise, sensed)
 
     @cache
-    def left_by_all(chosen: frozenset[Term]) -> _Left:
+    def left_by_all(chosen: frozenset[Term]) -> _Remaining:
         return _with_foreseen_noise(before_foreseen(chosen), plain, chosen, noise)
 
     def over_allowed(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> Float[Array, " nv"]:
@@ -180,33 +180,35 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     return shown, left_by_all(shown.chosen)
 
 
-def _fits_as_given(left: _Left, given: Sums, within: Sums) -> bool:
+def _fits_as_given(left: _Remaining, given: Sums, within: Sums) -> bool:
     """True if the given model leaves noise, and less than the model adjusted within tolerance on held-out blocks."""
     once, floor = np.ones((1, len(given.counts))), left.floor
     less = given.loss(floor.value, once)[0] < within.loss(floor.value, once)[0]
     return bool(less and np.all(given.rms() <= floor.allowed))
 
 
-def _of_given_model(problem: Problem, left: _Left, given: Series) -> _Left:
-    """What the given model leaves, without changes within its tolerances."""
+def _of_given_model(problem: Problem, left: _Remaining, given: Series) -> _Remaining:
+    """The residual of the given model, without changes within its tolerances."""
     torque = problem.columns.model_torque
     return replace(left, torque=torque, residual=given, whole=given)
 
 
-def _torque_over_noise(left: _Left) -> float:
+def _torque_over_noise(left: _Remaining) -> float:
     """The largest measured torque of a tested joint, over the upper end of its noise floor."""
     torque = sums(left.judge.problem, measured_torque(left.judge.problem))
     judged = torque.counts.any(axis=0)
     return float(np.max((torque.rms() / left.floor.high)[judged])) if judged.any() else np.inf
 
 
-def _above_noise(left: _Left) -> bool:
-    """True if the residual of some joint is above its noise floor."""
+def _above_noise(left: _Remaining) -> bool:
+    """True if the residual of any joint is above its noise floor."""
     return bool(np.any(sums(left.judge.problem, left.whole).rms() > left.floor.high))
 
 
-def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: Sensed) -> _Left:
-    """Residual of a set of effects, and its noise floor without noise that predictors can predict."""
+def _remaining(
+    explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: Sensed
+) -> _Remaining:
+    """Residual of a set of effects, and the noise floor without the noise that a flexible model can predict."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
     torque = held_out_torque(problem, named, plain.evaluate(named))
     residual = session.in_judged_band(residual_after(problem, torque))
@@ -219,15 +221,15 @@ def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], nois
     floor = sensed_floor(floor, sensed, problem, noise, whole, doubt)
     rounding = rounded(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
-    return _Left(
+    return _Remaining(
         torque, residual, whole, doubt, rounding, floor, Judge(problem, floor.value, floor.high, floor.discrepancy)
     )
 
 
 def _with_foreseen_noise(
-    left: _Left, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
-) -> _Left:
-    """The same with a floor that counts noise that predictors can predict, of all joints or of some."""
+    left: _Remaining, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
+) -> _Remaining:
+    """The same with a noise floor that includes noise that a flexible model can predict, of all joints or of some."""
     size = sums(plain.problem, left.whole).rms()
     size = size if joints is None else np.where(joints, size, 0.0)
     floor = left.floor.up_to(foreseen_noise(left.judge, plain, chosen, noise, size))
@@ -244,12 +246,12 @@ def _open_friction(plain: Search, chosen: frozenset[Term]) -> Series:
     )
 
 
-def _less(found: Sums, square: Float[Array, " nv"]) -> Sums:
+def _without_rounding(found: Sums, square: Float[Array, " nv"]) -> Sums:
     """Squared residuals less the mean square of the spurious torque of coarse readings."""
     return replace(found, squares=np.maximum(found.squares - square * found.counts, 0.0))
 
 
-def _located(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:
+def _with_joint(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:
     """The residual, with the joint that is furthest above its noise floor, unless its structure names another."""
     above = [0.0 if joint.gives_way else joint.rms_after / joint.allowed for joint in joints]
     if left.joint is not None or max(above) <= 1.0:
@@ -258,12 +260,12 @@ def _located(left: Unexplained, problem: Problem, residual: Series, joints: tupl
     return replace(left, joint=joints[row].joint, regime=regime_shares(problem, residual, row)[1])
 
 
-def _events(problem: Problem, left: _Left) -> tuple[Burst, ...]:
-    """Short times at which far more is left than elsewhere."""
+def _events(problem: Problem, left: _Remaining) -> tuple[Burst, ...]:
+    """Events: short times with a residual far above that of other times."""
     return from_quiet(bursts_of(problem, left.whole, left.doubt), problem, left.whole, left.floor.allowed)
 
 
-def _timed(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
+def _with_times(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
     """The residual, with the times of events, and the joint of the largest one, unless its structure names another."""
     if not bursts:
         return left
@@ -271,7 +273,7 @@ def _timed(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
     return replace(left, joint=joint, times=tuple((burst.start, burst.stop) for burst in bursts))
 
 
-def _by_regime(problem: Problem, left: _Left) -> tuple[tuple[float, float], ...]:
+def _by_regime(problem: Problem, left: _Remaining) -> tuple[tuple[float, float], ...]:
     """Residual of each joint beyond noise where it creeps or reverses, and elsewhere, root mean square."""
     session = problem.session
     slow = tuple(slow_samples(session, k)[log.samples] for k, log in enumerate(session.logs))
@@ -304,8 +306,8 @@ def joint_gaps(
         before: Residual of the given model.
         within: Residual of the best changes within its tolerances.
         after: Residual of the corrected model.
-        by_regime: `JointGap.left` of each joint; None: not known.
-        foreseen: Whether predictors foresee some of what is left: then it is not the noise of drives.
+        by_regime: Residual of each joint beyond noise at reversals and elsewhere, `JointGap.left`; None: not known.
+        foreseen: Whether a flexible model predicts a part of the residual, so that it is not the noise of drives.
     """
     robot, torque = problem.session.robot, sums(problem, measured_torque(problem)).rms()
     of_drive = 0.0 if foreseen else DRIVE_CLASSES[robot.torque_source].of_noise * torque

@@ -19,7 +19,13 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.floors import Floor
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.judgement import _less, _located, _timed, joint_gaps, with_hidden_payload
+from identification.diagnosis.judge.judgement import (
+    _with_joint,
+    _with_times,
+    _without_rounding,
+    joint_gaps,
+    with_hidden_payload,
+)
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.shares import closed_together
 from identification.diagnosis.judge.verdict import hidden_by
@@ -34,7 +40,7 @@ HERE = Unexplained(0.2, True, "shoulder", "posture")
 
 def test_coarse_readings_take_their_mean_square_off_each_block_and_no_more_than_is_there():
     found = Sums(np.array([[8.0, 5.0], [3.0, 9.0]]), np.array([[10.0, 20.0], [30.0, 40.0]]))
-    left = _less(found, np.array([0.2, 0.1]))
+    left = _without_rounding(found, np.array([0.2, 0.1]))
     np.testing.assert_allclose(left.squares, [[6.0, 3.0], [0.0, 5.0]])
     np.testing.assert_array_equal(left.counts, found.counts)
 
@@ -51,7 +57,7 @@ def joint(name: str, after: float, floor: float, high: float) -> JointGap:
 def test_what_is_left_is_located_on_the_joint_furthest_above_its_floor(quiet, after, expected):
     joints = (joint("shoulder", after[0], 0.9, 1.0), joint("elbow", after[1], 3.0, 4.0))
     residual = quiet.columns.residual
-    found = _located(CLEAN, quiet.problem, residual, joints)
+    found = _with_joint(CLEAN, quiet.problem, residual, joints)
     row = None if expected is None else ("shoulder", "elbow").index(expected)
     regime = None if row is None else regime_split(quiet.problem, residual, row).best
     assert found == replace(CLEAN, joint=expected, regime=regime)
@@ -59,15 +65,15 @@ def test_what_is_left_is_located_on_the_joint_furthest_above_its_floor(quiet, af
 
 def test_a_structure_that_is_located_stays_where_it_is(quiet):
     joints = (joint("shoulder", 1.0, 0.9, 1.0), joint("elbow", 9.0, 3.0, 4.0))
-    assert _located(HERE, quiet.problem, quiet.columns.residual, joints) is HERE
+    assert _with_joint(HERE, quiet.problem, quiet.columns.residual, joints) is HERE
 
 
 def test_events_say_their_times_and_where_the_largest_is():
     bursts = (Burst("a", "elbow", 1.0, 1.5, 9.0, 7.0), Burst("a", "wrist", 3.0, 3.2, 1.0, 8.0))
     times = ((1.0, 1.5), (3.0, 3.2))
-    assert _timed(CLEAN, bursts) == replace(CLEAN, joint="wrist", times=times)
-    assert _timed(HERE, bursts) == replace(HERE, times=times)
-    assert _timed(CLEAN, ()) is CLEAN
+    assert _with_times(CLEAN, bursts) == replace(CLEAN, joint="wrist", times=times)
+    assert _with_times(HERE, bursts) == replace(HERE, times=times)
+    assert _with_times(CLEAN, ()) is CLEAN
 
 
 def alike(rms: tuple[float, float], counts: tuple[float, float] = (64.0, 16.0)) -> Sums:
@@ -138,7 +144,7 @@ def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
 
     monkeypatch.setattr(judgement, "shown_effects", shown)
     monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
-    monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None))
+    monkeypatch.setattr(judgement, "_remaining", lambda *_: SimpleNamespace(judge=None))
     monkeypatch.setattr(judgement, "_with_foreseen_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 2.0)
@@ -155,7 +161,7 @@ def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatc
     monkeypatch.setattr(judgement, "shown_effects", lambda bench, state: SimpleNamespace(chosen=state.found))
     monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
     monkeypatch.setattr(judgement, "replace", lambda left, **_: left)
-    monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None, floor=None))
+    monkeypatch.setattr(judgement, "_remaining", lambda *_: SimpleNamespace(judge=None, floor=None))
     monkeypatch.setattr(judgement, "_with_foreseen_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 0.9)
     search = quiet.search
