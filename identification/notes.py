@@ -45,6 +45,7 @@ class Code(Enum):
     FRICTION_DRIVES = auto()
     MISSING_PART = auto()
     DRIVE_SUM = auto()
+    PERHAPS_VOLTS = auto()
     ONE_SIDED = auto()
     MODEL_IN_COMMON = auto()
     ZEROS_COMPARED = auto()

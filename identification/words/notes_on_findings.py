@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from identification.diagnosis.result import EffectAt
 from identification.notes import Code, Note
-from identification.words.diagnosis_words import joined, on_place
+from identification.words.diagnosis_words import joined, joints_words, on_place
 from identification.words.effect_words import words_of
 from identification.words.numbers_and_names import NO_BREAK, filled, with_unit
 
@@ -120,6 +120,15 @@ def _drive_sum(note: Note) -> str:
     )
 
 
+def _perhaps_volts(note: Note) -> str:
+    joints = list(note.numbers["joints"])
+    return (
+        f"On {joints_words(joints)} a torque constant and viscous friction were found together, which is also what a "
+        "column of volts does that is called torque. If tau holds volts, call the columns u.<joint> and state "
+        "torque_constant, resistance and gear_ratio of the drives in robot.yaml."
+    )
+
+
 def _one_sided(note: Note) -> str:
     parts = [with_unit(f"{name} {low:.3g} to {high:.3g}", unit) for name, low, high, unit in note.numbers["intervals"]]
     where = f" of {note.joint}" if note.joint else ""
@@ -137,6 +146,7 @@ FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     ),
     Code.MISSING_PART: _missing_part,
     Code.DRIVE_SUM: _drive_sum,
+    Code.PERHAPS_VOLTS: _perhaps_volts,
     Code.ONE_SIDED: _one_sided,
     Code.MODEL_IN_COMMON: _model_in_common,
     Code.ZEROS_COMPARED: _zeros_compared,

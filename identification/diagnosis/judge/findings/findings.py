@@ -10,6 +10,7 @@ negative moment of inertia, or with a centre out of reach, so its interval reach
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,11 +52,12 @@ from phantom_dyn.random_streams import random_stream
 _DRAWS = 200  # of the parameters: ends of a 95 % interval are the fifth from either side
 # Ratio of interval widths, bodies that can exist over all bodies, above which no note calls the interval one-sided.
 _NARROWER = 0.8
+_FAR_FROM_ONE = 0.25  # a torque constant that is so far off is rarely the motor's
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
-    """Notes on the sizes of findings: sums of a drive, one-sided intervals, missing parts, implausible sizes."""
-    robot, out = shown.problem.session.robot, list[Said]((*drive_sums(shown), *one_sided(shown)))
+    """Notes on the sizes of findings: sums of a drive, volts, one-sided intervals, missing parts, implausible sizes."""
+    robot, out = shown.problem.session.robot, list[Said]((*drive_sums(shown), *perhaps_volts(shown), *one_sided(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.joint_fit.coefficients(term)
         assert isinstance(effect, Effect)
@@ -181,6 +183,33 @@ def drive_sums(shown: Shown) -> tuple[Note, ...]:
         unit = "N s/m" if robot.prismatic[j] else "N m s/rad"
         out.append(Note(Code.DRIVE_SUM, joint, {**numbers, "unit": unit, "late": per_volt_loop > 0}))
     return tuple(out)
+
+
+def perhaps_volts(shown: Shown) -> tuple[Note, ...]:
+    """A note on joints with a torque constant far from one and viscous friction: volts that are called torque do that.
+
+    A motor's voltage is its torque times resistance over torque constant, and its speed times the torque constant.
+
+    Args:
+        shown: The findings, with the fit of all their numbers.
+    """
+    session = shown.problem.session
+    named = [term for term in ordered(shown.named) if isinstance(term.effect, Effect) and term.joint]
+
+    def joints_of(effect: str, number: str, is_large: Callable[[float], bool]) -> set[str]:
+        out: set[str] = set()
+        for term in named:
+            if term.effect.name == effect:
+                value = finding_parameters(session.robot, term, shown.joint_fit)[number].value
+                out |= set(str(term.joint).split("+")) if is_large(float(np.ravel(value)[0])) else set()
+        return out
+
+    scaled = joints_of("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
+    joints = scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)
+    computed = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
+    joints -= computed
+    own = [joint for joint in session.robot.joint_names if joint in joints]
+    return (Note(Code.PERHAPS_VOLTS, None, {"joints": own}),) if own else ()
 
 
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:

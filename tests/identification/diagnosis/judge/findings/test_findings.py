@@ -362,3 +362,23 @@ def test_a_torque_has_no_such_sum(tmp_path):
     found = dyn.diagnose(robot, str(path))
     assert {one.effect for one in found.findings} == {"viscous_friction"}
     assert not [one for one in found.result.notes if not isinstance(one, str) and one.code is Code.DRIVE_SUM]
+
+
+@pytest.mark.parametrize(("called", "noted"), [("volts", True), ("torque", False)])
+def test_volts_that_are_called_torque_get_a_note(tmp_path, rng, called, noted):
+    # Closed form: u = R / k tau + k v. A torque with friction alone gets none.
+    (tmp_path / "lever.urdf").write_text(URDF)
+    robot = dyn.load_robot(tmp_path / "lever.urdf")
+    t, w = np.arange(0, 20.0, 0.01), 2 * np.pi * np.array([0.23, 0.61, 0.97])
+    q, v, a = (
+        (0.5 * x).sum(axis=1)[:, None]
+        for x in (np.sin(t[:, None] * w), w * np.cos(t[:, None] * w), -(w**2) * np.sin(t[:, None] * w))
+    )
+    needed = inverse_dynamics(robot, Motion(t, q, v, a))
+    tau = 1.8 * needed + 0.3 * v if called == "volts" else needed + 0.3 * v
+    tau = tau + 0.002 * rng.standard_normal(v.shape)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.hstack([t[:, None], q, tau]), delimiter=",", header="t,q.servo,tau.servo", comments="")
+    found = dyn.diagnose(robot, str(path))
+    notes = [one for one in found.result.notes if not isinstance(one, str) and one.code is Code.PERHAPS_VOLTS]
+    assert [one.numbers["joints"] for one in notes] == ([["servo"]] if noted else [])
