@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.data.checks.readings.reading import Reading, varies, with_torques_plus
 from identification.data.checks.readings.suspects import Suspect, names
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 
