@@ -58,7 +58,7 @@ def model_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)
 
 
-def _least_squares(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> tuple[Float[Array, " k"], float]:
+def least_squares(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> tuple[Float[Array, " k"], float]:
     """Least-squares coefficients and the sum of squares of the residual."""
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0] = 1.0
@@ -75,12 +75,12 @@ def regress_torque(
         return None
     plain = np.column_stack([v, sign, np.ones(len(v))])
     columns = np.column_stack([model, plain])
-    coefficients, left = _least_squares(columns, tau)
-    friction_left = _least_squares(plain, tau)[1]
+    coefficients, left = least_squares(columns, tau)
+    friction_left = least_squares(plain, tau)[1]
     half = len(tau) // 2
     slopes = (
-        float(_least_squares(columns[:half], tau[:half])[0][0]),
-        float(_least_squares(columns[half:], tau[half:])[0][0]),
+        float(least_squares(columns[:half], tau[:half])[0][0]),
+        float(least_squares(columns[half:], tau[half:])[0][0]),
     )
     without_friction = tau - model * coefficients[0] - coefficients[3]
     added = v * coefficients[1] + sign * coefficients[2]

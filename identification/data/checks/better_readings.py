@@ -13,12 +13,12 @@ import numpy as np
 
 from identification.data.checks.motor_positions import motor_side_suspects
 from identification.data.checks.readings import suspects as other
-from identification.data.checks.readings.plausible_fit import ENOUGH, unexplained
+from identification.data.checks.readings.plausible_fit import ENOUGH, misfit_as_modelled, unexplained
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects
 from identification.data.checks.torques.scaled_model import common_ratio, plain_left
-from identification.data.checks.torques.torque_scales import scale_suspects, unit_suspects
+from identification.data.checks.torques.torque_factors import factor_of_all, factor_suspects, unit_suspects
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import ChainError
@@ -41,6 +41,8 @@ _MOST_FAULTS = 3
 _FOR_TWO, _BOTH_RIGHT = 0.2, 0.1
 # Number of signs that are tried first for pairs of mistakes, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
+# Logarithm of a factor that is no unit or gear.
+_SAME_UNIT = float(np.log(4.0))
 # Number of the best signs and orders by a quick fit that are fitted in full.
 _TRIED = 6
 
@@ -53,11 +55,13 @@ class Compared:
         suspect: The change that makes the reading.
         gains: Logarithm of the ratio of unexplained shares, as recorded over as read, ``(2, nv)``.
         left: Unexplained share of the reading, ``(2, nv)``.
+        twins: Other readings that the data cannot tell from it.
     """
 
     suspect: Suspect
     gains: Float[Array, "2 nv"]
     left: Float[Array, "2 nv"]
+    twins: tuple[Suspect, ...] = ()
 
     @property
     def of_joints(self) -> Float[Array, " nv"]:
@@ -109,6 +113,9 @@ def is_certain(found: Compared) -> bool:
     # Readings that are tried only where the travel is absurd, or that only lead to an offer, need one joint.
     if found.suspect.says == "offer" or found.suspect.kind == "length":
         return bool(mended.any())
+    if found.suspect.kind in ("factors", "voltage"):
+        # No load makes factors of which each is that of a drive, and no torque grows so with the speed.
+        return bool(mended.any())
     if found.suspect.kind == "torque":
         # One factor on all joints may be a load, which two joints rule out; the unit of some joints is no load.
         return int(mended.sum()) >= (2 if len(own) == len(gains) else 1)
@@ -122,6 +129,17 @@ def is_certain(found: Compared) -> bool:
         every = (gains >= _FAR_BETTER) & (worst <= _RIGHT)
         return bool(every.any() and np.all(np.nan_to_num(own) >= -_WORSE))
     return int(mended.sum()) >= min(2, len(own))
+
+
+def leaves_little(found: Compared) -> bool:
+    """Whether a reading leaves little on every joint that it explains otherwise than before.
+
+    What it leaves as it was, as the noise of another joint, says nothing about it.
+    """
+    rest = np.nanmax(found.left, axis=0, initial=0.0, where=~np.isnan(found.left))
+    touched = np.abs(np.nan_to_num(found.of_joints)) > _WORSE
+    touched[list(found.suspect.joints)] = True
+    return bool(rest[touched].max(initial=0.0) <= _RIGHT)
 
 
 def _pair_is_certain(found: Compared) -> bool:
@@ -148,12 +166,10 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         if not poor and not any(suspect.expected for suspect in units):
             return out
         tried = [compared(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
-        certain = _without_second_choice([one for one in tried if is_certain(one)])
+        certain = [one for one in tried if is_certain(one)]
         if not certain:
             return [*out, *_two_at_once(robot, reading, before, tried)]
-        highest = max(one.score for one in certain)
-        # Of readings that fit equally well the first one: a wrong sign of a torque is more frequent than of a position.
-        best = next(one for one in certain if one.score > highest - _TWINS)
+        best = _likeliest(robot, reading, certain)
         if best.suspect.says == "rival":
             return out
         out.append(best)
@@ -163,6 +179,27 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
         reading = mended
     return out
+
+
+def _likeliest(robot: Robot, reading: Reading, certain: Sequence[Compared]) -> Compared:
+    """The reading that explains most; of those that some robot explains equally, the one that needs no other robot.
+
+    A plausible robot may have any offset, and torque constants of half to twice the stated ones: with these, a torque
+    with the wrong sign of its weight fits, and so does one with half a gear ratio.
+    """
+    worth = max(one.score - _FAR_BETTER * one.suspect.price for one in certain)
+    tied = [one for one in certain if one.score > worth - _TWINS]
+    if tied[0].suspect.says != "rival":
+        tied = [one for one in tied if one.suspect.says != "rival"]
+    if len(tied) == 1:
+        return tied[0]
+    costs = [misfit_as_modelled(robot, one.suspect.read(reading)) + _FAR_BETTER * one.suspect.price for one in tied]
+    least = min(costs)
+    # The first one: a wrong sign of a torque is more frequent than of a position.
+    equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _TWINS]
+    best = equal[0].suspect
+    twins = [one.suspect for one in equal[1:] if one.suspect.joints == best.joints or one.suspect.kind == "length"]
+    return replace(equal[0], twins=tuple(one for one in twins if one.kind == best.kind and one.says == "wrong"))
 
 
 def _two_at_once(
@@ -189,6 +226,8 @@ def _two_at_once(
             read = first.read(reading)
             ratio = common_ratio(robot, read)
             seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
+            if ratio is not None and abs(np.log(ratio)) > _SAME_UNIT:
+                seconds.append(factor_of_all(robot, 1 / ratio))
             # Degrees are never a part of two mistakes, and two signs of one joint make a third single one.
             seconds = [one for one in seconds if not (one.kind == "sign" and one.joints == first.joints)]
             for second in seconds:
@@ -200,7 +239,11 @@ def _two_at_once(
     single = max((one.score for one in alone), default=0.0)
     for _, first, second in pairs[:_PAIRS]:
         both = compared(robot, before, reading, second.after(first))
-        if is_certain(both) and both.score > single + _FAR_BETTER:
+        if not is_certain(both) or both.score <= single + _FAR_BETTER:
+            continue
+        # Each of the two has to be needed.
+        parts = [compared(robot, before, reading, one).score for one in (first, second)]
+        if both.score > max(parts) + _FAR_BETTER:
             return [replace(both, suspect=first), replace(both, suspect=second)]
     return []
 
@@ -218,12 +261,6 @@ def _most_promising(
     return [suspects[k] for k in np.argsort(gains)[::-1][:count]]
 
 
-def _without_second_choice(certain: list[Compared]) -> list[Compared]:
-    """Readings without separate units for each joint, which fit as well as any unit, if another reading is certain."""
-    firm = [one for one in certain if not (one.suspect.kind == "torque" and one.suspect.says == "offer")]
-    return firm or certain
-
-
 def _poor(before: Float[Array, "2 nv"]) -> list[int]:
     """Joints whose fit could become far better in both halves."""
     possible = _of_joints(np.log((before + ENOUGH) / ENOUGH))
@@ -237,17 +274,19 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
     driven = _driven(robot, reading)
     signed = [j for j in poor if driven[j]]
     ratio = common_ratio(robot, reading)
+    motors = motor_side_suspects(robot, reading)
     of_shape = [
         *other.degree_suspects(robot, reading),
-        *motor_side_suspects(robot, reading),
+        *(one for one in motors if one.turned),
         *(other.all_signs(robot) if signed == list(poor) else ()),
         *other.sign_suspects(robot, signed),
         *other.order_suspects(robot, signed),
     ]
     return [
+        *(one for one in motors if not one.turned),
         *_nearer(robot, reading, other.torque_suspects(robot, ratio)),
         *unit_suspects(robot, reading),
-        *scale_suspects(robot, reading),
+        *factor_suspects(robot, reading),
         *compensated_suspects(robot, reading),
         *attitude_suspects(robot, reading),
         *_promising(robot, reading, of_shape),

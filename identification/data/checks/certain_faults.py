@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.data.checks.better_readings import Compared, better_readings
+from identification.data.checks.better_readings import Compared, better_readings, leaves_little
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.readings.plausible_fit import ENOUGH
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.readings.suspects import Suspect, highest_speed
 from identification.data.checks.torques.missing_torques import missing_torque
+from identification.data.checks.torques.torque_factors import factor_suspects
 from identification.data.checks.torques.torque_scales import load_or_current, torque_scales
 from identification.data.checks.torques.unsigned_torques import unsigned_fault
 from identification.data.readers.map_entries import entries_words
@@ -71,18 +72,24 @@ def certain_faults(
         return (unsigned,), ()
     step = float(np.median(np.diff(recording.t)))
     found = better_readings(robot, reading, step)
-    wrong = tuple(_fault(recording, robot, reading, one) for one in found if one.suspect.says == "wrong")
-    return wrong, tuple(_offer(recording, one) for one in found if one.suspect.says == "offer")
+    wrong = [one for one in found if one.suspect.says == "wrong"]
+    faults = tuple(_fault(recording, robot, reading, one) for one in wrong)
+    offers = tuple(_offer(recording, one) for one in found if one.suspect.says == "offer")
+    if wrong and not (any(one.suspect.expected for one in wrong) or leaves_little(wrong[-1])):
+        rest = wrong[-1].left
+        j = int(np.nanargmax(np.nanmax(rest, axis=0)))
+        more = f"{100 * float(np.nanmax(rest[:, j])):.2g} % of the torque of {robot.joint_names[j]} are left then"
+        offers += tuple(
+            f"{recording.file}: it may be that {fault.what} ({fault.why}): {fault.mend}; but {more}, so that there is "
+            "another mistake, or this is none."
+            for fault in faults
+        )
+        faults = ()
+    return faults, offers
 
 
 def _offer(recording: Recording, found: Compared) -> str:
-    """Sentence on a torque that lacks gravity, or on torques with a different unit for each joint."""
-    if found.suspect.kind == "torque":
-        return (
-            f"{recording.file}: {found.suspect.what}: {_advice(recording, found.suspect)}. By the data sheet, state "
-            "torque_constant and gear_ratio in robot.yaml instead and name the columns i.<joint>: the factors are only "
-            "as right as the masses of the model."
-        )
+    """The sentence on a torque without gravity."""
     return (
         f"{recording.file}: {found.suspect.what} that the model has: if a controller had taken gravity out, "
         f"{_advice(recording, found.suspect)}; if the robot stands or hangs otherwise, state gravity in robot.yaml."
@@ -102,6 +109,9 @@ def load_or_current_words(recording: Recording, robot: Robot, reading: Reading |
     found = load_or_current(robot, torque_scales(robot, reading))
     if found is None:
         return ()
+    for suspect in factor_suspects(robot, reading):
+        if suspect.kind == "voltage":
+            return (f"{recording.file}: {suspect.what}: {suspect.advice}.",)
     words, entries = found
     return (
         f"{recording.file}: {words}, {entries_words(recording, entries)}, or state torque_constant and gear_ratio in "
@@ -110,7 +120,9 @@ def load_or_current_words(recording: Recording, robot: Robot, reading: Reading |
 
 
 def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared) -> Fault:
-    """The fault, with the evidence of the better fit in another unit, sign or order."""
+    """The fault that a better reading of the data shows."""
+    what = " or ".join([found.suspect.what, *(one.what for one in found.twins)])
+    mend = "; or, as that fits equally well, ".join(_advice(recording, one) for one in (found.suspect, *found.twins))
     if found.suspect.expected:
         step, speed = float(np.median(np.diff(recording.t))), highest_speed(robot, reading)
         why = (
@@ -118,7 +130,7 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
             if found.suspect.kind == "length"
             else f"as recorded a sample comes every {step:.3g} s, and so slow a motion would show no inertia"
         )
-        return Fault(found.suspect.what, why, _advice(recording, found.suspect))
+        return Fault(what, why, mend)
     j = int(np.nanargmax(found.of_joints))
     after, gain = np.nanmax(found.left[:, j]), found.of_joints[j]
     before = min(1.0, (after + ENOUGH) * np.exp(gain))
@@ -126,11 +138,13 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
         f"as recorded {100 * before:.0f} % of the torque of {robot.joint_names[j]} is left unexplained, whatever load, "
         f"inertias, friction and torque constant the robot has; read so, {max(100 * after, 0.1):.2g} %"
     )
-    return Fault(found.suspect.what, why, _advice(recording, found.suspect))
+    return Fault(what, why, mend)
 
 
 def _advice(recording: Recording, suspect: Suspect) -> str:
     """Entries of a column map that correct the data; a torque that was computed from a current has no entry."""
+    if suspect.advice:
+        return suspect.advice
     if suspect.kind == "attitude":
         return f"write gravity: {suspect.entries['gravity']} into robot.yaml, if the robot is mounted so"
     taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
@@ -145,6 +159,11 @@ def _advice(recording: Recording, suspect: Suspect) -> str:
             "torque_constant and gear_ratio in robot.yaml"
         )
     words = entries_words(recording, suspect.entries)
+    if suspect.kind == "factors":
+        words += (
+            "; or, by the data sheet, state torque_constant and gear_ratio in robot.yaml and name the columns "
+            "i.<joint>, as these factors are only as right as the masses of the model"
+        )
     if suspect.kind == "time" and np.all(np.diff(recording.t) == 1.0):
         words += "; or, if t counts the rows, write ignore: [t] and rate: with the rows a second into it"
     return words

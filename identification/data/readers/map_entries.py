@@ -52,10 +52,19 @@ def _renamed(recording: Recording, value: str) -> str:
 
 
 def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
-    """Entries for all torques, one for all joints where they agree."""
+    """Entries for torques, one for all joints where they agree."""
+    return _of_joints(robot, "tau", by_joint)
+
+
+def position_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
+    """Entries for positions, one for all joints where they agree."""
+    return _of_joints(robot, "q", by_joint)
+
+
+def _of_joints(robot: Robot, quantity: str, by_joint: dict[int, str]) -> dict[str, str]:
     if len(set(by_joint.values())) == 1:
-        return entries(robot, "tau", tuple(by_joint), next(iter(by_joint.values())))
-    return {key: value for j, option in by_joint.items() for key, value in _entry(robot, "tau", j, option).items()}
+        return entries(robot, quantity, tuple(by_joint), next(iter(by_joint.values())))
+    return {key: value for j, option in by_joint.items() for key, value in _entry(robot, quantity, j, option).items()}
 
 
 def entries(robot: Robot, quantity: str, joints: tuple[int, ...], option: str) -> dict[str, str]:

@@ -11,6 +11,7 @@ data has a far smaller one.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -18,19 +19,19 @@ from scipy.optimize import lsq_linear
 from identification.data.checks.readings.reading import Reading, varies
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
+from phantom_dyn.errors import ChainError
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
 ENOUGH = 0.005
 """Unexplained share of a torque's variance below which a fit is good: real laws of friction differ by as much."""
-# Range of an inertia over the modelled one, and of a torque constant over the assumed one.
-_LEAST, _MOST = 0.5, 2.0
 # Mass of a payload: over that of all moving links, and on the lightest robot [kg]: a bare lever of 0.08 kg may carry 2.
 _PAYLOAD, _PAYLOAD_KG = 5.0, 5.0
-# Inertia of a rotor behind its gear over what the joint moves, the modelled rotor included.
-_ROTOR = 30.0
 # Samples over which the inertia at a joint is averaged.
 _POSTURES = 12
+# Unexplained share below which two fits are the same. What any law of friction leaves is the same in both readings that
+# are compared, so that it may be far below `ENOUGH`.
+_SAME = 0.0005
 # A half of the recording is not used if a torque varies in it by less than this share of its whole variance.
 _QUIET = 1e-3
 # Weight of the ridge on every coefficient, with columns of length one: the fit loses a millionth.
@@ -42,6 +43,28 @@ _FIRST = 4  # of them: mass and first moments
 _OWN = 4  # columns that each joint has for itself: rotor, viscous and Coulomb friction, offset
 
 
+class Freedom(NamedTuple):
+    """How far a robot may be from its model.
+
+    Attributes:
+        factor: Largest factor of an inertia and of a torque constant, either way.
+        last: Least part of the modelled last link that is there: a tool may be missing, and its link weighs something.
+        rotor: Largest inertia of a rotor behind its gear over what the joint moves.
+        offset: Largest offset over the root mean square of the modelled torque.
+    """
+
+    factor: float
+    last: float
+    rotor: float
+    offset: float
+
+
+PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
+"""Any robot: what leaves a large residual here is no property of one."""
+AS_MODELLED = Freedom(1.06, 1 / 1.06, 0.15, 0.5)
+"""A robot like its model, but for friction and a payload: it tells apart readings that some robot explains equally."""
+
+
 @dataclass(frozen=True)
 class _Bounded:
     """Columns that all joints share, those that each joint has for itself, and bounds of their coefficients."""
@@ -50,21 +73,23 @@ class _Bounded:
     own: Float[Array, "N nv 4"]
     low: Float[Array, " s"]
     high: Float[Array, " s"]
-    rotor: Float[Array, " nv"]
     own_low: Float[Array, "nv 4"]
+    own_high: Float[Array, "nv 4"]
+    factor: float
 
 
-def unexplained(robot: Robot, reading: Reading) -> Float[Array, "2 nv"]:
+def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) -> Float[Array, "2 nv"]:
     """Share of each joint's torque variance that no plausible robot explains, in each half of the record.
 
     Args:
         robot: The given model.
         reading: Samples of the recording.
+        freedom: How far the robot may be from its model.
 
     Returns:
         Shares from 0 on, NaN for a half in which the torque hardly varies.
     """
-    columns = _columns(robot, reading)
+    columns = _columns(robot, reading, freedom)
     felt = reading.tau + reading.external
     half = len(felt) // 2
     out = np.full((2, felt.shape[1]), np.nan)
@@ -77,7 +102,17 @@ def unexplained(robot: Robot, reading: Reading) -> Float[Array, "2 nv"]:
     return out
 
 
-def _columns(robot: Robot, reading: Reading) -> _Bounded:
+def misfit_as_modelled(robot: Robot, reading: Reading) -> float:
+    """Sum over the joints of the logarithm of the share that no robot like the model explains, see `AS_MODELLED`."""
+    try:
+        left = unexplained(robot, reading, AS_MODELLED)
+    except ChainError:
+        return np.inf
+    known = left[:, ~np.isnan(left).all(axis=0)]
+    return float(np.sum(np.log(np.nanmean(known, axis=0) + _SAME)))
+
+
+def _columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bounded:
     """Columns of the torques with the least and the largest plausible coefficient of each."""
     regressor = rigid_body_regressor(robot, reading.motion)
     modelled = standard_parameters(robot)
@@ -88,9 +123,8 @@ def _columns(robot: Robot, reading: Reading) -> _Bounded:
         start = body * _PARAMETERS
         for part in (slice(start, start + _FIRST), slice(start + _FIRST, start + _PARAMETERS)):
             columns.append(regressor[:, :, part] @ modelled[part])
-            # A part of the modelled last link may be missing.
-            low.append(0.0 if body >= carries else _LEAST)
-            high.append(_MOST)
+            low.append(freedom.last if body >= carries else 1 / freedom.factor)
+            high.append(freedom.factor)
     load = (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments; products and centres have either sign
     columns += list(np.moveaxis(regressor[:, :, carries * _PARAMETERS : (carries + 1) * _PARAMETERS], 2, 0))
@@ -101,14 +135,19 @@ def _columns(robot: Robot, reading: Reading) -> _Bounded:
     own_low = np.tile([0.0, 0.0, 0.0, -np.inf], (ones.shape[1], 1))
     for column, late in enumerate((reading.late_by_acceleration, reading.late_by_speed)):
         own_low[:, column] -= 0.0 if late is None else late
-    moved = np.einsum("njj->nj", mass_matrix(robot, reading.motion.q[postures])).mean(axis=0)
+    own_high = np.full_like(own_low, np.inf)
+    own_high[:, 0] = freedom.rotor * np.einsum("njj->nj", mass_matrix(robot, reading.motion.q[postures])).mean(axis=0)
+    if np.isfinite(freedom.offset):
+        size = np.sqrt(np.mean((regressor @ modelled) ** 2, axis=0))
+        own_low[:, 3], own_high[:, 3] = -freedom.offset * size, freedom.offset * size
     return _Bounded(
         np.stack(columns, axis=2),
         np.stack([reading.motion.a, reading.motion.v, reading.sign, ones], axis=2),
         np.array(low),
         np.array(high),
-        _ROTOR * moved,
         own_low,
+        own_high,
+        freedom.factor,
     )
 
 
@@ -122,7 +161,7 @@ def _left(columns: _Bounded, felt: Float[Array, "N nv"], rows: slice, joints: Ar
     """Mean squared residual of each joint's torque with the best coefficients within their bounds."""
     count = columns.shared.shape[2]
     low = np.concatenate([columns.low, *(columns.own_low[j] for j in joints)])
-    high = np.concatenate([columns.high, *([columns.rotor[j], np.inf, np.inf, np.inf] for j in joints)])
+    high = np.concatenate([columns.high, *(columns.own_high[j] for j in joints)])
     size = felt[rows][:, joints].std(axis=0)
     wanted = felt[rows][:, joints] / size
     shared, own = columns.shared[rows][:, joints] / size[:, None], columns.own[rows][:, joints] / size[:, None]
@@ -131,10 +170,11 @@ def _left(columns: _Bounded, felt: Float[Array, "N nv"], rows: slice, joints: Ar
     for turn in range(_TURNS):
         x = _bounded(_stacked(shared * constants[:, None], own), wanted.T.ravel(), low, high)
         need = shared @ x[:count]
-        each = [
-            _own_fit(need[:, k], own[:, k], wanted[:, k], (low[count + _OWN * k :], high[count + _OWN * k :]))
-            for k in range(len(joints))
-        ]
+        each = []
+        for k in range(len(joints)):
+            part = slice(count + _OWN * k, count + _OWN * (k + 1))
+            bounds = (np.r_[1 / columns.factor, low[part]], np.r_[columns.factor, high[part]])
+            each.append(_own_fit(need[:, k], own[:, k], wanted[:, k], bounds))
         best = np.minimum(best, np.array([left for _, left in each]))
         constants = np.array([constant for constant, _ in each])
         if turn == 0 and best.max() < _RIDGE:
@@ -157,9 +197,7 @@ def _own_fit(
 ) -> tuple[float, float]:
     """Torque constant of one joint for the torque that its links need, and the mean squared residual."""
     columns = np.column_stack([need, own])
-    low = np.concatenate([[_LEAST], bounds[0][:_OWN]])
-    high = np.concatenate([[_MOST], bounds[1][:_OWN]])
-    x = _bounded(columns, wanted, low, high)
+    x = _bounded(columns, wanted, *bounds)
     return float(x[0]), float(np.mean((wanted - columns @ x) ** 2))
 
 

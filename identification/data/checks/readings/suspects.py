@@ -44,12 +44,12 @@ _GEARED = float(np.log(2.0))
 # Zeros [rad] of other conventions.
 _QUARTERS = (np.pi / 2, np.pi, -np.pi / 2)
 _TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Logarithm of the factor that wrong inertias and torque constants may add to that of a unit.
-_SAME_UNIT = float(np.log(4.0))
 _OR_GRAMS = ", or the masses of the model in g and not in kg"
 TORQUE_UNITS = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 
-Kind = Literal["time", "degrees", "length", "sign", "order", "torque", "gravity", "attitude", "pair"]
+Kind = Literal[
+    "time", "degrees", "length", "sign", "order", "torque", "factors", "voltage", "gravity", "attitude", "pair"
+]
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,9 @@ class Suspect:
         turned: True where it changes the positions of joints only that turn more than once as recorded.
         says: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
             what was left out (``offer``); or its twins are not certain and nothing is said (``rival``).
+        price: 0 for a usual mistake; 1 where numbers are fitted, as those of gears; 2 where they need a load besides.
+            Of two readings the one of the higher price has to explain far more.
+        advice: What to do, where no entry corrects it.
     """
 
     kind: Kind
@@ -78,6 +81,8 @@ class Suspect:
     expected: bool = False
     moves: bool = False
     turned: bool = False
+    price: int = 0
+    advice: str = ""
 
     def after(self, first: Suspect) -> Suspect:
         """Both readings as one, for the joints of either."""
@@ -314,15 +319,6 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
         inverse = {j: f"gear: {1 / gears[j]:.6g}" for j in every}
         factors.append(("the torques are on the motor's side of the gears", gear_entries(robot, stated), gears))
         factors.append(("the torques were taken through the gears twice", gear_entries(robot, inverse), 1 / gears))
-    if ratio is not None and abs(np.log(ratio)) > _SAME_UNIT:
-        gear = {j: f"gear: {1 / ratio:.3g}" for j in every}
-        what = (
-            f"the torques are on the motor's side of gears of about {1 / ratio:.3g}"
-            if ratio < 1
-            else f"the torques are about {ratio:.3g} times what they should be on all joints"
-        )
-        what += f", or motor currents with about {1 / ratio:.2g} N m/A"
-        factors.append((what, gear_entries(robot, gear), np.full(robot.nv, 1 / ratio)))
     return [
         Suspect("torque", every, what, mended, lambda reading, factor=factor: with_torques_times(reading, factor))
         for what, mended, factor in factors

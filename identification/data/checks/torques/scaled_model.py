@@ -11,6 +11,9 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 
+# Ridge on columns of length one: nearly equal ones share what they explain.
+_RIDGE = 1e-9
+
 
 def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     """Share of each joint's torque variance that the model times a positive number, friction and an offset leave."""
@@ -28,6 +31,30 @@ def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
             x = lsq_linear(factor[:, :-1], factor[:, -1], (low, np.inf), method="bvls", tol=1e-14, max_iter=50).x
             out[j] = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2)) / len(felt) / variance
     return out
+
+
+def quick_fit(robot: Robot, reading: Reading) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """The same share with numbers of either sign, for searches through many readings, and the model's factor.
+
+    A factor that is not positive counts as 0, and leaves what friction leaves. Torques that do not vary are left out.
+    """
+    felt = reading.tau + reading.external
+    vary = varies(felt)
+    felt = felt[:, vary] - felt[:, vary].mean(axis=0)
+    needed = (inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion))[:, vary]
+    columns = np.stack([needed, reading.motion.v[:, vary], reading.sign[:, vary]], axis=2).transpose(1, 0, 2)
+    columns = columns - columns.mean(axis=1, keepdims=True)
+    size = np.linalg.norm(columns, axis=1, keepdims=True)
+    columns = columns / np.where(size > 0, size, 1.0)
+    normal = columns.transpose(0, 2, 1) @ columns + _RIDGE * np.eye(3)
+    wanted = np.einsum("jnk,nj->jk", columns, felt)
+    whole = np.sum(felt**2, axis=0)
+    both = np.linalg.solve(normal, wanted[:, :, None])[:, :, 0]
+    friction = np.linalg.solve(normal[:, 1:, 1:], wanted[:, 1:, None])[:, :, 0]
+    positive = both[:, 0] > 0
+    explained = np.where(positive, np.sum(both * wanted, axis=1), np.sum(friction * wanted[:, 1:], axis=1))
+    factors = np.where(positive, both[:, 0] / np.where(size[:, 0, 0] > 0, size[:, 0, 0], 1.0), 0.0)
+    return np.maximum(1 - explained / whole, 0.0), factors
 
 
 def common_ratio(robot: Robot, reading: Reading) -> float | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from identification.data.recording import Recording
 from phantom_dyn.array_types import read_only
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -52,6 +54,22 @@ def clean(arm: Robot, rng: np.random.Generator) -> Callable[..., Recording]:
 def recording(clean: Callable[..., Recording]) -> Recording:
     """Of the arm, 20 s at 500 Hz."""
     return clean()
+
+
+LIFT = """<robot name="lift"><link name="base"/><link name="cart"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>
+<inertia ixx="0.2" iyy="0.2" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="fork"><inertial>
+<origin xyz="0.1 0 0"/><mass value="2"/><inertia ixx="0.02" iyy="0.03" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><joint name="rail" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+<limit lower="-2" upper="2" effort="500" velocity="5"/><dynamics damping="10" friction="4"/></joint>
+<joint name="hoist" type="prismatic"><parent link="cart"/><child link="fork"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" effort="500" velocity="5"/><dynamics damping="8" friction="5"/></joint></robot>"""
+
+
+@pytest.fixture
+def lift(tmp_path: Path) -> Robot:
+    """A cart on a rail with a hoist, whose weight is the same everywhere."""
+    (tmp_path / "lift.urdf").write_text(LIFT)
+    return load_robot(tmp_path / "lift.urdf")
 
 
 @pytest.fixture

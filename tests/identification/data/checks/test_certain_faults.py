@@ -168,6 +168,30 @@ def test_the_positions_of_all_motors_behind_gears_of_one_ratio(arm, changed, rec
     assert "sign: -1" in fault.mend
 
 
+def test_the_positions_of_motors_behind_gears_of_their_own(clean):
+    # Known truth: six gears. Of a wrist with next to no weight the ratio shows little.
+    robot, gears = load_robot("example:ur5"), np.array([100.0, 100.0, 80.0, 50.0, 50.0, 50.0])
+    recording = clean(robot=robot)
+    fault = only(checked(replace(recording, q=recording.q * gears, v=None), robot).wrong)
+    for joint, gear in list(zip(robot.joint_names, gears, strict=True))[:4]:
+        assert float(re.search(rf"q.{joint}, gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(gear, rel=0.1)
+
+
+@pytest.mark.parametrize(("ratio", "entry"), [(61.0, "gear: 6"), (180 / np.pi, "unit: deg")])
+def test_a_gear_of_about_57_is_told_from_degrees_also_with_a_load(clean, ratio, entry):
+    robot, name = load_robot("example:ur5"), "elbow_joint"
+    recording = clean(robot=loaded(load_robot("example:ur5"), 2.0))
+    fault = only(checked(replace(recording, q=recording.q * [1.0, 1.0, ratio, 1.0, 1.0, 1.0], v=None), robot).wrong)
+    assert f"q.{name}: {{from: q.{name}, {entry}" in fault.mend
+
+
+def test_a_slide_that_its_motor_counts_is_not_taken_for_millimetres(clean, lift):
+    # Known truth: 392.7 rad/m, a screw of 16 mm a turn.
+    recording = clean(robot=lift)
+    fault = only(checked(replace(recording, q=recording.q * [1.0, 392.7], v=None), lift).wrong)
+    assert float(re.search(r"q.hoist, gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(392.7, rel=0.1)
+
+
 def test_degrees_of_some_joints_of_which_one_has_another_mistake(arm, changed, recording):
     q, tau = recording.q * [np.rad2deg(1), np.rad2deg(1), 1], recording.tau * [1, -1, 1]
     wrong = checked(replace(changed(recording, q=q, tau=tau), v=None), arm).wrong
@@ -217,6 +241,12 @@ def turned(clean, arm: Robot) -> tuple[Recording, Robot]:
     return replace(recording, q=recording.q + zero), arm
 
 
+def undriven(clean, arm: Robot) -> tuple[Recording, Robot]:
+    recording = clean()
+    noise = 1e-3 * recording.tau.std(axis=0)[1] * np.random.default_rng(1).standard_normal(len(recording.t))
+    return replace(recording, tau=np.column_stack([recording.tau[:, 0], noise, recording.tau[:, 2]])), arm
+
+
 def times(clean, arm: Robot, *factors: float) -> tuple[Recording, Robot]:
     recording = clean()
     return replace(recording, tau=recording.tau * factors), arm
@@ -235,7 +265,7 @@ STRANGE = {
     "all of this at once": all_at_once,
     "gravity compensated": compensated,
     "noise as large as the torque": noisy,
-    "a joint without drive": lambda clean, arm: times(clean, arm, 1.0, 1e-3, 1.0),
+    "a joint without drive": undriven,
     "a zero that is elsewhere": turned,
 }
 

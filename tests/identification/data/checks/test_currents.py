@@ -8,37 +8,72 @@ import pytest
 from identification.data.checks.check_recording import checked
 from identification.data.checks.torques.torque_scales import common_scale
 from identification.data.reading import read_recording
+from phantom_dyn.model.loading import load_robot
 
 
-def test_torques_that_are_currents_of_drives_of_different_sizes_are_offered_their_factors(planar2, changed, planar_log):
+def test_currents_of_drives_of_different_sizes_are_refused_with_a_factor_for_each(planar2, changed, planar_log):
     # Known truth: 0.5 N m/A on the shoulder and 0.08 N m/A on the elbow.
-    found = checked(changed(planar_log, tau=planar_log.tau / [0.5, 0.08]), planar2)
-    assert found.wrong == ()
-    (offer,) = (words for words in found.warnings if "motor current" in words)
-    shoulder, elbow = (float(re.search(rf"([\d.]+) N m/A on {joint}", offer)[1]) for joint in planar2.joint_names)
+    (fault,) = checked(changed(planar_log, tau=planar_log.tau / [0.5, 0.08]), planar2).wrong
+    assert "look like motor current" in fault.what
+    shoulder, elbow = (float(re.search(rf"([\d.]+) N m/A on {joint}", fault.what)[1]) for joint in planar2.joint_names)
     assert shoulder == pytest.approx(0.5, rel=0.1)
     assert elbow == pytest.approx(0.08, rel=0.1)
-    assert f"{{from: tau.elbow, gear: {elbow:.2g}" in offer
+    assert f"{{from: tau.elbow, gear: {elbow:.2g}" in fault.mend
 
 
-def test_the_entry_that_is_offered_for_currents_mends_them(planar2, changed, tmp_path, planar_log):
+def test_the_entry_for_currents_mends_them(planar2, changed, tmp_path, planar_log):
     wrong = changed(planar_log, tau=planar_log.tau / [0.5, 0.08])
-    (offer,) = (words for words in checked(wrong, planar2).warnings if "motor current" in words)
-    entry = re.search(r"write \{(.*)\} into a column map", offer)[1]
+    (fault,) = checked(wrong, planar2).wrong
+    entry = re.search(r"write \{(.*)\} into a column map", fault.mend)[1]
     names = [f"{quantity}.{joint}" for quantity in ("q", "tau") for joint in planar2.joint_names]
     table = np.column_stack([wrong.t, wrong.q, wrong.tau])
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=",".join(["t", *names]), comments="")
     (tmp_path / "columns.yaml").write_text(entry.replace("}, ", "}\n") + "\n")
     mended = read_recording(tmp_path / "log.csv", planar2, columns=tmp_path / "columns.yaml")
     assert np.abs(mended.tau / planar_log.tau - 1.0).max() < 0.1
+    assert mended.wrong == ()
     assert not [words for words in mended.warnings if "motor current" in words]
 
 
-def test_the_current_of_one_joint_among_torques_is_offered_its_factor(planar2, changed, planar_log):
-    found = checked(changed(planar_log, tau=planar_log.tau / [1.0, 0.05]), planar2)
-    (offer,) = (words for words in found.warnings if "motor current" in words)
-    assert "the torque of elbow looks like motor current" in offer
-    assert float(re.search(r"about ([\d.]+) N m/A on elbow", offer)[1]) == pytest.approx(0.05, rel=0.1)
+def test_the_current_of_one_joint_among_torques_is_refused_with_its_factor(planar2, changed, planar_log):
+    (fault,) = checked(changed(planar_log, tau=planar_log.tau / [1.0, 0.05]), planar2).wrong
+    assert "the torque of elbow looks like motor current" in fault.what
+    assert float(re.search(r"about ([\d.]+) N m/A on elbow", fault.what)[1]) == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize("gears", [(80.0, 51.0), (120.0, 30.0)])
+def test_gears_that_differ_are_told_for_each_joint(planar2, changed, gears, planar_log):
+    # Known truth: one gear for both leaves little only with torque constants that are wrong by a half.
+    (fault,) = checked(changed(planar_log, tau=planar_log.tau / gears), planar2).wrong
+    for joint, gear in zip(planar2.joint_names, gears, strict=True):
+        assert float(re.search(rf"tau.{joint}, gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(gear, rel=0.1)
+
+
+def test_the_current_of_a_screw_is_told_although_its_weight_is_constant(clean, lift, changed):
+    # Known truth: the motor of a screw of 10 mm a turn has a 628th of the force.
+    recording = clean(robot=lift)
+    (fault,) = checked(changed(recording, tau=recording.tau / [1.0, 628.3]), lift).wrong
+    assert float(re.search(r"tau.hoist, gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(628.3, rel=0.1)
+
+
+def voltages(recording, *, k, resistance):
+    """Closed form of a motor with k V s/rad behind its gear: u = R / k tau + k v."""
+    return recording.tau * resistance / k + k * recording.v
+
+
+def test_voltages_are_refused_as_no_torques(clean, changed):
+    robot = load_robot("example:ur5")
+    recording = clean(robot=robot)
+    (fault,) = checked(changed(recording, tau=voltages(recording, k=20.0, resistance=0.4)), robot).wrong
+    assert fault.what.startswith("the torques of shoulder_pan_joint, shoulder_lift_joint, elbow_joint")
+    assert "are no torques: they follow the speeds of these joints, to 9" in fault.what
+    assert "name the columns u.shoulder_pan_joint, u.shoulder_lift_joint" in fault.mend
+
+
+def test_voltages_that_the_friction_of_some_robot_may_be_are_warned_of(planar2, changed, planar_log):
+    found = checked(changed(planar_log, tau=voltages(planar_log, k=5.0, resistance=0.25)), planar2)
+    assert found.wrong == ()
+    assert any("no torques: they follow the speeds" in words for words in found.warnings)
 
 
 def test_currents_that_a_heavier_robot_may_explain_are_said_with_their_factor(planar2, changed, planar_log):
@@ -79,7 +114,14 @@ def test_one_factor_of_a_single_joint_may_be_a_load_or_a_current(clean, pendulum
 
 @pytest.mark.parametrize(
     ("scales", "expected"),
-    [((1.0, 1.0), None), ((0.3, 0.31), 0.305), ((0.3, np.nan), None), ((0.1, 0.15), 0.1225), ((0.45, 0.45), None)],
+    [
+        ((1.0, 1.0), None),
+        ((0.3, 0.31), 0.305),
+        ((0.3, np.nan), None),
+        ((0.1, 0.11), 0.1049),
+        ((0.1, 0.15), None),
+        ((0.45, 0.45), None),
+    ],
 )
 def test_one_factor_of_all_joints_is_large_or_the_same_to_some_per_cent(scales, expected):
     # By hand: geometric means; a torque constant may be wrong by two and more, and a load gives factors that differ.

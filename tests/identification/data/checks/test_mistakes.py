@@ -45,6 +45,14 @@ def test_a_position_that_is_counted_backwards_is_refused_with_its_entry(clean, p
     )
 
 
+@pytest.mark.parametrize(("q", "tau"), [((1,), ()), ((), (1,))])
+def test_the_sign_of_its_weight_tells_a_hoists_position_from_its_torque(clean, lift, q, tau):
+    # Known truth: inertia and friction change their signs with either, a constant weight only with the torque.
+    (stated,) = entries(turned(clean(robot=lift), q=q, tau=tau), lift)
+    assert ("q.hoist: {from: q.hoist, sign: -1}" in stated) == bool(q)
+    assert ("tau.hoist: {from: tau.hoist, sign: -1}" in stated) == bool(tau)
+
+
 @pytest.mark.parametrize("joint", [3, 4])
 def test_an_axis_that_points_the_other_way_is_refused_with_both_entries(clean, joint):
     robot = load_robot("example:ur5")
@@ -59,6 +67,17 @@ def test_a_position_and_the_torque_of_another_joint_are_both_told(clean):
     stated = "; ".join(entries(turned(clean(robot=robot), q=(2,), tau=(1,)), robot))
     for column in ("q.elbow_joint", "tau.shoulder_lift_joint"):
         assert f"{column}: {{from: {column}, sign: -1}}" in stated
+
+
+def test_a_mistake_beside_which_much_is_left_is_a_warning(clean):
+    # Known truth: the elbow's position is reversed, and its torque is half of it noise besides.
+    robot = load_robot("example:ur5")
+    wrong = turned(clean(robot=robot), q=(2,))
+    noise = 0.8 * wrong.tau[:, 2].std() * np.random.default_rng(1).standard_normal(len(wrong.t))
+    slow = np.convolve(noise, np.ones(500) / 500**0.5, mode="same")
+    found = checked(replace(wrong, tau=wrong.tau + np.outer(slow, np.arange(6) == 2)), robot)
+    assert found.wrong == ()
+    assert any("it may be that the position of elbow_joint is counted the other way round" in w for w in found.warnings)
 
 
 def test_degrees_of_one_joint_alone(clean):
