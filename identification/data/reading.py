@@ -184,6 +184,20 @@ def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) ->
     return replace(table, columns=columns)
 
 
+def _left_out(table: Table, robot: Robot) -> str:
+    """Advice to leave out all columns of joints that a robot does not have."""
+    names = []
+    for name in table.columns:
+        column = column_of(name)
+        if (
+            column is not None
+            and column.quantity not in (*ALONE, *FRAME_AXES, *FRAME_FLAGS, "temp")
+            and column.of not in (*robot.joint_names, *robot.passive_names, *robot.locked)
+        ):
+            names.append(shortened(table.named.get(name, name)))
+    return f"; to leave it out, write ignore: [{', '.join(names)}] into a column map (--columns)"
+
+
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     """Refuse a column of an unknown joint and a joint without position; returns warnings about unused columns."""
     locked: dict[str, None] = {}
@@ -202,9 +216,13 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
         if column.quantity == "temp":
             elsewhere.append(name)
             continue
+        known = known_names(column.of, [*robot.joint_names, *robot.passive_names], "joints").removesuffix(".")
+        # Where none of the robot's joints is absent, the log holds more of a machine than the robot's file.
+        more = not any(f"q.{joint}" not in table.columns for joint in robot.joint_names)
+        end = f"{_left_out(table, robot)}." if more else "" if known.endswith("?") else "."
         raise LogError(
             f"{table.file}: column {shortened(name)} is of the joint {shortened(column.of)}, which {robot.name} does "
-            f"not have: {known_names(column.of, [*robot.joint_names, *robot.passive_names], 'joints')}"
+            f"not have: {known}{end}"
         )
     absent = [joint for joint in robot.joint_names if f"q.{joint}" not in table.columns]
     if len(absent) == 1:

@@ -160,7 +160,8 @@ def read_root(path: Path) -> tuple[Element, str]:
         raise RobotError(f"{path} defines entities, which no robot file needs: write out what they stand for.")
     if _depth(root) > _DEEPEST:
         raise RobotError(f"{path} has more than {_DEEPEST} elements in one another: give the file of one robot.")
-    if any("xacro" in str(element.tag) for element in root.iter()):
+    # Files that xacro has made keep its namespace, and hold no ${...} any more.
+    if any("xacro" in str(one.tag) or any("${" in text for text in one.attrib.values()) for one in root.iter()):
         raise RobotError(f"{path} is a xacro source: expand it with `xacro FILE > robot.urdf` and give the result.")
     if root.tag == "sdf":
         raise RobotError(

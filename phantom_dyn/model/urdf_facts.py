@@ -47,6 +47,7 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
     ]
     for joint in joints:
         _check_urdf_joint(joint, path)
+    _require_tree(joints, path)
     names = [joint.get("name", "") for joint in joints]
     followers = {}
     for joint in joints:
@@ -54,6 +55,22 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         if mimic is not None and joint.get("type") != "fixed":  # a fixed joint does not follow: Talos' files have such
             followers[joint.get("name", "")] = _followed(joint, mimic, names, path)
     return RobotXml("urdf", root.get("name", ""), sha256, tuple(bodies), followers)
+
+
+def _require_tree(joints: list[Element], path: Path) -> None:
+    """Refuse links that hang on one another in a circle: no parser reaches them, and all of their joints are lost."""
+    above = {_link_of(joint, "child"): _link_of(joint, "parent") for joint in joints}
+    for first in above:
+        seen, link = [first], above[first]
+        while link in above and link not in seen:
+            seen.append(link)
+            link = above[link]
+        if link == first and link is not None:
+            raise RobotError(
+                f"{path}: the links {', '.join(shortened(str(one)) for one in reversed(seen))} hang on one another in "
+                "a circle: a URDF is a tree; hang the first of them on the base, and state a closed chain under loops "
+                "in robot.yaml."
+            )
 
 
 def _links_at_rest(root: Element, joints: list[Element]) -> set[str | None]:

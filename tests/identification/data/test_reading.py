@@ -88,6 +88,11 @@ def test_forces_are_collected_by_frame(arm):
             id="an unknown joint lists the robots joints",
         ),
         pytest.param(
+            lambda arm: recording(table(q__wrist=T, tau__wrist=T), arm),
+            r"q\.wrist is of the joint wrist, .*; to leave it out, write ignore: \[q\.wrist, tau\.wrist\] into",
+            id="a log of more joints than the robot has gets the entry that leaves them out",
+        ),
+        pytest.param(
             lambda arm: recording(table(q__tilt=None, tau__tilt=None), arm),
             r"has no column q\.tilt, but arm3 has the joint tilt",
             id="a joint without position",

@@ -35,6 +35,13 @@ def assert_refused(path: Path, text: str, message: str) -> None:
             '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>',
             "is a xacro source: expand it",
         ),
+        ('<robot name="x"><link name="base"/><joint name="a" type="${kind}"/></robot>', "is a xacro source: expand it"),
+        (
+            '<robot name="x"><link name="base"/><link name="u"/><link name="w"/>'
+            '<joint name="a" type="revolute"><parent link="u"/><child link="w"/></joint>'
+            '<joint name="b" type="revolute"><parent link="w"/><child link="u"/></joint></robot>',
+            "the links u, w hang on one another in a circle: a URDF is a tree",
+        ),
         ('<robot name="x"><link name="base"/></robot>', "has no joint that moves"),
         ("<mujoco/>", "has no joint that moves"),
         ("<robot><link name='base'/></robot>", r"can read \(No name given for the robot\): correct the file"),

@@ -81,7 +81,7 @@ def test_a_temperature_that_is_of_no_joint_stops_no_log(columns):
         ),
         pytest.param(
             lambda columns: table(columns, t=1.7e18 + 1e7 * columns["t"]),
-            r"column t is .* which no sensor gives .* give the time in seconds",
+            r"column t is .* which no sensor gives .* give the time in seconds, or write t: {from: t, unit: ns} into",
             id="a time in nanoseconds is refused",
         ),
         pytest.param(
