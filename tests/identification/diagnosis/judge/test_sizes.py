@@ -80,7 +80,7 @@ def shown_with(quiet, sizes) -> Any:
         theta[list(term.columns)] = size
     fit = SimpleNamespace(
         coefficients=lambda term: theta[list(term.columns)],
-        place=lambda term: SimpleNamespace(coefficients=slice(term.columns[0], term.columns[-1] + 1)),
+        slices_of=lambda term: SimpleNamespace(coefficients=slice(term.columns[0], term.columns[-1] + 1)),
         cov=np.zeros((len(theta), len(theta))),
     )
     found = SimpleNamespace(theta=theta)

@@ -11,7 +11,7 @@ from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.fair_costs import costs_of, odds_of_richer
 from identification.diagnosis.search.rival_sets import (
     Standing,
-    _with_places,
+    _with_effects,
     stand,
     with_leading_rivals,
 )
@@ -255,13 +255,13 @@ def test_where_a_law_ends_on_a_special_case_that_case_takes_its_place(quiet):
     # By definition: the set with exactly the effects of those places in place of the finding.
     finding, beside = quiet.term("stribeck_friction", "elbow"), quiet.term("torque_offset", "shoulder")
     places = (("coulomb_friction", "elbow"), ("viscous_friction", "elbow"))
-    leading = _with_places(quiet.search, frozenset([finding, beside]), finding, places)
+    leading = _with_effects(quiet.search, frozenset([finding, beside]), finding, places)
     assert {one.effect_joint for one in leading} == {*places, beside.effect_joint}
 
 
 def test_a_place_that_is_no_rival_leads_to_nothing(quiet):
     finding = quiet.term("coulomb_friction", "elbow")
-    assert _with_places(quiet.search, frozenset([finding]), finding, (("coulomb_friction", "wrist"),)) is None
+    assert _with_effects(quiet.search, frozenset([finding]), finding, (("coulomb_friction", "wrist"),)) is None
 
 
 def priced(prices: tuple[float, ...], penalties: tuple[float, ...]) -> SimpleNamespace:
