@@ -33,6 +33,7 @@ from identification.data.readers.contract_columns import (
     MEANT,
     column_of,
 )
+from identification.data.readers.map_entries import left_out_words
 from identification.data.readers.read_table import Files, table_of
 from identification.data.recording import Recording, Table, time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques
@@ -184,20 +185,6 @@ def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) ->
     return replace(table, columns=columns)
 
 
-def _left_out(table: Table, robot: Robot) -> str:
-    """Advice to leave out all columns of joints that a robot does not have."""
-    names = []
-    for name in table.columns:
-        column = column_of(name)
-        if (
-            column is not None
-            and column.quantity not in (*ALONE, *FRAME_AXES, *FRAME_FLAGS, "temp")
-            and column.of not in (*robot.joint_names, *robot.passive_names, *robot.locked)
-        ):
-            names.append(shortened(table.named.get(name, name)))
-    return f"; to leave it out, write ignore: [{', '.join(names)}] into a column map (--columns)"
-
-
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     """Refuse a column of an unknown joint and a joint without position; returns warnings about unused columns."""
     locked: dict[str, None] = {}
@@ -216,13 +203,12 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
         if column.quantity == "temp":
             elsewhere.append(name)
             continue
-        known = known_names(column.of, [*robot.joint_names, *robot.passive_names], "joints").removesuffix(".")
+        known = known_names(column.of, [*robot.joint_names, *robot.passive_names], "joints")
         # Where none of the robot's joints is absent, the log holds more of a machine than the robot's file.
         more = not any(f"q.{joint}" not in table.columns for joint in robot.joint_names)
-        end = f"{_left_out(table, robot)}." if more else "" if known.endswith("?") else "."
         raise LogError(
             f"{table.file}: column {shortened(name)} is of the joint {shortened(column.of)}, which {robot.name} does "
-            f"not have: {known}{end}"
+            f"not have: {known}{f' {left_out_words(table, robot)}' if more else ''}"
         )
     absent = [joint for joint in robot.joint_names if f"q.{joint}" not in table.columns]
     if len(absent) == 1:

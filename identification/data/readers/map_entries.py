@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from identification.data.readers.contract_columns import JOINT_QUANTITIES
+from identification.data.readers.contract_columns import ALONE, FRAME_AXES, FRAME_FLAGS, JOINT_QUANTITIES, column_of
 from identification.data.readers.suggested_map import quoted
-from identification.data.recording import Recording
+from identification.data.recording import Recording, Table
 from phantom_dyn.model.robot import Robot
 
 
@@ -49,6 +49,20 @@ def _renamed(recording: Recording, value: str) -> str:
     before, after = ("{from: ", ", ") if value.startswith("{from: ") else ("", "")
     name, mark, rest = value.removeprefix(before).partition(after) if after else (value, "", "")
     return f"{before}{quoted(recording.named[name])}{mark}{rest}" if name in recording.named else value
+
+
+def left_out_words(table: Table, robot: Robot) -> str:
+    """Advice to leave out all columns of joints that a robot does not have, a sentence."""
+    names = []
+    for name in table.columns:
+        column = column_of(name)
+        if (
+            column is not None
+            and column.quantity not in (*ALONE, *FRAME_AXES, *FRAME_FLAGS, "temp")
+            and column.of not in (*robot.joint_names, *robot.passive_names, *robot.locked)
+        ):
+            names.append(quoted(table.named.get(name, name)))
+    return f"To leave it out, write ignore: [{', '.join(names)}] into a column map (--columns)."
 
 
 def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:

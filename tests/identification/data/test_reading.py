@@ -89,7 +89,7 @@ def test_forces_are_collected_by_frame(arm):
         ),
         pytest.param(
             lambda arm: recording(table(q__wrist=T, tau__wrist=T), arm),
-            r"q\.wrist is of the joint wrist, .*; to leave it out, write ignore: \[q\.wrist, tau\.wrist\] into",
+            r"q\.wrist is of the joint wrist, .* To leave it out, write ignore: \[q\.wrist, tau\.wrist\] into",
             id="a log of more joints than the robot has gets the entry that leaves them out",
         ),
         pytest.param(
