@@ -10,12 +10,11 @@ import pytest
 from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.plausible_fit import unexplained
 from identification.data.checks.readings.reading import of_voltages, reading_of
-from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects, felt_gravity
+from identification.data.checks.readings.weights import compensated_suspects, felt_gravity
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.reading import read_recording
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
-from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Actuator, Robot
 from phantom_dyn.motion import Motion
@@ -294,23 +293,6 @@ def test_the_gravity_that_the_torques_feel(planar2, taken, felt, planar_log):
     tau = planar_log.tau - taken * gravity_torque(planar2, planar_log.q)
     reading = reading_of(smoothed(replace(planar_log, tau=tau)))
     assert np.linalg.norm(felt_gravity(planar2, reading, (0, 1))) == pytest.approx(felt, abs=0.1)
-
-
-@pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (9.81, 0.0, 0.0), (5.0, 0.0, 8.44)])
-def test_a_robot_that_hangs_or_leans_far_is_refused_with_its_gravity(clean, planar2, gravity):
-    # Known truth: the recorded robot feels this gravity, the given model 9.81 m/s^2 downwards.
-    hanging = with_gravity(planar2, np.array(gravity))
-    (fault,) = checked(clean(robot=hanging), planar2).wrong
-    assert fault.what == "the base is mounted in another way than gravity in the model says"
-    stated = re.search(r"write gravity: \[(.*)\] into robot.yaml", fault.mend)[1]
-    np.testing.assert_allclose([float(x) for x in stated.split(",")], gravity, atol=0.3)
-
-
-@pytest.mark.parametrize("degrees", [0.0, 20.0])
-def test_a_base_that_leans_a_little_is_for_the_diagnosis(clean, planar2, degrees):
-    turned = pin.exp3(np.array([0.0, np.radians(degrees), 0.0])) @ np.array([0.0, 0.0, -9.81])
-    reading = reading_of(smoothed(clean(robot=with_gravity(planar2, turned))))
-    assert attitude_suspects(planar2, reading) == []
 
 
 @pytest.mark.parametrize("constant", [0.0, 1.5])
