@@ -52,7 +52,7 @@ def test_the_notebook_runs_and_finds_both_loads(tmp_path, monkeypatch, capsys):
     sizes = [names[name].findings[0].parameters["mass"].value for name in ("diagnosis", "later")]
     assert sizes == pytest.approx([0.4, 0.6], rel=0.05)
     said = capsys.readouterr().out
-    assert "A payload, mass: 0.400 (0.340 to 0.460) kg -> 0.595" in said
+    assert "A payload, mass: 0.401 (0.341 to 0.461) kg -> 0.595" in said
     assert float(names["maps"].apparent_mass.min()) > 0.0
     # What the sentence of the README says that the notebook shows.
     (shown,) = re.findall(r"where `dyn\.` also offers (.*?)\s\(\[a", README, flags=re.DOTALL)

@@ -34,8 +34,8 @@ _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
 _WATCHED, _HIDDEN, _COUNTS = 0.25, 0.3, 8.0
 # Factor over the estimate for white noise, as the noise of readings is not white.
 _CAUTION = 3.0
-# Largest share of standstill in a sample of the judged band, weighted by the kernel.
-_STANDING = 0.25
+# Largest share of standstill in a sample of the judged band, weighted by the kernel: that of a quarter at either end.
+_STANDING = 0.055
 
 
 def moving_joints(log: Log) -> Bool[Array, " nv"]:
