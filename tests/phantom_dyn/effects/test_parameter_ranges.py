@@ -233,7 +233,7 @@ def test_fits_take_away_no_more_of_a_rotor_than_is_modelled(planar):
     [
         ("stribeck_friction", [0.85, 1.0, 1.18]),
         ("presliding_friction", [0.75, 1.0, 4 / 3]),
-        ("backlash", [0.8, 1.0, 1.25]),
+        ("backlash", [0.8, 0.93, 1.0, 1.07, 1.25]),
     ],
 )
 def test_shapes_that_are_tried_next_lie_about_as_far_below_as_above(name, factors):
