@@ -16,6 +16,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 _MARK = "_channel_of_a_simulation"
 # Damping ratio of link and motor on a spring between them; gears and belts have 0.02 to 0.1.
 SPRING_DAMPING = 0.05
+# The same of a link alone on a stiff spring, as it is computed from recordings. At the frequency of such a spring much
+# of what is read is noise, since the motor nearly stands still: less damping would amplify it more.
+SWING_DAMPING = 0.1
 Channel = Literal["torque", "command", "reading"]
 
 

@@ -16,8 +16,8 @@ from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import FoundEffect
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.simulated import SWING_DAMPING
 from phantom_dyn.effects.support.displaced import behind_encoder
-from phantom_dyn.effects.transmission.transmission_compliance import USUAL_DAMPING
 from phantom_dyn.errors import EstimationError, LogError, ParameterError, RobotError
 from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.model.robot import Robot
@@ -43,7 +43,7 @@ def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
             stiffness = None if behind_encoder(robot, row) else _stiffness(log, joint)
             if stiffness is not None:
                 compliance = 1.0 / stiffness
-                out.append(FoundEffect(effect, joint, (compliance, USUAL_DAMPING), np.array([compliance])))
+                out.append(FoundEffect(effect, joint, (compliance, SWING_DAMPING), np.array([compliance])))
     return tuple(out)
 
 

@@ -30,7 +30,7 @@ from phantom_dyn.effects.author import (
     row_of,
     stiffness_unit,
 )
-from phantom_dyn.effects.simulated import SPRING_DAMPING
+from phantom_dyn.effects.simulated import SPRING_DAMPING, SWING_DAMPING
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.effects.support.rows import branch_rows
@@ -46,9 +46,7 @@ _SOFT_SWINGS = np.array([7.2, 5.7, 4.5, 3.6, 2.9, 2.3, 1.8, 1.45])
 _SPREAD = 2.5
 # Compliances that are tried about one that was found, as shares of it.
 _NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
-# Damping ratios of the swing that is computed. At the frequency of a stiff spring much of what is read is noise, since
-# the motor nearly stands still: less damping would amplify it more. A soft spring that swings is seen to ring.
-USUAL_DAMPING = 0.1
+# Damping ratio of the swing on a soft spring: it is seen to ring.
 _DAMPING_OF_SOFT = 0.04
 # Ratios between which it is tried about one that was found, and the shares of it.
 _DAMPING_RANGE = (0.005, 0.3)
@@ -97,7 +95,7 @@ class TransmissionCompliance(Effect):
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Compliances at which the link swings at some frequencies, from stiff to soft, each with a damping ratio."""
         inertia = float(np.median(load_and_inertia(operation, row_of(robot, joint))[1]))
-        tried = ((_SWINGS, USUAL_DAMPING), (_SOFT_SWINGS, _DAMPING_OF_SOFT))
+        tried = ((_SWINGS, SWING_DAMPING), (_SOFT_SWINGS, _DAMPING_OF_SOFT))
         return tuple(
             (float(1.0 / (inertia * (2.0 * np.pi * f) ** 2)), damping) for swings, damping in tried for f in swings
         )
@@ -187,7 +185,7 @@ def link_inertia(robot: Robot, row: int) -> float:
 
 
 def swing(
-    operation: Operation, row: int, stiffness: float, damping: float = USUAL_DAMPING
+    operation: Operation, row: int, stiffness: float, damping: float = SWING_DAMPING
 ) -> tuple[Array, Array, Array]:
     r"""How far the link of a joint is ahead of its motor, and its first two time derivatives, each of shape ``(N,)``.
 

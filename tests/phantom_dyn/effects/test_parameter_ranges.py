@@ -240,4 +240,4 @@ def test_shapes_that_are_tried_next_lie_about_as_far_below_as_above(name, factor
     # In ratios: a sixth for a velocity, a third for a displacement, a quarter for a gap.
     shapes = effect_named(name).refined(np.array([0.4, 0.7]), (0.02,))
     assert [size for (size,) in shapes] == pytest.approx(0.02 * np.array(factors))
-    assert factors[0] * factors[2] == pytest.approx(1.0, abs=0.01)
+    assert factors[0] * factors[-1] == pytest.approx(1.0, abs=0.01)
