@@ -19,6 +19,7 @@ from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects
 from identification.data.checks.torques.scaled_model import common_ratio, plain_left
 from identification.data.checks.torques.torque_factors import factor_of_all, factor_suspects, unit_suspects
+from identification.data.checks.torques.torque_scales import OTHER_UNIT
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import ChainError
@@ -41,8 +42,6 @@ _MOST_FAULTS = 3
 _FOR_TWO, _BOTH_RIGHT = 0.2, 0.1
 # Number of signs that are tried first for pairs of mistakes, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
-# Logarithm of a factor that is no unit or gear.
-_SAME_UNIT = float(np.log(4.0))
 # Number of the best signs and orders by a quick fit that are fitted in full.
 _TRIED = 6
 
@@ -55,7 +54,7 @@ class Compared:
         suspect: The change that makes the reading.
         gains: Logarithm of the ratio of unexplained shares, as recorded over as read, ``(2, nv)``.
         left: Unexplained share of the reading, ``(2, nv)``.
-        twins: Other readings that the data cannot tell from it.
+        twins: Other readings that the data do not distinguish from it.
     """
 
     suspect: Suspect
@@ -226,7 +225,7 @@ def _two_at_once(
             read = first.read(reading)
             ratio = common_ratio(robot, read)
             seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
-            if ratio is not None and abs(np.log(ratio)) > _SAME_UNIT:
+            if ratio is not None and abs(np.log(ratio)) > OTHER_UNIT:
                 seconds.append(factor_of_all(robot, 1 / ratio))
             # Degrees are never a part of two mistakes, and two signs of one joint make a third single one.
             seconds = [one for one in seconds if not (one.kind == "sign" and one.joints == first.joints)]

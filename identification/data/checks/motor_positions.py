@@ -27,7 +27,7 @@ _ABOUT, _ROUNDS = np.geomspace(0.2, 5.0, 81), 2
 _EACH = 60
 # A ratio so near to 57.3 is that of degrees: the two differ by less than the model is right.
 _DEGREES, _NEAR = 180 / np.pi, 1.01
-# The same of millimetres, where the inertia alone tells the ratio.
+# The same of millimetres, where the inertia alone determines the ratio.
 _MILLIMETRES, _ABOUT_AS_MUCH = 1e3, 1.2
 # Where more joints move so far, one of them alone is not tried.
 _MOST_JOINTS = 3
@@ -134,6 +134,6 @@ def _suspect(robot: Robot, joints: tuple[int, ...], ratios: Float[Array, " nv"])
         lambda reading: with_positions_times(reading, 1 / ratios),
         moves=True,
         turned=not robot.prismatic[joints[0]],
-        # Without weight only the inertia tells a screw from another unit.
+        # Without weight only the inertia distinguishes a screw from another unit.
         price=0 if robot.prismatic[joints[0]] else 1,
     )

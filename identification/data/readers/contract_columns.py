@@ -99,8 +99,6 @@ FEWEST_ROWS = 50
 FEWEST_POSES = 20
 """Rows of a file without torque that holds measured poses of a frame: a laser tracker gives one in a few seconds."""
 
-# Units of clocks, by how many seconds they are.
-_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 1e9
 """Median time between two samples [s]: no robot is recorded faster, and no motion shows at less."""
 
@@ -223,7 +221,7 @@ def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mappi
             others = int(np.count_nonzero(~np.isfinite(values))) - 1
             more, rows = (f", and {others} more rows are no numbers", "these rows") if others else ("", "the row")
             raise LogError(f"{where} is {value}{more}: every value must be a number; repair or delete {rows}.")
-        unit = next((unit for unit, factor in _CLOCKS.items() if abs(value) * factor <= largest), None)
+        unit = next((unit for unit, factor in _TIME.items() if abs(value) * factor <= largest), None)
         entry = f", or write t: {{from: t, unit: {unit}}} into a column map (--columns)" if unit else ""
         hint = "give SI units (--columns converts), or delete the row"
         hint = f"give the time in seconds{entry}" if name == "t" else hint

@@ -62,7 +62,7 @@ class Freedom(NamedTuple):
 PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
 """Any robot: what leaves a large residual here is no property of one."""
 AS_MODELLED = Freedom(1.06, 1 / 1.06, 0.15, 0.5)
-"""A robot like its model, but for friction and a payload: it tells apart readings that some robot explains equally."""
+"""A robot like its model, but for friction and a payload, to compare readings that some robot explains equally."""
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,7 @@ def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Ter
 def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
     """The fit, with standard deviations enlarged by the change of each size where a rival replaces another finding.
 
-    Each set of effects with rivals counts once, with its largest probability: one effect in slices of two findings is a
+    Each set of effects with rivals counts once, with its largest probability: one effect in place of two findings is a
     rival of both. Rivals that keep an effect and add another one count for the size of that effect, too.
 
     Args:

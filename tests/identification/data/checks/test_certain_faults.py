@@ -177,7 +177,7 @@ def test_the_positions_of_motors_behind_gears_of_their_own(clean):
 
 
 @pytest.mark.parametrize(("ratio", "entry"), [(61.0, "gear: 6"), (180 / np.pi, "unit: deg")])
-def test_a_gear_of_about_57_is_told_from_degrees_also_with_a_load(clean, ratio, entry):
+def test_a_gear_of_about_57_is_distinguished_from_degrees_also_with_a_load(clean, ratio, entry):
     robot, name = load_robot("example:ur5"), "elbow_joint"
     recording = clean(robot=loaded(load_robot("example:ur5"), 2.0))
     fault = only(checked(replace(recording, q=recording.q * [1.0, 1.0, ratio, 1.0, 1.0, 1.0], v=None), robot).wrong)

@@ -42,14 +42,14 @@ def test_the_current_of_one_joint_among_torques_is_refused_with_its_factor(plana
 
 
 @pytest.mark.parametrize("gears", [(80.0, 51.0), (120.0, 30.0)])
-def test_gears_that_differ_are_told_for_each_joint(planar2, changed, gears, planar_log):
+def test_gears_that_differ_are_stated_for_each_joint(planar2, changed, gears, planar_log):
     # Known truth: one gear for both leaves little only with torque constants that are wrong by a half.
     (fault,) = checked(changed(planar_log, tau=planar_log.tau / gears), planar2).wrong
     for joint, gear in zip(planar2.joint_names, gears, strict=True):
         assert float(re.search(rf"tau.{joint}, gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(gear, rel=0.1)
 
 
-def test_the_current_of_a_screw_is_told_although_its_weight_is_constant(clean, lift, changed):
+def test_the_current_of_a_screw_is_found_although_its_weight_is_constant(clean, lift, changed):
     # Known truth: the motor of a screw of 10 mm a turn has a 628th of the force.
     recording = clean(robot=lift)
     (fault,) = checked(changed(recording, tau=recording.tau / [1.0, 628.3]), lift).wrong

@@ -46,7 +46,7 @@ def test_a_position_that_is_counted_backwards_is_refused_with_its_entry(clean, p
 
 
 @pytest.mark.parametrize(("q", "tau"), [((1,), ()), ((), (1,))])
-def test_the_sign_of_its_weight_tells_a_hoists_position_from_its_torque(clean, lift, q, tau):
+def test_the_sign_of_its_weight_distinguishes_a_hoists_position_from_its_torque(clean, lift, q, tau):
     # Known truth: inertia and friction change their signs with either, a constant weight only with the torque.
     (stated,) = entries(turned(clean(robot=lift), q=q, tau=tau), lift)
     assert ("q.hoist: {from: q.hoist, sign: -1}" in stated) == bool(q)
