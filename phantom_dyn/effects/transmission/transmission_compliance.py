@@ -46,8 +46,11 @@ _SOFT_SWINGS = np.array([7.2, 5.7, 4.5, 3.6, 2.9, 2.3, 1.8, 1.45])
 _SPREAD = 2.5
 # Compliances that are tried about one that was found, as shares of it.
 _NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
-# Damping ratio of the swing on a soft spring: it is seen to ring.
-_DAMPING_OF_SOFT = 0.04
+# Damping ratio of a swing below so many hertz, which is seen to ring.
+_SOFT, _DAMPING_OF_SOFT = 8.0, 0.04
+# A recording that begins in motion (share of a joint's top speed) does not show how the spring is bent at the start:
+# swings in which that fades, and the damping ratio meanwhile.
+_MOVING, _FADING, _FADE = 0.05, 2.0, 0.5
 # Ratios between which it is tried about one that was found, and the shares of it.
 _DAMPING_RANGE = (0.005, 0.3)
 _NEARBY_DAMPING = (0.4, 0.7, 1.4, 2.5)
@@ -95,10 +98,8 @@ class TransmissionCompliance(Effect):
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Compliances at which the link swings at some frequencies, from stiff to soft, each with a damping ratio."""
         inertia = float(np.median(load_and_inertia(operation, row_of(robot, joint))[1]))
-        tried = ((_SWINGS, SWING_DAMPING), (_SOFT_SWINGS, _DAMPING_OF_SOFT))
-        return tuple(
-            (float(1.0 / (inertia * (2.0 * np.pi * f) ** 2)), damping) for swings, damping in tried for f in swings
-        )
+        tried = (float(inertia * (2.0 * np.pi * f) ** 2) for f in (*_SWINGS, *_SOFT_SWINGS))
+        return tuple((1.0 / stiffness, usual_damping(stiffness, inertia)) for stiffness in tried)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
         """Shapes near the last one, and the last estimate; near a resonance that fits its height, not its frequency."""
@@ -184,26 +185,36 @@ def link_inertia(robot: Robot, row: int) -> float:
     return float(mass_matrix(robot, np.zeros((1, robot.nv)))[0, row, row]) - float(robot.rotor_inertia[row])
 
 
-def swing(
-    operation: Operation, row: int, stiffness: float, damping: float = SWING_DAMPING
-) -> tuple[Array, Array, Array]:
+def usual_damping(stiffness: float, inertia: float) -> float:
+    """Damping ratio of a link that swings on a spring, where nothing is known of it: soft springs ring for longer."""
+    return _DAMPING_OF_SOFT if stiffness < inertia * (2.0 * np.pi * _SOFT) ** 2 else SWING_DAMPING
+
+
+def swing(operation: Operation, row: int, stiffness: float, damping: float | None = None) -> tuple[Array, Array, Array]:
     r"""How far the link of a joint is ahead of its motor, and its first two time derivatives, each of shape ``(N,)``.
 
     :math:`m\,\ddot\delta + (d + c)\,\dot\delta + (k + g)\,\delta = -t_l`, with the torque :math:`t_l` that the link
     would need to follow its motor and the derivatives :math:`m, c, g` of that torque; by the trapezoidal rule, which
-    no stiffness makes unstable, from where the spring is in balance.
+    no stiffness makes unstable, from where the spring is in balance. Where the robot moves at the start, the first
+    swings are damped more, so that a spring that is not in balance there is forgotten.
 
     Args:
         operation: Motion and torque.
         row: Row of the joint.
         stiffness: Of the spring [N m/rad or N/m].
-        damping: Ratio of the damping to the critical one of the link on its spring.
+        damping: Ratio of the damping to the critical one of the link on its spring; None: the usual one.
     """
     load, inertia = followed_load(operation, row, _EDGES)
+    if damping is None:
+        damping = usual_damping(stiffness, float(np.median(inertia)))
     to_q, to_v = (part[:, row, row] for part in operation.partials[:2])
     pull = -load / inertia
     spring = np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia
-    drag = np.maximum(2.0 * damping * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
+    ratio = np.full(len(operation.t), damping)
+    if np.any(np.abs(operation.v[0]) > _MOVING * np.abs(operation.v).max(axis=0)):
+        swings = (operation.t - operation.t[0]) * np.sqrt(stiffness / np.median(inertia)) / (2.0 * np.pi)
+        ratio[swings < _FADING] = max(damping, _FADE)
+    drag = np.maximum(2.0 * ratio * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
     place, speed, gain = swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
     return place, speed, gain
 

@@ -177,16 +177,29 @@ def short(planar, rng) -> Operation:
 
 
 def test_a_link_swings_on_spring_and_gravity_under_its_load(short):
-    # m delta'' + (d + c) delta' + (k + g) delta = -load, with a damping ratio of a tenth.
+    # m delta'' + (d + c) delta' + (k + g) delta = -load, with a damping ratio of a half while the start is forgotten.
     stiffness = 300.0
     delta, speed, gain = swing(short, 1, stiffness)
     inertia = short.partials[2][:, 1, 1] - short.robot.rotor_inertia[1]
     to_q, to_v = short.partials[0][:, 1, 1], short.partials[1][:, 1, 1]
-    damping = 0.2 * np.sqrt(stiffness * inertia) + to_v
+    damping = np.sqrt(stiffness * inertia) + to_v
     assert damping.min() > 0
     left = inertia * gain + damping * speed + (stiffness + to_q) * delta + short.transmitted[:, 1]
     np.testing.assert_allclose(left[1:], 0.0, atol=1e-9)
     assert delta[0] == pytest.approx(-short.transmitted[0, 1] / (stiffness + to_q[0]))
+
+
+@pytest.mark.parametrize(("stiffness", "ratio"), [(300.0, 0.1), (30.0, 0.04)])
+def test_from_rest_a_stiff_spring_swings_with_a_tenth_and_a_soft_one_rings_for_longer(short, stiffness, ratio):
+    # The same equation; at rest the spring is in balance, and nothing has to be forgotten.
+    still = Operation.of(short.robot, Motion(short.t, short.q, np.vstack([np.zeros(2), short.v[1:]]), short.a))
+    delta, speed, gain = swing(still, 1, stiffness)
+    inertia = still.partials[2][:, 1, 1] - still.robot.rotor_inertia[1]
+    to_q, to_v = still.partials[0][:, 1, 1], still.partials[1][:, 1, 1]
+    damping = np.maximum(2.0 * ratio * np.sqrt(stiffness * inertia) + to_v, 0.0)
+    spring = np.maximum(stiffness + to_q, 0.1 * stiffness)
+    left = inertia * gain + damping * speed + spring * delta + still.transmitted[:, 1]
+    np.testing.assert_allclose(left[1:], 0.0, atol=1e-9)
 
 
 def test_what_gravity_takes_off_a_spring_leaves_a_tenth_of_it(short):
