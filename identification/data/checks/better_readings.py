@@ -98,15 +98,15 @@ def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspe
 
 def is_certain(found: Compared) -> bool:
     """Whether a reading fits far better on the joints that it changes, and no joint worse."""
-    gains = found.of_joints
-    own = gains[list(found.suspect.joints)]
+    gains, joints = found.of_joints, list(found.suspect.joints)
+    own = gains[joints]
     if np.nanmin(gains, initial=0.0) < -_WORSE:
         return False
     if found.suspect.expected:
         left = found.left[~np.isnan(found.left)]
         return float(np.nansum(gains)) >= 0 and len(left) > 0 and float(np.median(left)) <= _RIGHT
     worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.left.T])
-    mended = (own >= _FAR_BETTER) & (worst[list(found.suspect.joints)] <= _RIGHT)
+    mended = (own >= _FAR_BETTER) & (worst[joints] <= _RIGHT)
     if found.suspect.kind == "order":
         return bool(mended.any() and np.all(own >= _WORSE))
     # Readings that are tried only where the travel is absurd, or that only lead to an offer, need one joint.
@@ -115,6 +115,10 @@ def is_certain(found: Compared) -> bool:
     if found.suspect.kind in ("factors", "voltage"):
         # No load makes factors of which each is that of a drive, and no torque grows so with the speed.
         return bool(mended.any())
+    if found.suspect.kind == "gears":
+        # In a free swing weight and inertia cancel. Small errors of both then look like gears, but little is left.
+        recorded = np.exp(found.gains) * (found.left + ENOUGH) - ENOUGH
+        return bool((mended & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > _RIGHT)).any())
     if found.suspect.kind == "torque":
         # One factor on all joints may be a load, which two joints rule out; the unit of some joints is no load.
         return int(mended.sum()) >= (2 if len(own) == len(gains) else 1)

@@ -159,7 +159,7 @@ def _advice(recording: Recording, suspect: Suspect) -> str:
             "torque_constant and gear_ratio in robot.yaml"
         )
     words = entries_words(recording, suspect.entries)
-    if suspect.kind == "factors":
+    if suspect.kind in ("factors", "gears"):
         words += (
             "; or, by the data sheet, state torque_constant and gear_ratio in robot.yaml and name the columns "
             "i.<joint>, as these factors are only as right as the masses of the model"

@@ -48,7 +48,7 @@ _OR_GRAMS = ", or the masses of the model in g and not in kg"
 TORQUE_UNITS = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 
 Kind = Literal[
-    "time", "degrees", "length", "sign", "order", "torque", "factors", "voltage", "gravity", "attitude", "pair"
+    "time", "degrees", "length", "sign", "order", "torque", "factors", "gears", "voltage", "gravity", "attitude", "pair"
 ]
 
 

@@ -189,7 +189,7 @@ def _of_each(robot: Robot, reading: Reading, scales: Float[Array, " nv"], far: B
     rest = f" (the motion does not show that of {names(robot, unknown)})" if unknown else ""
     be = "torques of {} look" if len(joints) > 1 else "torque of {} looks"
     return Suspect(
-        "factors",
+        "gears" if np.nanmin(scales[list(joints)]) > 1 else "factors",
         joints,
         f"the {be.format(names(robot, joints))} like motor current, or like torque before the gear, and not like "
         f"torque at the joint, with a factor of about {listed(per)}{rest}",

@@ -5,7 +5,10 @@ import re
 import numpy as np
 import pytest
 
+from identification.data.checks.better_readings import Compared, is_certain
 from identification.data.checks.check_recording import checked
+from identification.data.checks.readings.plausible_fit import ENOUGH
+from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.torques.torque_scales import common_scale
 from identification.data.reading import read_recording
 from phantom_dyn.model.loading import load_robot
@@ -127,3 +130,12 @@ def test_one_factor_of_all_joints_is_large_or_the_same_to_some_per_cent(scales, 
     # By hand: geometric means; a torque constant may be wrong by two and more, and a load gives factors that differ.
     found = common_scale(np.array(scales))
     assert found is None if expected is None else found == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(("recorded", "certain"), [(0.03, False), (0.3, True)])
+def test_gears_are_certain_only_where_much_is_left_as_recorded(recorded, certain):
+    # Closed form: 0.2 % is left with the gears. A free swing leaves some percent, as weight and inertia cancel.
+    suspect = Suspect("gears", (0, 1), "", {}, lambda reading: reading)
+    left = np.full((2, 2), 0.002)
+    found = Compared(suspect, np.log((recorded + ENOUGH) / (left + ENOUGH)), left)
+    assert is_certain(found) is certain
