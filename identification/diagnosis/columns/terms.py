@@ -135,6 +135,9 @@ def shapes_of(
                 shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *beside)))
             else:
                 shapes = effect.refined(point.coefficients, point.shape)
+                # Of a law of which a special case is found, shapes that the recording hardly shows are not excluded.
+                if any((name, joint) in near for name in effect.contains):
+                    shapes = tuple(dict.fromkeys((*shapes, *effect.shapes(robot, operation, joint))))
             out.append((effect, joint, tuple(shapes)))
     return tuple(out)
 

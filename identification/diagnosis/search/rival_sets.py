@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
@@ -98,7 +100,7 @@ def stand(
     for others, swapped in _twins(search, chosen, term):
         options[swapped], same[swapped] = base.loss, chosen
         names[swapped] = others
-    if len(options) == 1 and not richer_laws:
+    if len(options) == 1 and not _odds_of_richer_laws(search, chosen, term, barred, richer_laws):
         return Standing(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(options)
     apart = {key for key in names if not _nested(term, names[key])}
@@ -109,12 +111,8 @@ def stand(
     losses = np.array([options[key] for key in keys]).T
     others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in again]
     shares = _by_effects(keys, effects, probabilities(losses, costs, others, by_halves=bool(again)))
-    for others, swapped in richer_laws:
-        instead = _effects_instead(search, chosen, others, swapped, same)
-        if not instead:
-            continue
-        odds = min(odds_of_richer(search, chosen, swapped), 1.0)
-        shares[instead] = max(shares.get(instead, 0.0), odds * shares[()])
+    for causes, odds in _odds_of_richer_laws(search, chosen, term, barred, richer_laws).items():
+        shares[causes] = max(shares.get(causes, 0.0), odds * shares[()])
     for swapped, others in names.items():
         # The same two sets have the same odds, whichever of them holds the finding.
         if effects[swapped] and all(contains(term, other) for other in others):
@@ -188,6 +186,51 @@ def _options(
         options[swapped] = found.loss + (accuracy / len(found.loss) if richer else 0.0)
         names[swapped] = others
     return options, names, richer_laws
+
+
+def _odds_of_richer_laws(
+    search: Search,
+    chosen: Chosen,
+    term: Term,
+    barred: frozenset[EffectJoint],
+    richer_laws: list[tuple[Chosen, Chosen]],
+) -> dict[tuple[EffectJoint, ...], float]:
+    """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
+
+    A fit that does not differ from the special case does not exclude the law: friction that falls at the lowest speeds
+    shows only where a joint is so slow. It is as little excluded as the part of its shapes that a recording hardly
+    shows.
+    """
+    sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
+    laws = {causes: others for others, _ in richer_laws if len(causes := _causes(others)) > 1}
+    single = {one.effect_joint for others, _ in richer_laws if len(others) == 1 for one in others}
+    for one in search.terms:
+        friction = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None
+        if one.effect_joint in single or (friction and one.effect_joint not in barred):
+            sets[one.effect_joint,].append(replaced(chosen, term, frozenset([one])))
+    for causes, others in laws.items():
+        sets[causes] = [replaced(chosen, term, others)]
+    return {causes: float(np.mean([_odds(search, chosen, one) for one in each])) for causes, each in sets.items()}
+
+
+def _odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
+    """Odds of a set against one with a special case of one of its laws, at most one.
+
+    Where the law has other columns than its special case, they are no more than twice the probability that other blocks
+    would favour it.
+    """
+    odds = min(odds_of_richer(search, chosen, rich), 1.0)
+    columns = {column for one in chosen for column in one.columns}
+    if odds < contract_levels.LISTED or columns <= {column for one in rich for column in one.columns}:
+        return odds
+    worse = search.evaluate(rich).loss - search.evaluate(chosen).loss
+    error = float(np.sqrt(len(worse)) * worse.std())
+    return min(odds, 2.0 * float(ndtr(-worse.sum() / error))) if error > 0.0 else odds
+
+
+def _causes(others: Chosen) -> tuple[EffectJoint, ...]:
+    """Effects and joints of a set."""
+    return tuple(dict.fromkeys(other.effect_joint for other in ordered(others)))
 
 
 def _effects_instead(
