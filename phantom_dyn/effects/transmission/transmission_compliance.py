@@ -49,8 +49,8 @@ _NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
 # Damping ratio of a swing below so many hertz, which is seen to ring.
 _SOFT, _DAMPING_OF_SOFT = 8.0, 0.04
 # A recording that begins in motion (share of a joint's top speed) does not show how the spring is bent at the start:
-# swings in which that fades, and the damping ratio meanwhile.
-_MOVING, _FADING, _FADE = 0.05, 2.0, 0.5
+# swings in which that fades, the last one less and less, and the damping ratio meanwhile.
+_MOVING, _FADING, _FADE = 0.05, 3.0, 0.5
 # Ratios between which it is tried about one that was found, and the shares of it.
 _DAMPING_RANGE = (0.005, 0.3)
 _NEARBY_DAMPING = (0.4, 0.7, 1.4, 2.5)
@@ -213,7 +213,7 @@ def swing(operation: Operation, row: int, stiffness: float, damping: float | Non
     ratio = np.full(len(operation.t), damping)
     if np.any(np.abs(operation.v[0]) > _MOVING * np.abs(operation.v).max(axis=0)):
         swings = (operation.t - operation.t[0]) * np.sqrt(stiffness / np.median(inertia)) / (2.0 * np.pi)
-        ratio[swings < _FADING] = max(damping, _FADE)
+        ratio += np.clip(_FADING - swings, 0.0, 1.0) * max(_FADE - damping, 0.0)
     drag = np.maximum(2.0 * ratio * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
     place, speed, gain = swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
     return place, speed, gain
