@@ -304,9 +304,9 @@ def test_a_body_on_the_edge_has_an_interval_to_one_side(lab, planar2):
     shown = shown_on(lab, planar2, lambda motion: 30.0 * inertia * motion.a * [0.0, 1.0])
     (note,) = one_sided(shown)
     assert note.joint == "elbow"
-    (mass,) = [part for part in note.numbers["intervals"] if part[0] == "elbow.m"]
-    # No link weighs less than nothing.
-    assert -float(planar2.model.inertias[2].mass) <= mass[1] < mass[2]
+    (moment,) = [part for part in note.numbers["intervals"] if part[0] == "elbow.Iyy"]
+    # No link has less than no inertia.
+    assert -inertia <= moment[1] < moment[2]
     assert "to one side" in FINDING_WORDS[note.code](note)
 
 
