@@ -199,8 +199,14 @@ def _odds_of_richer_laws(
 
     A fit that does not differ from the special case does not exclude the law: friction that falls at the lowest speeds
     shows only where a joint is so slow. It is as little excluded as the part of its shapes that a recording hardly
-    shows.
+    shows. Nor is an implausible size simpler than a plausible one of the law: no load weighs less than nothing.
     """
+    sound = _sound(search, chosen, frozenset([term]))
+
+    def odds(rich: Chosen) -> float:
+        better = not sound and _sound(search, rich, rich - chosen)
+        return 1.0 if better else _odds(search, chosen, rich)
+
     sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
     laws = {causes: others for others, _ in richer_laws if len(causes := _causes(others)) > 1}
     single = {one.effect_joint for others, _ in richer_laws if len(others) == 1 for one in others}
@@ -210,7 +216,7 @@ def _odds_of_richer_laws(
             sets[one.effect_joint,].append(replaced(chosen, term, frozenset([one])))
     for causes, others in laws.items():
         sets[causes] = [replaced(chosen, term, others)]
-    return {causes: float(np.mean([_odds(search, chosen, one) for one in each])) for causes, each in sets.items()}
+    return {causes: float(np.mean([odds(one) for one in each])) for causes, each in sets.items()}
 
 
 def _odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
