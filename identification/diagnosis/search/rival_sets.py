@@ -204,7 +204,7 @@ def _odds_of_richer_laws(
     sound = _sound(search, chosen, frozenset([term]))
 
     def odds(rich: Chosen) -> float:
-        better = not sound and _sound(search, rich, rich - chosen)
+        better = not sound and _sound(search, rich, rich - chosen) and search.quick(rich) <= search.quick(chosen)
         return 1.0 if better else _odds(search, chosen, rich)
 
     sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)

@@ -20,6 +20,7 @@ from identification.diagnosis.search.stepwise import explain
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.motion import Motion
 
 
 def silent(_: str) -> None:
@@ -52,6 +53,18 @@ def test_a_richer_law_of_the_same_kind_that_earns_its_price_takes_the_place_of_a
     coulomb = frozenset([prepared.term("coulomb_friction", "elbow")])
     (term,) = with_leading_rivals(prepared.searched(2000.0), coulomb)
     assert term.effect_joint == ("direction_dependent_friction", "elbow")
+
+
+@pytest.mark.parametrize(("rate", "listed"), [(0.3, False), (6.0, True)])
+def test_friction_that_falls_at_low_speeds_is_a_rival_where_no_motion_is_slow(lab, planar2, rate, listed):
+    # Known truth: Coulomb friction. A slow motion shows the lowest speeds, a fast one jumps over them.
+    t = np.arange(1000) / 100.0
+    w, phase = 2.0 * np.pi * rate * np.array([1.0, 1.13]), np.array([0.0, 0.4])
+    x = np.outer(t, w) + phase
+    motion = Motion(t, 0.3 * np.sin(x), 0.3 * w * np.cos(x), -0.3 * w**2 * np.sin(x))
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -0.1 * np.sign(motion.v) * [0.0, 1.0]),))
+    names = rival_sets(standings(prepared)[("coulomb_friction", "elbow")])
+    assert ({"stribeck_friction"} in names) is listed
 
 
 @pytest.fixture(scope="module")
