@@ -144,7 +144,7 @@ def _options(
     again: tuple[Search, ...],
     *,
     sound: bool,
-) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[tuple[Chosen, Chosen]]]:
+) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[Chosen]]:
     """Held-out losses, by block, of the set and of all sets with another cause in place of a finding.
 
     Sets that are far worse are left out, if they are so in the judged band, too: frequencies above that band have the
@@ -152,12 +152,12 @@ def _options(
     wider tolerances is not used for this: where these explain the whole gap, no set is far worse.
 
     Returns:
-        Losses by set; for each set the effects in the finding's place; and laws with more parameters with their sets.
+        Losses by set; for each set the effects in the finding's place; and laws with more parameters.
     """
     base, accuracy = search.evaluate(chosen), fair_part.ACCURACY * explained(search, chosen, term)
     options: dict[Chosen, Array] = {chosen: base.loss}
     names: dict[Chosen, Chosen] = {}
-    richer_laws: list[tuple[Chosen, Chosen]] = []
+    richer_laws: list[Chosen] = []
     searches = (search, *(one for one in again if one.problem.white is not search.problem.white))
     slack = [rules.HOPELESS_LOSS if sound else _MOSTLY * explained(one, chosen, term) for one in searches]
     near = dict.fromkeys(
@@ -180,7 +180,7 @@ def _options(
             continue
         richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
         if richer:
-            richer_laws.append((others, swapped))
+            richer_laws.append(others)
         if richer and found.total >= base.total:
             continue
         options[swapped] = found.loss + (accuracy / len(found.loss) if richer else 0.0)
@@ -193,7 +193,7 @@ def _odds_of_richer_laws(
     chosen: Chosen,
     term: Term,
     barred: frozenset[EffectJoint],
-    richer_laws: list[tuple[Chosen, Chosen]],
+    richer_laws: list[Chosen],
 ) -> dict[tuple[EffectJoint, ...], float]:
     """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
 
@@ -208,14 +208,14 @@ def _odds_of_richer_laws(
         return 1.0 if better else _odds(search, chosen, rich)
 
     sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
-    laws = {causes: others for others, _ in richer_laws if len(causes := _causes(others)) > 1}
-    single = {one.effect_joint for others, _ in richer_laws if len(others) == 1 for one in others}
+    single = {one.effect_joint for others in richer_laws if len(others) == 1 for one in others}
     for one in search.terms:
-        friction = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None
-        if one.effect_joint in single or (friction and one.effect_joint not in barred):
+        own = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None
+        if one.effect_joint in single or (own and one.effect_joint not in barred):
             sets[one.effect_joint,].append(replaced(chosen, term, frozenset([one])))
-    for causes, others in laws.items():
-        sets[causes] = [replaced(chosen, term, others)]
+    for others in richer_laws:
+        if len(others) > 1:
+            sets[_causes(others)] = [replaced(chosen, term, others)]
     return {causes: float(np.mean([odds(one) for one in each])) for causes, each in sets.items()}
 
 
