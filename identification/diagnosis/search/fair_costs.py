@@ -1,4 +1,4 @@
-"""Costs of rival sets of effects (prices and penalties), and odds of laws with more parameters against simpler ones."""
+"""Costs of rival sets of effects: prices and penalties."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search
-from identification.engine.fits.projection import project_off_fit
 from identification.gates import rivalry
 from phantom_dyn.array_types import Array, Float
 
@@ -72,26 +70,3 @@ def adds_up(search: Search, chosen: Chosen) -> bool:
     whole = float(theta[every] @ a[np.ix_(every, every)] @ theta[every])
     apart = sum(float(theta[own] @ a[np.ix_(own, own)] @ theta[own]) for own in each)
     return apart <= rivalry.MOST_CANCELLED * whole
-
-
-def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
-    """Odds of a law with more parameters against its special case (Laplace's approximation).
-
-    By the prior, each further direction makes about half of the torque of the finding. If the data do not determine
-    such a direction beside the tolerances, the odds stay near one.
-    """
-    problem, found = search.problem.of(chosen), search.evaluate(chosen)
-    more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
-    old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
-    a = problem.total_a
-    energy = float(found.theta[old] @ a[np.ix_(old, old)] @ found.theta[old])
-    own = np.diag(a)[more]
-    if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
-        return 0.0
-    cross, made, gradient = project_off_fit(problem, found, more)
-    left = a[np.ix_(more, more)] - cross.T @ made
-    size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
-    shown = np.eye(len(more)) + left * np.outer(size, size)
-    pull = gradient * size
-    log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
-    return float(np.exp(min(log_odds, 0.0)))

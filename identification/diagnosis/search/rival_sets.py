@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import contains, scales_all_bodies
-from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, odds_of_richer
+from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import EffectJoint
+from identification.diagnosis.search.richer_laws import has_plausible_sizes, odds_of_richer, odds_of_richer_laws
 from identification.diagnosis.search.search import IMPOSSIBLE, Search
 from identification.diagnosis.search.special_cases import simplest_effects
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
@@ -86,21 +85,21 @@ def stand(
             means over all of these.
     """
     base, diagnosed = search.evaluate(chosen), bool(search.problem.session.known)
-    sound = _sound(search, chosen, frozenset([term]))
+    sound = has_plausible_sizes(search, chosen, frozenset([term]))
     options, names, richer_laws = _options(search, chosen, term, barred, again, sound=sound or not diagnosed)
-    possible = {key for key in names if _sound(search, key, key - chosen)}
+    possible = {key for key in names if has_plausible_sizes(search, key, key - chosen)}
     if possible or sound:
         # An implausible size is left out where a plausible cause explains most of it.
         names = {key: others for key, others in names.items() if key in possible}
         options = {key: loss for key, loss in options.items() if key == chosen or key in names}
-    if diagnosed and not sound and any(_sound(search, key, key) for key in possible):
+    if diagnosed and not sound and any(has_plausible_sizes(search, key, key) for key in possible):
         options[chosen] = options[chosen] + IMPOSSIBLE / len(base.loss)
     twins = {key for key in names if _same_in_data(search, term, chosen, names[key], key)}
     same = {}
     for others, swapped in _twins(search, chosen, term):
         options[swapped], same[swapped] = base.loss, chosen
         names[swapped] = others
-    if len(options) == 1 and not _odds_of_richer_laws(search, chosen, term, barred, richer_laws):
+    if len(options) == 1 and not odds_of_richer_laws(search, chosen, term, barred, richer_laws):
         return Standing(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(options)
     apart = {key for key in names if not _nested(term, names[key])}
@@ -111,7 +110,7 @@ def stand(
     losses = np.array([options[key] for key in keys]).T
     others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in again]
     shares = _by_effects(keys, effects, probabilities(losses, costs, others, by_halves=bool(again)))
-    for causes, odds in _odds_of_richer_laws(search, chosen, term, barred, richer_laws).items():
+    for causes, odds in odds_of_richer_laws(search, chosen, term, barred, richer_laws).items():
         shares[causes] = max(shares.get(causes, 0.0), odds * shares[()])
     for swapped, others in names.items():
         # The same two sets have the same odds, whichever of them holds the finding.
@@ -188,57 +187,6 @@ def _options(
     return options, names, richer_laws
 
 
-def _odds_of_richer_laws(
-    search: Search,
-    chosen: Chosen,
-    term: Term,
-    barred: frozenset[EffectJoint],
-    richer_laws: list[Chosen],
-) -> dict[tuple[EffectJoint, ...], float]:
-    """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
-
-    A fit that does not differ from the special case does not exclude the law: friction that falls at the lowest speeds
-    shows only where a joint is so slow. It is as little excluded as the part of its shapes that a recording hardly
-    shows. Nor is an implausible size simpler than a plausible one of the law: no load weighs less than nothing.
-    """
-    sound = _sound(search, chosen, frozenset([term]))
-
-    def odds(rich: Chosen) -> float:
-        better = not sound and _sound(search, rich, rich - chosen) and search.quick(rich) <= search.quick(chosen)
-        return 1.0 if better else _odds(search, chosen, rich)
-
-    sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
-    single = {one.effect_joint for others in richer_laws if len(others) == 1 for one in others}
-    for one in search.terms:
-        own = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None
-        if one.effect_joint in single or (own and one.effect_joint not in barred):
-            sets[one.effect_joint,].append(replaced(chosen, term, frozenset([one])))
-    for others in richer_laws:
-        if len(others) > 1:
-            sets[_causes(others)] = [replaced(chosen, term, others)]
-    return {causes: float(np.mean([odds(one) for one in each])) for causes, each in sets.items()}
-
-
-def _odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
-    """Odds of a set against one with a special case of one of its laws, at most one.
-
-    Where the law has other columns than its special case, they are no more than twice the probability that other blocks
-    would favour it.
-    """
-    odds = min(odds_of_richer(search, chosen, rich), 1.0)
-    columns = {column for one in chosen for column in one.columns}
-    if odds < contract_levels.LISTED or columns <= {column for one in rich for column in one.columns}:
-        return odds
-    worse = search.evaluate(rich).loss - search.evaluate(chosen).loss
-    error = float(np.sqrt(len(worse)) * worse.std())
-    return min(odds, 2.0 * float(ndtr(-worse.sum() / error))) if error > 0.0 else odds
-
-
-def _causes(others: Chosen) -> tuple[EffectJoint, ...]:
-    """Effects and joints of a set."""
-    return tuple(dict.fromkeys(other.effect_joint for other in ordered(others)))
-
-
 def _effects_instead(
     search: Search, chosen: Chosen, others: Chosen, swapped: Chosen, same: dict[Chosen, Chosen]
 ) -> tuple[EffectJoint, ...]:
@@ -285,9 +233,10 @@ def _leader(
     """The set with the rival that leads in the finding's place, None if the finding leads; and the gates' results."""
     if not there:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
-    is_sound = {(): _sound(search, chosen, frozenset([term])) and not _new_in_old(search, [term])}
+    is_sound = {(): has_plausible_sizes(search, chosen, frozenset([term])) and not _new_in_old(search, [term])}
     is_sound |= {
-        at: _sound(search, key, key - chosen) and not _new_in_old(search, key - chosen) for at, key in there.items()
+        at: has_plausible_sizes(search, key, key - chosen) and not _new_in_old(search, key - chosen)
+        for at, key in there.items()
     }
     shares = {(): own} | {at: kept[at] for at in there}
     sine = bool(search.problem.session.in_one_sine)
@@ -319,12 +268,6 @@ def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
     parameter, value = fault
     low, high = parameter.plausible or (value, value)
     return max(low - value, value - high), parameter.unit
-
-
-def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
-    """True if the sizes of some effects of a set are plausible."""
-    session, found = search.problem.session, search.evaluate(chosen)
-    return all(implausible(session, one, *found.size(one)) is None for one in theirs)
 
 
 def _new_in_old(search: Search, theirs: Iterable[Term]) -> bool:

@@ -8,7 +8,8 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
-from identification.diagnosis.search.fair_costs import costs_of, odds_of_richer
+from identification.diagnosis.search.fair_costs import costs_of
+from identification.diagnosis.search.richer_laws import odds_of_richer
 from identification.diagnosis.search.rival_sets import (
     Standing,
     _with_effects,

@@ -1,0 +1,111 @@
+"""Odds of laws with more parameters against a finding that is their special case, and whether sizes are plausible."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+from scipy.special import ndtr
+
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.search.containment import contains
+from identification.diagnosis.search.fits import Chosen
+from identification.diagnosis.search.plausible_sizes import implausible
+from identification.diagnosis.search.record import EffectJoint
+from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.swaps import replaced
+from identification.engine import contract_levels
+from identification.engine.fits.projection import project_off_fit
+
+
+def odds_of_richer_laws(
+    search: Search,
+    chosen: Chosen,
+    term: Term,
+    barred: frozenset[EffectJoint],
+    richer_laws: list[Chosen],
+) -> dict[tuple[EffectJoint, ...], float]:
+    """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
+
+    A fit that does not differ from the special case does not exclude the law: friction that falls at the lowest speeds
+    shows only where a joint is so slow. It is as little excluded as the part of its shapes that a recording hardly
+    shows. Nor is an implausible size simpler than a plausible one of the law: no load weighs less than nothing.
+
+    Args:
+        search: Rivals.
+        chosen: A set of effects.
+        term: One of them, the finding.
+        barred: Laws, with their joints, that do not differ from a simpler one.
+        richer_laws: Sets of effects with more parameters that may replace the finding; laws of the same joint that
+            contain it are added.
+    """
+    sound = has_plausible_sizes(search, chosen, frozenset([term]))
+
+    def odds(rich: Chosen) -> float:
+        better = (
+            not sound
+            and has_plausible_sizes(search, rich, rich - chosen)
+            and search.quick(rich) <= search.quick(chosen)
+        )
+        return 1.0 if better else _odds(search, chosen, rich)
+
+    sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
+    single = {one.effect_joint for others in richer_laws if len(others) == 1 for one in others}
+    for one in search.terms:
+        own = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None
+        if one.effect_joint in single or (own and one.effect_joint not in barred):
+            sets[one.effect_joint,].append(replaced(chosen, term, frozenset([one])))
+    for others in richer_laws:
+        if len(others) > 1:
+            sets[_causes(others)] = [replaced(chosen, term, others)]
+    return {causes: float(np.mean([odds(one) for one in each])) for causes, each in sets.items()}
+
+
+def _odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
+    """Odds of a set against one with a special case of one of its laws, at most one.
+
+    Where the law has other columns than its special case, they are no more than twice the probability that other blocks
+    would favour it.
+    """
+    odds = min(odds_of_richer(search, chosen, rich), 1.0)
+    columns = {column for one in chosen for column in one.columns}
+    if odds < contract_levels.LISTED or columns <= {column for one in rich for column in one.columns}:
+        return odds
+    worse = search.evaluate(rich).loss - search.evaluate(chosen).loss
+    error = float(np.sqrt(len(worse)) * worse.std())
+    return min(odds, 2.0 * float(ndtr(-worse.sum() / error))) if error > 0.0 else odds
+
+
+def _causes(others: Chosen) -> tuple[EffectJoint, ...]:
+    """Effects and joints of a set."""
+    return tuple(dict.fromkeys(other.effect_joint for other in ordered(others)))
+
+
+def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
+    """Odds of a law with more parameters against its special case (Laplace's approximation).
+
+    By the prior, each further direction makes about half of the torque of the finding. If the data do not determine
+    such a direction beside the tolerances, the odds stay near one.
+    """
+    problem, found = search.problem.of(chosen), search.evaluate(chosen)
+    more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
+    old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
+    a = problem.total_a
+    energy = float(found.theta[old] @ a[np.ix_(old, old)] @ found.theta[old])
+    own = np.diag(a)[more]
+    if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
+        return 0.0
+    cross, made, gradient = project_off_fit(problem, found, more)
+    left = a[np.ix_(more, more)] - cross.T @ made
+    size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
+    shown = np.eye(len(more)) + left * np.outer(size, size)
+    pull = gradient * size
+    log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
+    return float(np.exp(min(log_odds, 0.0)))
+
+
+def has_plausible_sizes(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
+    """True if the sizes of some effects of a set are plausible."""
+    session, found = search.problem.session, search.evaluate(chosen)
+    return all(implausible(session, one, *found.size(one)) is None for one in theirs)
