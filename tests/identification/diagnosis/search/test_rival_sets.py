@@ -7,6 +7,7 @@ import pytest
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search import richer_laws
 from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.fair_costs import costs_of
 from identification.diagnosis.search.richer_laws import odds_of_richer
@@ -95,7 +96,8 @@ def test_a_rival_of_a_size_that_no_robot_has_is_none_where_another_may_be(heavie
     def impossible(robot, term, theta, cov):
         return (None, 0.0) if term.effect.name == "torque_constant" else None
 
-    monkeypatch.setattr(rivals, "implausible", impossible)
+    for module in (rivals, richer_laws):
+        monkeypatch.setattr(module, "implausible", impossible)
     ((place, standing),) = standings(heavier).items()
     options = {place[0], *(rival.effects[0].effect for rival in standing.rivals)}
     assert options == {"rotor_inertia", "inertial_parameters", "payload"}
@@ -116,7 +118,8 @@ def test_a_plausible_cause_that_explains_most_leads_beside_a_better_fit_of_an_im
 
     chosen = frozenset([coulomb])
     assert stand(search, chosen, coulomb).probability == 1.0
-    monkeypatch.setattr(rivals, "implausible", impossible)
+    for module in (rivals, richer_laws):
+        monkeypatch.setattr(module, "implausible", impossible)
     assert stand(search, chosen, coulomb).probability == 1.0
     # Of a robot that was diagnosed before.
     session = replace(search.problem.session, known=(KnownEffect("torque_offset", "elbow", (0.0,)),))
