@@ -1,9 +1,9 @@
 """The gap in motion: errors of the given and the corrected model, simulated from many recorded states.
 
-Errors are compared with those that noise alone causes with a right model. Noise acts in three ways: in the initial
-state of a simulation, as torque during it, and through the uncertainty of the changes within the tolerances. Each is
-simulated once in every window. A share of a joint's travel is added for errors of filters and of the simulation's
-steps.
+Errors are compared with those that noise alone causes where the model is right. Noise acts in three ways: in the
+initial state of a simulation, as torque during it, and through the uncertainty of the changes within the tolerances.
+Each is simulated once in every window. A share of a joint's travel is added for errors of the filters and of the
+integration.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, RunawayError
 from phantom_dyn.random_streams import random_stream
 
-# Probability that a right model exceeds its band on some joint; the rest of 5 % in total is for torques.
+# Probability that a right model leaves its noise band on some joint. Torques and motion together may give 5 % of false
+# alarms; the remaining 4 % are for torques.
 _LEVEL = 0.01
 
 
@@ -45,14 +46,14 @@ def strays(
     folds: tuple[int, ...],
     horizon: float,
 ) -> Float[Array, " nv"]:
-    """Distance of each joint's simulated from its recorded motion, in units of the end of its 99 % noise band.
+    """Rms error of each joint's simulated motion, divided by the upper limit of its 99 % noise band.
 
     Args:
-        shots: Windows.
-        models: Model for a window, by the fit that has not seen a fold.
-        torque: Torque of the drives over the recording of a window.
-        noise: Torque that counts as noise, of each recording.
-        folds: At least two.
+        shots: Windows with their initial states.
+        models: Gives the model for a window, from the fit without a fold.
+        torque: Gives the torque of a model's drives over the whole recording of a window.
+        noise: Torque that counts as noise, for each recording.
+        folds: Folds that were held out, at least two.
         horizon: Time over which windows are compared [s].
 
     Raises:
@@ -64,21 +65,21 @@ def strays(
     squares: list[list[Array]] = []
     for shot in shots:
         window = shot.window
-        model, other = (models(window, fold) for fold in _two(window.fold, folds))
+        model, other = (models(window, fold) for fold in _fold_and_another(window.fold, folds))
         kept = slice(1, int(np.searchsorted(shot.t, horizon + 1e-9)))
         drive = torque(shot, model)
-        right = under_torque(shot, model, drive)
-        nudge = rng.choice([-1.0, 1.0], right.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
+        simulated = under_torque(shot, model, drive)
+        nudge = rng.choice([-1.0, 1.0], simulated.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
         # Noise from another time has the same size and spectrum, and is independent of that in this window.
-        pushed = np.roll(noise[window.log], len(drive) // 2, axis=0)
+        torque_noise = np.roll(noise[window.log], len(drive) // 2, axis=0)
         # Factor from the difference of two leave-one-fold-out fits to the error of a fit (jackknife).
-        spread = np.sqrt(0.5 * (len(folds) - 1))
+        jackknife = np.sqrt(0.5 * (len(folds) - 1))
         parts = (
-            right - shot.read,
-            under_torque(shot, model, drive, nudge) - right,
-            under_torque(shot, model, drive + pushed) - right,
-            spread * (under_torque(shot, other, drive) - right),
-            np.broadcast_to(shot.states.scatter, right.shape),
+            simulated - shot.read,
+            under_torque(shot, model, drive, nudge) - simulated,
+            under_torque(shot, model, drive + torque_noise) - simulated,
+            jackknife * (under_torque(shot, other, drive) - simulated),
+            np.broadcast_to(shot.states.scatter, simulated.shape),
             rules.MODEL_SHARE * (shot.read - shot.read[0]),
         )
         squares.append([np.mean(part[kept] ** 2, axis=0) for part in parts])
@@ -88,15 +89,15 @@ def strays(
     return np.sqrt(error / np.maximum(np.sum(expected, axis=0), 1e-300)) / band
 
 
-def _two(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
-    """The fold of a window and another one; a fold that no fit has seen is paired with the first."""
+def _fold_and_another(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
+    """The fold of a window and another one of ``folds``: the next one, or the first if the fold is not among them."""
     if fold not in folds:
         return fold, folds[0]
     return fold, folds[(folds.index(fold) + 1) % len(folds)]
 
 
 def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
-    """The judgement, with ``unknown`` instead of ``no_gap`` where simulated motion leaves its noise band by far."""
+    """The judgement, with ``unknown`` instead of ``no_gap`` if simulated motion is far outside its noise band."""
     if judgement.verdict != "no_gap" or max(rollout.strays.values(), default=0.0) < rules.STRAYS_FAR:
         return judgement
     joint = max(rollout.strays, key=lambda name: rollout.strays[name])
@@ -106,7 +107,7 @@ def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
 _MOST, _FEWEST = 36, 6  # numbers of windows
 _STEPS = 60_000  # largest number of joint steps of one model over all windows: about a third of a second, compiled
 _HIDDEN_TRIES = 400  # largest number of short simulations for hidden states over all windows: about a second
-_CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # horizons [s] under controllers, which keep the motion together for longer
+_CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # horizons [s] under controllers, which keep errors from growing
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ class Explained:
     Attributes:
         problem: Columns and session of the fits.
         terms: Effects that were found.
-        found: Their fit, with the fits that have not seen each fold.
+        found: Fit of these effects, and for each fold the fit without it.
         floor: Noise floor of each joint, ``(nv,)``.
     """
 
@@ -136,12 +137,12 @@ class Explained:
         return any(recording.controlled for recording in self.session.recordings)
 
     def theta(self, fold: int) -> Float[Array, " K"]:
-        """Coefficients of the fit that has not seen a fold."""
+        """Coefficients of the fit without a fold; for blocks of no fold (-1), which no fit uses, those of the full fit."""
         return self.found.theta if fold < 0 else self.found.fold_theta[fold]
 
 
 def rollout_of(explained: Explained) -> Rollout:
-    """Rollouts from smoothed states, on windows that the fit in use has not seen.
+    """Rollouts from smoothed states, on windows that were held out of the fit that is used there.
 
     The models move under the recorded torque. Where controllers and references are known, a note states the error of
     the closed loop as well; where no torque was recorded, only the closed loop is simulated.
@@ -159,7 +160,7 @@ def rollout_of(explained: Explained) -> Rollout:
     def hidden_states(shot: Shot, model: Model) -> Shot:
         if not hides(model):
             return shot
-        # A swing is too short to fit a start to a part of it.
+        # The swing phase of a leg is too short for a fit of initial states to a part of it.
         return (shot.pulled if robot.floating else shot.with_hidden_start)(model, torque(shot, model))
 
     loop = _controlled_rollout(explained, hidden_states)
@@ -179,21 +180,21 @@ def rollout_of(explained: Explained) -> Rollout:
 
 
 def _strays(explained: Explained, horizon: float) -> dict[str, float]:
-    """Joints of a model without findings whose error exceeds the noise band, with the ratio to its end."""
+    """Errors of the joints that leave their noise bands, as `strays` gives them, for a model without findings."""
     problem, session = explained.problem, explained.session
     operations, torque = problem.columns.operations, _torques()
-    known: dict[tuple[int, int, int], Model] = {}
+    made: dict[tuple[int, int, int], Model] = {}
 
     def model(window: Window, fold: int) -> Model:
         here = operations[window.log]
         key = (window.log, fold, _moment(window, here))
-        if key not in known:
+        if key not in made:
             here = _during(window, here)
-            known[key] = corrected_model(session.robot, session.known, (), explained.theta(fold), here)
-        return known[key]
+            made[key] = corrected_model(session.robot, session.known, (), explained.theta(fold), here)
+        return made[key]
 
     left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))
-    # The part of the noise that the fit has explained is added again.
+    # A fit also explains a part of the noise: its residual is scaled up to the noise floor.
     size = np.maximum(explained.floor / np.maximum(sums(problem, left).rms(), 1e-300), 1.0)
     noise = tuple(
         size
@@ -210,17 +211,17 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
     if not shots or len(folds) < 2 or hides(model(shots[0].window, shots[0].window.fold)):
         return {}
     try:
-        over = strays(shots, model, torque, noise, folds, horizon)
+        ratios = strays(shots, model, torque, noise, folds, horizon)
     except (PhantomDynError, np.linalg.LinAlgError):
         return {}
-    # A brake may hold a joint that never moves: where the simulation lets it go, it says nothing about the others.
-    if np.any(over[~moving(session.logs).any(axis=0)] > 1.0):
+    # A brake may hold a joint that never moves. If it moves in the simulation, errors of the other joints mean nothing.
+    if np.any(ratios[~moving(session.logs).any(axis=0)] > 1.0):
         return {}
-    return {joint: float(x) for joint, x in zip(session.robot.joint_names, over, strict=True) if x > 1.0}
+    return {joint: float(x) for joint, x in zip(session.robot.joint_names, ratios, strict=True) if x > 1.0}
 
 
 def _everywhere(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:
-    """Noise of all samples: in samples that are not used, as at standstill, it is taken from other times."""
+    """Noise at all samples: where one is not used, as at standstill, noise of used samples takes its place."""
     out = np.where(use, noise, 0.0)
     if use.any():
         out[~use] = np.resize(noise[use], np.count_nonzero(~use))
@@ -228,20 +229,20 @@ def _everywhere(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Arra
 
 
 def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
-    """Function for the torque of a model's drives over a window's recording, plus that of measured forces."""
-    known: dict[tuple[Model, int], Array] = {}
+    """Function that gives the torque of a model's drives plus that of measured forces, over a window's recording."""
+    computed: dict[tuple[Model, int], Array] = {}
 
     def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
         key = (model, shot.window.log)
-        if key not in known:
-            known[key] = acting_torque(model, shot.log)
-        return known[key]
+        if key not in computed:
+            computed[key] = acting_torque(model, shot.log)
+        return computed[key]
 
     return torque
 
 
 def _controlled_rollout(explained: Explained, at_start: HiddenStates) -> Rollout | None:
-    """Rollout under the controllers and references of each judged recording; None where one of them is unknown."""
+    """Rollout under the controllers and references of the judged recordings; None if any of these is unknown."""
     problem = explained.problem
     judged = {problem.blocks[k].log for k in judged_blocks(problem)}
     operations = problem.columns.operations
@@ -251,7 +252,7 @@ def _controlled_rollout(explained: Explained, at_start: HiddenStates) -> Rollout
 
 
 def _loop_notes(loop: Rollout) -> tuple[Note, ...]:
-    """One note on the closed loop."""
+    """Notes on a rollout of the closed loop: its errors, or why it was not simulated."""
     if loop.horizon_s is None:
         return loop.notes
     numbers = {"seconds": loop.horizon_s, "before": loop.rms_before, "after": loop.rms_after}
@@ -282,14 +283,15 @@ def _tried(
 def _rolled(
     explained: Explained, shoot: Shoot, horizons: tuple[float, ...], at_start: HiddenStates, *, by_control: bool
 ) -> Rollout:
+    """Rollouts of the given and the corrected model over all horizons."""
     session, terms = explained.session, ordered(explained.terms)
     robot, known = session.robot, session.known
     operations = explained.problem.columns.operations
-    whole = corrected_model(robot, known, terms, explained.found.theta, operations[0])
-    step = min(STEP, whole.longest_step(operations[0].q[0]))
+    typical = corrected_model(robot, known, terms, explained.found.theta, operations[0])
+    step = min(STEP, typical.longest_step(operations[0].q[0]))
     if step < SHORTEST:
         raise RobotError(f"a transmission that was found is so stiff that steps of {step:.2g} s would be needed.")
-    shots = _shots(explained, horizons[0], step, tries(whole) if hides(whole) else 0)
+    shots = _shots(explained, horizons[0], step, tries(typical) if hides(typical) else 0)
     if not shots:
         raise ParameterError("there is no stretch of valid samples long enough.")
     pairs: dict[tuple[int, int, int], tuple[Model, Model]] = {}
@@ -309,12 +311,12 @@ def _rolled(
 
 
 def _moment(window: Window, operation: Operation) -> int:
-    """Key of the models of one recording and one fit: the window where temperatures change, else the same for all."""
+    """Start of the window if temperatures change the models along a recording, else 0: a key of computed models."""
     return 0 if operation.temperature is None else window.start
 
 
 def _during(window: Window, operation: Operation) -> Operation:
-    """The operation at the mean temperatures of a window."""
+    """The operation with its temperatures replaced by their mean over a window."""
     if operation.temperature is None:
         return operation
     mean = operation.temperature[window.start : window.stop].mean(axis=0)
@@ -322,7 +324,7 @@ def _during(window: Window, operation: Operation) -> Operation:
 
 
 def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:
-    """Windows to simulate, if each needs ``tries`` short simulations for its hidden states."""
+    """Windows to simulate; the more ``tries`` (short simulations for hidden states) each needs, the fewer they are."""
     problem, logs = explained.problem, explained.session.logs
     # Each sample needs at least one step.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))

@@ -1,10 +1,10 @@
-"""Simulation of one window: under the recorded torque, or under the controllers that commanded it.
+"""Simulation of one window: under the recorded torque, or under the recorded references and their controllers.
 
-A link within backlash, or the motor where the encoder is on the link, has a state that no encoder reads. It is
-estimated in two steps. First feedback keeps the motors on the recording, so that their links move as that motion makes
-them. Then free motion under the recorded torque is fitted to the last readings before the window. The unknowns are all
-states at its start: also those that encoders read, as an impact is faster than any smoothing. Of the samples after the
-window's first only those are used that smooth it.
+No encoder reads the state of a link within backlash, or of a motor whose encoder is on the link. This hidden state is
+estimated in two steps. First feedback makes the motors follow the recording, and their links move as this motion
+requires. Then a simulation under the recorded torque alone is fitted to the last readings before the window. The fit
+estimates all states at its start, also those that encoders read, because an impact is faster than any smoothing.
+Samples after the first one of the window are used only to smooth that first one.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.control import Tracking, torque_over_time, with_late_references
 from phantom_dyn.simulation.simulate import Cause, Simulation
 
-# Time [s] over which free motion is fitted to readings, and the smallest number of these. Over a longer time errors of
-# the model matter more, over a shorter one the noise of the readings.
+# Time [s] over which a simulation under the recorded torque is fitted to readings, and the smallest number of readings.
+# Over a longer time errors of the model matter more, over a shorter time the noise of the readings.
 _THROUGH, _FEWEST = 0.1, 8
-_ROUNDS, _ENOUGH = 4, 0.02  # iterations of least squares, and relative decrease of the squares at which they end
+_ROUNDS, _ENOUGH = 4, 0.02  # iterations of least squares, and relative decrease of the cost at which they end
 _FAR_OFF = 4.0  # mean square of a bad fit, in variances of the readings
-_LOOK = 0.02  # step of finite differences, as a share of a state's spread
-_ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # shifts of the hidden side within backlash that are tried, in gaps
+_LOOK = 0.02  # step of finite differences, as a share of a state's uncertainty
+_ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # tried shifts of the hidden side within backlash, in widths of the gap
 _BLIND = 0.2  # error of smoothed speeds shortly after an impact, as a share of the usual speed
-_LATE = 0.005  # time [s] that gives the error of positions from that of the speeds
+_LATE = 0.005  # time [s] for which an error of the speed acts: their product is an error of the position
 
 
 @dataclass(frozen=True, eq=False)
 class HiddenStart:
-    """A model with all its states, some samples before a window.
+    """A model and all its states at a sample, some samples before a window or at its start.
 
     Attributes:
         model: The model.
@@ -63,12 +63,12 @@ class HiddenStart:
 
 
 def hides(model: Model) -> bool:
-    """True if a link may be anywhere within backlash, or the encoder is on the link behind a spring."""
+    """True if a model has states that no encoder reads: backlash, or a motor whose encoder is on the link."""
     return any(part.gap > 0 or not _on_motor(model, row_of(model.robot, part.joint)) for part in model.transmissions)
 
 
 def look_back(rate_hz: float) -> float:
-    """Longest time before a window that is used [s]."""
+    """Length [s] of the recording before a window that the estimate of hidden states needs."""
     return LEAD + max(_THROUGH, _FEWEST / rate_hz)
 
 
@@ -78,7 +78,7 @@ def tries(model: Model) -> int:
 
 
 def hidden_start(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
-    """States of a model before a window; the smoothed ones at its start where too few samples precede it.
+    """States of a model before a window; the smoothed states at its start if too few samples precede it.
 
     Args:
         log: The recording.
@@ -95,32 +95,36 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
     if window.lead < fitted:
         return HiddenStart(model, window.start, true_state(model, states, window.start, 1.0 / rate))
     at = window.start - fitted
-    begun = _pulled(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
-    spread = _spread(model, states, begun)
+    first_guess = _pulled(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
+    spread = _uncertainty(model, states, first_guess)
     rows = slice(at, window.start + 1)
     law, base = torque_over_time(log.motion.t[rows], torque[rows]), base_of(model, log, rows)
 
-    def run(moves: Array) -> Simulation:
-        return moved(model, law, _shifted(model, begun, moves * spread), base)
+    def run(shifts: Array) -> Simulation:
+        return moved(model, law, _shifted(model, first_guess, shifts * spread), base)
 
-    def misses(moves: Array) -> Array:
-        return np.concatenate([((run(moves).q - states.raw[rows]) / states.read_std).ravel(), moves])
+    def residuals(shifts: Array) -> Array:
+        # The shifts themselves are residuals of a prior with the standard deviations of `spread`.
+        return np.concatenate([((run(shifts).q - states.raw[rows]) / states.read_std).ravel(), shifts])
 
-    moves = _best_fitted(misses, _elsewhere(model, spread))
-    return HiddenStart(model, at, _shifted(model, begun, moves * spread))
+    shifts = _best_fitted(residuals, _guesses(model, spread))
+    return HiddenStart(model, at, _shifted(model, first_guess, shifts * spread))
 
 
 def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
-    """States of a model at the start of a window by feedback alone: rougher, in one simulation instead of `tries`."""
+    """States of a model at the start of a window by feedback alone: less accurate, but one simulation is enough."""
     lead = min(round(LEAD * log.band.rate_hz), window.lead)
     return HiddenStart(model, window.start, _pulled(log, states, model, torque, window.start, lead))
 
 
 def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
-    """State at a sample after feedback over the samples before it; motors of links with encoders get none."""
+    """State at a sample after feedback over the ``lead`` samples before it.
+
+    It is `true_state` where an encoder is on a link behind a spring or backlash, as feedback through these is unstable.
+    """
     start = true_state(model, states, max(at - lead, 0), 1.0 / log.band.rate_hz)
-    loose = [row_of(model.robot, part.joint) for part in model.transmissions]
-    if lead < 2 or not all(_on_motor(model, row) for row in loose):
+    elastic = [row_of(model.robot, part.joint) for part in model.transmissions]
+    if lead < 2 or not all(_on_motor(model, row) for row in elastic):
         return true_state(model, states, at, 1.0 / log.band.rate_hz)
     rows = slice(at - lead, at + 1)
     gains = pull(model, states.q[at])
@@ -131,79 +135,88 @@ def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead
 
 
 def _on_motor(model: Model, row: int) -> bool:
+    """True if the encoder of a joint is on its motor."""
     return model.robot.actuators[row].encoder_side == "motor"
 
 
 def _hidden(model: Model) -> list[int]:
+    """Joints whose link, or whose motor, has no encoder of its own."""
     return sorted({row_of(model.robot, part.joint) for part in model.transmissions})
 
 
-def _shifted(model: Model, start: Start, moves: Float[Array, " n"]) -> Start:
-    """A start with positions and speeds of all joints changed, and those of the hidden sides relative to these."""
+def _shifted(model: Model, start: Start, shifts: Float[Array, " n"]) -> Start:
+    """A start with shifted states.
+
+    Args:
+        model: The model.
+        start: The start.
+        shifts: Shift of each joint's position, then of each joint's speed, both of link and motor; then, for each joint
+            of `_hidden`, an additional shift of position and speed of the side that no encoder reads.
+    """
     nv, rows = model.robot.nv, _hidden(model)
     q, v, motor_q, motor_v = (np.array(x) for x in (start.q, start.v, start.motor_q, start.motor_v))
-    for place, moved_by in (
-        (q, moves[:nv]),
-        (motor_q, moves[:nv]),
-        (v, moves[nv : 2 * nv]),
-        (motor_v, moves[nv : 2 * nv]),
+    for state, shift in (
+        (q, shifts[:nv]),
+        (motor_q, shifts[:nv]),
+        (v, shifts[nv : 2 * nv]),
+        (motor_v, shifts[nv : 2 * nv]),
     ):
-        place += moved_by
+        state += shift
     for k, row in enumerate(rows):
-        place, pace = (q, v) if _on_motor(model, row) else (motor_q, motor_v)
-        place[row] += moves[2 * nv + 2 * k]
-        pace[row] += moves[2 * nv + 2 * k + 1]
+        position, speed = (q, v) if _on_motor(model, row) else (motor_q, motor_v)
+        position[row] += shifts[2 * nv + 2 * k]
+        speed[row] += shifts[2 * nv + 2 * k + 1]
     return Start(q, v, motor_q, motor_v)
 
 
-def _spread(model: Model, states: States, start: Start) -> Float[Array, " n"]:
-    """Uncertainty of the numbers of `_shifted`."""
+def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n"]:
+    """Standard deviation of each shift of `_shifted`."""
     v = 5.0 * states.v_std + _BLIND * states.v.std(axis=0)
     q = 5.0 * states.q_std + _LATE * v
     out = [*q, *v]
     for row in _hidden(model):
         gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
-        apart = abs(float(start.motor_q[row] - start.q[row]))
-        out += [q[row] + gap + 0.2 * apart, 2.0 * v[row]]
+        deflection = abs(float(start.motor_q[row] - start.q[row]))
+        out += [q[row] + gap + 0.2 * deflection, 2.0 * v[row]]
     return np.array(out)
 
 
-def _elsewhere(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
-    """Candidate starts, in units of `_spread`: unchanged, and with one hidden side shifted within its backlash."""
+def _guesses(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
+    """First guesses of the shifts, in units of ``spread``: none, and one hidden side shifted within its backlash."""
     out, nv = [np.zeros(len(spread))], model.robot.nv
     for k, row in enumerate(_hidden(model)):
         gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
         for share in _ELSEWHERE if gap > 0 else ():
-            moves = np.zeros(len(spread))
-            moves[2 * nv + 2 * k] = share * gap / spread[2 * nv + 2 * k]
-            out.append(moves)
+            shifts = np.zeros(len(spread))
+            shifts[2 * nv + 2 * k] = share * gap / spread[2 * nv + 2 * k]
+            out.append(shifts)
     return out
 
 
-def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " n"]]) -> Float[Array, " n"]:
-    """Least squares fit from the best guess, and from the next best where that ends in a bad fit."""
+def _best_fitted(residuals: Callable[[Array], Array], guesses: list[Float[Array, " n"]]) -> Float[Array, " n"]:
+    """Least squares fit from the best guess; if that fit is bad, the better of it and one from the next best guess."""
 
-    def mean_square(moves: Array) -> float:
-        return float(np.mean(misses(moves) ** 2))
+    def mean_square(shifts: Array) -> float:
+        return float(np.mean(residuals(shifts) ** 2))
 
     first, *others = sorted(guesses, key=mean_square)
-    best = _fitted(misses, first)
+    best = _fitted(residuals, first)
     if others and mean_square(best) > _FAR_OFF:
-        best = min(best, _fitted(misses, others[0]), key=mean_square)
+        best = min(best, _fitted(residuals, others[0]), key=mean_square)
     return best
 
 
-def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Float[Array, " n"]:
+def _fitted(residuals: Callable[[Array], Array], guess: Float[Array, " n"]) -> Float[Array, " n"]:
     """Least squares fit from a first guess."""
     from scipy.optimize import least_squares
 
     def slopes(at: Array) -> Array:
-        # Longer steps than rounding requires, as backlash makes the residuals rough.
-        missed = misses(at)
-        return np.column_stack([(misses(at + _LOOK * one) - missed) / _LOOK for one in np.eye(len(at))])
+        # The steps are longer than rounding requires, as backlash makes the residuals rough.
+        here = residuals(at)
+        return np.column_stack([(residuals(at + _LOOK * unit) - here) / _LOOK for unit in np.eye(len(at))])
 
     # SciPy's documented callable: pyright reads the type of `jac` off its default, a string.
-    return least_squares(misses, moves, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x  # pyright: ignore[reportArgumentType]
+    return least_squares(residuals, guess, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x  # pyright: ignore[reportArgumentType]
 
 
 @dataclass(frozen=True)
@@ -214,7 +227,7 @@ class Shot:
         log: The recording.
         states: Its smoothed states.
         window: The samples.
-        begun: Estimated hidden states of the model before the window; None without any.
+        begun: Estimated hidden states of the model before the window; None if they have not been estimated.
     """
 
     log: Log
@@ -224,7 +237,7 @@ class Shot:
 
     @property
     def t(self) -> Float[Array, " n"]:
-        """Times since the start [s]."""
+        """Times since the start of the window [s]."""
         t = self.log.motion.t[self.window.start : self.window.stop]
         return t - t[0]
 
@@ -234,18 +247,18 @@ class Shot:
         return self.states.raw[self.window.start : self.window.stop]
 
     def with_hidden_start(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
-        """The window with hidden states of a model by `hidden_start`."""
+        """The window with the hidden states of a model, estimated by `hidden_start`."""
         return replace(self, begun=hidden_start(self.log, self.states, self.window, model, torque))
 
     def pulled(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
-        """The window with hidden states of a model by `pulled_to`."""
+        """The window with the hidden states of a model, estimated by `pulled_to`."""
         return replace(self, begun=pulled_to(self.log, self.states, self.window, model, torque))
 
 
 def under_torque(
     shot: Shot, model: Model, torque: Float[Array, "N nv"], nudge: Float[Array, "2 nv"] | None = None
 ) -> Float[Array, "n nv"]:
-    """Readings [rad or m] of the model under the torque of its drives.
+    """Simulated readings [rad or m] of the model under the torque of its drives, at the samples of the window.
 
     Args:
         shot: The window with its initial states.
@@ -260,26 +273,28 @@ def under_torque(
         begun = shot.begun
         if begun is None or begun.model is not model:
             begun = hidden_start(shot.log, shot.states, shot.window, model, torque)
-        return _freely(shot, begun, torque, nudge)
+        return _from_hidden_start(shot, begun, torque, nudge)
     shift = np.zeros((2, model.robot.nv)) if nudge is None else nudge
     window, states = shot.window, shot.states
     lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
     rows = slice(window.start - lead, window.stop)
     t, q, v = shot.log.motion.t[rows], states.q[rows] + shift[0], states.v[rows] + shift[1]
-    where = _touched(shot.log, rows)
-    where[:lead] = True
-    law = pulling(t, torque[rows], q, v, pull(model, states.q[window.start]), where)
+    pulled = _touched(shot.log, rows)
+    pulled[:lead] = True
+    law = pulling(t, torque[rows], q, v, pull(model, states.q[window.start]), pulled)
     start = true_state(model, states, rows.start, float(t[1] - t[0]), shift)
     return np.array(moved(model, law, start, base_of(model, shot.log, rows)).q[lead:])
 
 
 def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
     """True where joints carry an unmeasured contact force, so that feedback keeps them on the recording."""
-    some = log.motion.q[rows]
-    return np.zeros(some.shape, dtype=bool) if log.touched is None else np.array(log.touched[rows])
+    shape = log.motion.q[rows].shape
+    return np.zeros(shape, dtype=bool) if log.touched is None else np.array(log.touched[rows])
 
 
-def _freely(shot: Shot, begun: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
+def _from_hidden_start(
+    shot: Shot, begun: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None
+) -> Float[Array, "n nv"]:
     """Readings of a simulation that starts at the estimated hidden states."""
     rows, states = slice(begun.at, shot.window.stop), shot.states
     gains = pull(begun.model, states.q[begun.at])
@@ -290,6 +305,7 @@ def _freely(shot: Shot, begun: HiddenStart, torque: Array, nudge: Float[Array, "
 
 
 def _nudged(start: Start, nudge: Float[Array, "2 nv"] | None) -> Start:
+    """A start with position and velocity of links and motors shifted alike."""
     if nudge is None:
         return start
     q, v = nudge
@@ -299,13 +315,13 @@ def _nudged(start: Start, nudge: Float[Array, "2 nv"] | None) -> Start:
 def under_control(
     shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None = None, *, max_step: float = STEP
 ) -> Float[Array, "n nv"]:
-    """Readings [rad or m] of the model under the controllers and references of the recording.
+    """Simulated readings [rad or m] of the model under its controllers and the references of the recording.
 
     Args:
         shot: The window with its initial states.
-        model: The model; its actuators state the controllers.
+        model: The model; its actuators hold the controllers.
         nudge: Shift of position and velocity at the start.
-        max_step: Longest step [s].
+        max_step: Longest integration step [s].
 
     Raises:
         LogError: If there are no references.
@@ -324,25 +340,25 @@ def under_control(
     late = np.array([0.0 if a.controller is None else a.controller.reference_delay for a in robot.actuators])
     late = late if model.late_references is None else late + model.late_references
     law = with_late_references(law, late) if late.any() else law
-    law = _led(law, shot, model, rows)
+    law = _with_contact_feedback(law, shot, model, rows)
     causes = (*controller_delays(robot), *model.commands, *model.causes)
     moving = replace(robot, torque_source="command")
     base = base_of(model, shot.log, rows)
     return np.array(simulated(moving, causes, law, start, base, max_step=max_step).q[window.start - first :])
 
 
-def _led(law: Tracking, shot: Shot, model: Model, rows: slice) -> Tracking:
-    """Controllers plus feedback that keeps joints on the recording while they carry an unmeasured contact force."""
-    where, states = _touched(shot.log, rows), shot.states
-    if not where.any():
+def _with_contact_feedback(law: Tracking, shot: Shot, model: Model, rows: slice) -> Tracking:
+    """The controllers, replaced by feedback along the recording while a joint carries an unmeasured contact force."""
+    touched, states = _touched(shot.log, rows), shot.states
+    if not touched.any():
         return law
     (kp, kd), tau = pull(model, states.q[rows.start]), shot.log.tau[rows]
-    there = {"feedforward": tau, "q_ref": states.q[rows], "v_ref": states.v[rows], "kp": kp, "kd": kd}
-    return replace(law, **{name: np.where(where, value, getattr(law, name)) for name, value in there.items()})
+    feedback = {"feedforward": tau, "q_ref": states.q[rows], "v_ref": states.v[rows], "kp": kp, "kd": kd}
+    return replace(law, **{name: np.where(touched, value, getattr(law, name)) for name, value in feedback.items()})
 
 
 def controlled(robot: Robot) -> bool:
-    """True if the controller of every driven joint is stated, with a constant gain."""
+    """True if the model states a controller with a constant position gain for every driven joint."""
     driven = [a.controller for a in robot.actuators if a.actuated]
     return bool(driven) and all(
         controller is not None and controller.kp > 0 and np.isinf(controller.drops_beyond) for controller in driven
@@ -350,7 +366,7 @@ def controlled(robot: Robot) -> bool:
 
 
 def control_law(robot: Robot, t: Float[Array, " N"], q_ref: Float[Array, "N nv"]) -> Tracking:
-    """The stated controllers without their delays: ``kp (q_ref - q) - kd v`` within the limits of the drives."""
+    """The controllers of the model without their delays: ``kp (q_ref - q) - kd v`` within the limits of the drives."""
     gains = np.array([(0.0, 0.0) if a.controller is None else (a.controller.kp, a.controller.kd)
                       for a in robot.actuators])  # fmt: skip
     kp, kd = (np.broadcast_to(gain, q_ref.shape) for gain in gains.T)
@@ -360,7 +376,7 @@ def control_law(robot: Robot, t: Float[Array, " N"], q_ref: Float[Array, "N nv"]
 
 
 def controller_delays(robot: Robot) -> tuple[Cause, ...]:
-    """The delays of the stated controllers, as effects of the drives."""
+    """The delays of the model's controllers, as effects of the drives."""
     return tuple(
         Cause(effect_named("input_delay"), joint, np.array([actuator.controller.delay]))
         for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)

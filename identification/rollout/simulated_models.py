@@ -24,22 +24,25 @@ from phantom_dyn.simulation.simulate import Cause
 from phantom_dyn.simulation.stepping import longest_step, machine_of
 
 _LARGEST = 1e12  # largest parameter: a larger one comes from a division by rounding errors
-LEAD, _SPRING_LEAD = 0.15, 0.03  # times [s] along a recording until hidden states are known, in general and of springs
+# Times [s] for which a model follows a recording until its hidden states no longer depend on their first values: in
+# general, and where springs alone have such states.
+LEAD, _SPRING_LEAD = 0.15, 0.03
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A robot with the effects that act besides its rigid-body model.
+    """A robot with the effects that act in addition to its rigid-body model.
 
     Attributes:
-        robot: The robot with all effects that only change its parameters (friction, inertias, gravity).
-        commands: Effects of the drives, from the controller on.
+        robot: The robot, including all effects that only change its parameters (friction, inertias, gravity).
+        commands: Effects between the command of a controller and the torque of its drive.
         causes: All other effects.
         late: Delay of the recorded torque against the log [samples].
         late_references: Delay of the references of each joint's controller [s], ``(nv,)``; None without any.
-        soft: Joints with soft modelled friction, each with its share of the full softness.
-        arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
-        base: Errors of the sensors on a floating base, by name with their sizes.
+        soft: Joints whose modelled dry friction changes sign gradually, each with its share of the full softness.
+        arrivals: For joints whose references arrive at an unknown time in the controller's frame: how much later they
+            arrive than half a frame before a reading, as a share of the frame.
+        base: Name and size of each error of the sensors on a floating base.
     """
 
     robot: Robot
@@ -53,12 +56,12 @@ class Model:
 
     @cached_property
     def parts(self) -> tuple[Simulated, ...]:
-        """The causes in the form that a simulation of this robot takes."""
+        """The causes, in the form in which a simulation of this robot uses them."""
         return tuple(self._part(cause) for cause in self.causes)
 
     @cached_property
     def drives(self) -> tuple[Simulated, ...]:
-        """Effects on the commands of the drives."""
+        """The commands, in the form in which a simulation of this robot uses them."""
         return tuple(self._part(cause) for cause in self.commands)
 
     @cached_property
@@ -67,7 +70,7 @@ class Model:
         return tuple(part.transmission for part in self.parts if part.transmission is not None)
 
     def longest_step(self, q: Float[Array, " nv"]) -> float:
-        """Longest step [s] that follows the transmissions; infinite where all are rigid.
+        """Longest integration step [s] that resolves the transmissions; infinite if all are rigid.
 
         Raises:
             ParameterError: If a motor without inertia would have to move by itself.
@@ -79,14 +82,18 @@ class Model:
 
     @cached_property
     def moving(self) -> Robot:
-        """The robot for simulations under a given torque: one object, so that computed models are kept with it."""
+        """The robot for simulations under a given torque.
+
+        It is made once, because simulations cache what they compute from a robot by the object.
+        """
         return replace(self.robot, torque_hold="instant", torque_source="command")
 
     @property
     def settles(self) -> float:
-        """Time [s] along a recording after which hidden states no longer depend on their start.
+        """Time [s] along a recording after which hidden states no longer depend on their first values.
 
-        It is short for springs: their length is known from their load, and they would only ring with the feedback.
+        It is short for springs: their deflection follows from their load, and longer feedback would only make them
+        oscillate.
         """
         if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.parts):
             return LEAD
@@ -94,17 +101,17 @@ class Model:
 
 
 def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:
-    """The model with effects, without those that only add noise: a rounded reading moves nothing.
+    """The model with effects, except those that only add noise to readings: they do not change the motion.
 
     Args:
-        robot: The robot without them.
-        causes: The effects, those of the drives from the controller on.
+        robot: The robot without the effects.
+        causes: The effects; those of drives in their order from the controller to the joint.
         late: Delay of the recorded torque against the log [samples].
 
     Raises:
         RobotError: If a link would weigh nothing or less.
     """
-    moved, commands, others = robot, [], []
+    changed, commands, others = robot, [], []
     late_references: Array | None = None
     for cause in causes:
         if cause.effect.only_noise:
@@ -117,17 +124,17 @@ def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> M
         elif any(x is not None for x in (part.torque, part.reading, part.transmission, part.inertia)):
             others.append(cause)
         elif part.robot is not None:
-            moved = part.robot(moved)
-    return Model(moved, tuple(commands), tuple(others), late, late_references)
+            changed = part.robot(changed)
+    return Model(changed, tuple(commands), tuple(others), late, late_references)
 
 
 def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, ...]:
-    """Effects that belong to the given model."""
+    """Effects that belong to the given model, with their parameters."""
     return tuple(Cause(effect_named(one.effect, robot), one.joint, np.array(one.theta)) for one in known)
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
-    """Effects with the coefficients of one fit, without unnamed structures and without a load (see `loaded`).
+    """Effects with the coefficients of one fit; structures without a named effect and loads (see `loaded`) are left out.
 
     Args:
         robot: The given model.
@@ -176,7 +183,7 @@ def corrected_model(
     theta: Float[Array, " K"],
     operation: Operation,
 ) -> Model:
-    """The model of one recording, moved within its tolerances and with the effects of one fit.
+    """The model of one recording, changed within its tolerances and with the effects of one fit.
 
     Args:
         given: The given model.
@@ -195,12 +202,12 @@ def corrected_model(
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
     robot = loaded(adjusted_robot(operation.robot, values, given), terms, theta, operation.recording)
     soft, arrivals, base = (
-        tuple((str(m.owner), float(x)) for x, m in zip(values, parameters, strict=True) if m.kind == kind and x)
+        tuple((str(p.owner), float(x)) for x, p in zip(values, parameters, strict=True) if p.kind == kind and x)
         for kind in (SOFTNESS, ARRIVAL, BASE)
     )
     return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft, arrivals=arrivals, base=base)
 
 
 def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:
-    """The causes with their mean parameters over an operation, where these change slowly with it."""
+    """The causes at one operation: parameters that change slowly, as with temperature, have their mean over it."""
     return tuple(replace(one, theta=one.effect.at_work(operation, one.joint, one.theta)) for one in causes)

@@ -1,8 +1,8 @@
-"""Exchanged columns of positions and torques, found by how well a plausible robot explains either order.
+"""Check whether the columns of positions and torques are exchanged, by how well a plausible robot explains each order.
 
-As with the other readings of `identification.data.checks.better_readings`, no plausible robot may explain the data as
-recorded, and one has to explain them after the exchange. The thresholds are stricter: this reading has another motion,
-and a torque must not be taken for a position because it happens to fit as one.
+The rule is that of `identification.data.checks.better_readings`: no plausible robot explains the data as recorded, and
+one explains them after the exchange. The thresholds are stricter here, because the exchange changes the motion too: a
+torque must not be taken for a position because it happens to fit as one.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from identification.data.recording import Fault, Recording
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# Unexplained share of the torque that every joint has to exceed as recorded, and no joint after the exchange. Exchanged
-# recordings in tests have 0.8 and more against 0.01 and less.
-_AS_IT_STANDS, _EXCHANGED = 0.5, 0.05
+# Limits of the unexplained share of the torque: every joint has to be above the first one as recorded, and below the
+# second one after the exchange. Exchanged recordings in tests have at least 0.8 before it and at most 0.01 after it.
+_LEAST_AS_RECORDED, _MOST_EXCHANGED = 0.5, 0.05
 
 
 def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> Fault | None:
@@ -30,23 +30,23 @@ def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> F
     Args:
         recording: Raw samples.
         robot: The given model.
-        reading: Some of its samples, smoothed.
+        reading: Smoothed samples of it, in the units and order of the file.
     """
     # Torques that were computed from a current, and recordings with forces, are not tested.
     if recording.tau is None or recording.forces or set(recording.torque_from.values()) - {"tau"}:
         return None
     before = unexplained(robot, reading)
-    if np.isnan(before).all() or np.nanmin(before) < _AS_IT_STANDS:
+    if np.isnan(before).all() or np.nanmin(before) < _LEAST_AS_RECORDED:
         return None
     smooth = smoothed(replace(recording, q=recording.tau, tau=recording.q, v=None))
-    other = None if smooth is None else reading_of(smooth)
-    if other is None:
+    exchanged = None if smooth is None else reading_of(smooth)
+    if exchanged is None:
         return None
     try:
-        after = unexplained(robot, other)
+        after = unexplained(robot, exchanged)
     except ChainError:
         return None
-    if np.isnan(after).all() or np.nanmax(after) > _EXCHANGED:
+    if np.isnan(after).all() or np.nanmax(after) > _MOST_EXCHANGED:
         return None
     return Fault(
         "positions and torques are in each other's columns",

@@ -1,7 +1,7 @@
-"""Compiled simulation of a robot under position controllers, the robot given by parameters that are being estimated.
+"""Compiled simulation of a robot under position controllers, for estimators that change the robot's parameters.
 
-The step is the one of `phantom_dyn.simulation.stepping`: the midpoint rule on velocity level with dry friction as an
-impulse, so that a joint at standstill stays there. Each joint of the tree has one degree of freedom.
+The integration step is that of `phantom_dyn.simulation.stepping`: the midpoint rule for velocities, with dry friction
+as an impulse, so that a joint at standstill stays there. Each joint of the tree has one degree of freedom.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from phantom_dyn._kernels.single_state import chained_mass_and_bias, invert
 from phantom_dyn.array_types import Array
 
 _TOO_FAST = 1e6
-"""Speed [rad/s or m/s] at which the integration has blown up."""
+"""Speed [rad/s or m/s] above which the integration has diverged."""
 
 
 class Controllers(NamedTuple):
@@ -27,9 +27,9 @@ class Controllers(NamedTuple):
     Attributes:
         q_ref: References, ``(N, nv)``.
         gains: Position gain, velocity gain and torque limit of each joint, ``(3, nv)``.
-        window: Samples over which the controller differentiates, 0 for the true velocity.
-        delay: Time [s] by which the torque is late.
-        held: True if the controller works once a sample, else all the time.
+        window: Samples over which the controller differentiates positions; 0 if it uses the true velocity.
+        delay: Delay of the torque [s].
+        held: True if the controller computes a torque once per sample and holds it, False if in every step.
         dt: Time between samples [s].
         steps: Integration steps per sample.
     """
@@ -43,13 +43,13 @@ class Controllers(NamedTuple):
     steps: int
 
 
-class Moved(NamedTuple):
-    """Inputs of a simulation of N samples, each of shape ``(N, nv)``.
+class Trajectory(NamedTuple):
+    """Simulated motion and torque of N samples, which `run` writes; each has shape ``(N, nv)``.
 
     Attributes:
         q: Positions.
         v: Velocities.
-        a: Accelerations, means over a step before and one after the sample.
+        a: Accelerations: means of the step before and the step after each sample.
         tau: Drive torque.
     """
 
@@ -60,14 +60,14 @@ class Moved(NamedTuple):
 
 
 @jit
-def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved) -> int:
-    """Simulate N samples from ``q0``, ``v0``, ``(nv,)`` each; the sample at which the robot cannot go on, or -1."""
+def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Trajectory) -> int:
+    """Simulate N samples from ``q0`` and ``v0``, ``(nv,)`` each; return the sample at which it failed, or -1."""
     N, nv = out.q.shape
     held, steps = controllers.held, controllers.steps
     h = controllers.dt / steps
     every = steps if held else 1
-    asked = np.empty((N if held else N * steps, nv))
-    room, mass, weight = plant.root.copy(), np.empty((nv, nv)), np.empty(nv)
+    commanded = np.empty((N if held else N * steps, nv))
+    moving, mass, bias = plant.root.copy(), np.empty((nv, nv)), np.empty(nv)
     qm, vm, applied, force, speed = np.empty(nv), np.empty(nv), np.zeros(nv), np.empty(nv), np.empty(nv)
     viscous, level, impulse = np.empty(len(plant.E)), np.empty(len(plant.E)), np.empty(len(plant.E))
     places = FrictionPlaces(np.arange(nv), plant.E[nv:], np.empty((len(plant.E) - nv, nv + 1)))
@@ -85,15 +85,15 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
             if s % every == 0:
                 share = 0.0 if held else (s + 0.5) / steps
                 at, rate = (q, v) if held else (qm, vm)
-                ask(controllers, k, share, at, rate, (q0, v0), out.q, asked[k if held else k * steps + s])
-            arrive(controllers, k, s, asked, applied, out.tau)
-            # Half a step ahead.
-            if not chained_mass_and_bias(plant.numbers, plant.places, room, plant.chain, qm, vm, mass, weight):
+                write_command(controllers, k, share, at, rate, (q0, v0), out.q, commanded[k if held else k * steps + s])
+            write_torque(controllers, k, s, commanded, applied, out.tau)
+            # Mass matrix and bias torque at the middle of the step.
+            if not chained_mass_and_bias(plant.numbers, plant.places, moving, plant.chain, qm, vm, mass, bias):
                 return k
             for e in range(len(plant.passive)):
                 plant.E[nv + e] = plant.chain.slope[plant.passive[e]]
             for i in range(nv):
-                force[i] = applied[i] + plant.push[i] - plant.spring[i] * qm[i] - weight[i]
+                force[i] = applied[i] + plant.push[i] - plant.spring[i] * qm[i] - bias[i]
                 for c in range(nv):
                     mass[i, c] += plant.rotor[i, c]
             friction_levels(plant.E, plant.dry, vm, h, viscous, level)
@@ -116,7 +116,7 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
 
 @jit
 def accelerate(mobility: Array, force: Array, h: float, v: Array, speed: Array) -> None:
-    """Write the velocities that ``h`` seconds of force without dry friction leave behind velocities ``v``."""
+    """Write the velocities after a step of ``h`` seconds from velocities ``v``, without dry friction."""
     for i in range(len(v)):
         speed[i] = v[i]
         for c in range(len(v)):
@@ -124,7 +124,7 @@ def accelerate(mobility: Array, force: Array, h: float, v: Array, speed: Array) 
 
 
 @jit
-def ask(
+def write_command(
     controllers: Controllers,
     k: int,
     share: float,
@@ -134,36 +134,36 @@ def ask(
     past: Array,
     out: Array,
 ) -> None:
-    """Write the torque that the controllers ask for behind sample ``k``.
+    """Write the torque that the controllers command at a time between samples ``k`` and ``k + 1``.
 
     Args:
         controllers: References, gains and window.
-        k: The sample.
-        share: Fraction of the way to the next sample.
+        k: The sample before.
+        share: Fraction of the time to the next sample.
         q: Positions, ``(nv,)``.
         v: Velocities, ``(nv,)``.
-        start: Positions and velocities at the start, before which motion is taken to be uniform.
+        start: Positions and velocities at the start; before it, these velocities are taken to be constant.
         past: Positions of the samples up to this one, ``(N, nv)``.
         out: Receives the torque, ``(nv,)``.
     """
     q0, v0 = start
-    wanted, gains, window, dt = controllers.q_ref, controllers.gains, controllers.window, controllers.dt
+    q_ref, gains, window, dt = controllers.q_ref, controllers.gains, controllers.window, controllers.dt
     for i in range(len(q)):
-        goal = wanted[k, i] + share * (wanted[min(k + 1, len(wanted) - 1), i] - wanted[k, i])
+        reference = q_ref[k, i] + share * (q_ref[min(k + 1, len(q_ref) - 1), i] - q_ref[k, i])
         rate = v[i]
         if window > 0:
             before = past[k - window, i] if k >= window else q0[i] - (window - k) * dt * v0[i]
             rate = (q[i] - before) / (window * dt)
-        out[i] = gains[0, i] * (goal - q[i]) - gains[1, i] * rate
+        out[i] = gains[0, i] * (reference - q[i]) - gains[1, i] * rate
 
 
 @jit
-def arrive(controllers: Controllers, k: int, s: int, asked: Array, applied: Array, tau: Array) -> None:
-    """Write the torque that acts in step ``s`` behind sample ``k``: late, within its limits; and that of the sample.
+def write_torque(controllers: Controllers, k: int, s: int, commanded: Array, applied: Array, tau: Array) -> None:
+    """Write the torque that acts in step ``s`` after sample ``k``, with delay and limits, and the torque of the sample.
 
-    Between samples the delay of a torque that changes all the time is interpolated linearly; one that is held arrives
-    whole. A simulation with a step of its own choice keeps a line of commands instead, see
-    `phantom_dyn.effects.drive.input_delay`.
+    The command of a controller that computes in every step is interpolated linearly at the delayed time. A command that
+    is held for a sample is not interpolated. Simulations that choose their step themselves keep a queue of commands
+    instead, see `phantom_dyn.effects.drive.input_delay`.
     """
     held, steps = controllers.held, controllers.steps
     if held:
@@ -173,19 +173,19 @@ def arrive(controllers: Controllers, k: int, s: int, asked: Array, applied: Arra
         old = int(place)
         part = place - old
     for i in range(len(applied)):
-        given, before = asked[old, i], applied[i]
+        given, before = commanded[old, i], applied[i]
         if part > 0.0:
-            given += part * (asked[old + 1, i] - given)
+            given += part * (commanded[old + 1, i] - given)
         limit = controllers.gains[2, i]
         applied[i] = min(max(given, -limit), limit)
         if s == 0:
-            # A torque that changes all the time is known half a step before and half a step after a sample.
+            # The torque of a step is that at its middle: half a step before and half a step after the sample.
             tau[k, i] = applied[i] if held or k == 0 else 0.5 * (before + applied[i])
 
 
 @jit
 def friction_levels(E: Array, dry: Array, v: Array, h: float, viscous: Array, level: Array) -> None:
-    """Write the viscous coefficient and the largest dry impulse in ``h`` seconds of each rubbing joint, ``(ne,)``."""
+    """Write viscous coefficient and largest dry impulse in ``h`` seconds of each joint with friction, ``(ne,)``."""
     for e in range(len(E)):
         rate = 0.0
         for i in range(len(v)):
@@ -199,7 +199,7 @@ def friction_levels(E: Array, dry: Array, v: Array, h: float, viscous: Array, le
 
 @jit
 def add_viscous(E: Array, viscous: Array, v: Array, h: float, force: Array, mass: Array) -> None:
-    """Add viscous friction to the force and, half a step implicit, to the mass matrix."""
+    """Add viscous friction at the middle of the step: its known part to the force, its implicit part to the mass."""
     nv = len(v)
     for e in range(len(E)):
         if viscous[e] != 0.0:

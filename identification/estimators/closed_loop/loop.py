@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.data.signals import align_held_torque
-from identification.estimators.closed_loop.closed_loop_steps import Controllers, Moved, run
+from identification.estimators.closed_loop.closed_loop_steps import Controllers, Trajectory, run
 from identification.estimators.closed_loop.plant import (
     Plant,
     all_parameters,
@@ -180,7 +180,7 @@ def simulated(loop: Loop, plant: Plant) -> tuple[Motion, Float[Array, "N nv"]]:
         dt=loop.dt,
         steps=loop.steps,
     )
-    out = Moved(*(np.zeros(wanted.shape) for _ in range(4)))
+    out = Trajectory(*(np.zeros(wanted.shape) for _ in range(4)))
     bad = run(plant, controllers, np.array(log.motion.q[0]), np.array(log.motion.v[0]), out)
     if bad >= 0:
         raise EstimationError(
