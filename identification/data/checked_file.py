@@ -1,4 +1,4 @@
-"""Faults of a recording, for its user: certain ones, repaired ones, and doubts."""
+"""What a user is told about a recording: its certain faults, what was corrected, and what may be wrong."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ _MEASURED = {False: "positions", True: "positions and orientations"}
 
 @dataclass(frozen=True, repr=False)
 class CheckedRecording:
-    """Faults of a recording: certain ones, and possible ones.
+    """Length, joints and faults of a recording.
 
     Attributes:
-        file: Its name.
-        joints: Its joints.
-        samples, seconds: Its length.
+        file: Name of the file.
+        joints: Names of the joints.
+        samples: Number of samples.
+        seconds: Time from the first sample to the last [s].
         wrong: Certain faults; `diagnose` refuses such a recording.
         warnings: Sentences on corrected values and possible errors.
         frames: Names of the frames with measured poses, and whether their orientations were measured.
-        with_robot: False if it was checked without a robot, which finds less.
-        loops: A sentence on each drive whose loop the log shows.
+        with_robot: True if it was checked against a model; without one fewer faults are found.
+        loops: A sentence on each drive whose control loop could be estimated from the log.
     """
 
     file: str
@@ -46,7 +47,7 @@ class CheckedRecording:
 
     @property
     def right(self) -> bool:
-        """True if nothing was found that is or may be wrong."""
+        """True if the recording has no fault and no warning."""
         return not self.wrong and not self.warnings
 
     def __repr__(self) -> str:
@@ -66,7 +67,7 @@ class CheckedRecording:
 
 
 def checked_recording(found: Recording, *, with_robot: bool) -> CheckedRecording:
-    """Properties of a recording that was read and checked."""
+    """Length, joints and faults of a recording that was read and checked before."""
     seconds = float(found.t[-1] - found.t[0])
     return CheckedRecording(
         found.file,
@@ -90,18 +91,18 @@ def checked_file(
     ref_topic: str | None = None,
     progress: Progress = lambda _: None,
 ) -> CheckedRecording:
-    """Faults of the recording in a file.
+    """Length, joints and faults of the recording in a file.
 
     Args:
         path: A recording in any format that `identification.data.reading.read_recording` reads.
-        robot: The robot that was recorded; with None only checks without a model are made.
-        columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
+        robot: The robot that was recorded; None for the checks that need no model.
+        columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of the references in a bag, if they have another one.
-        progress: Called with each stage.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
+        progress: Called at the start of each stage.
 
     Raises:
-        LogError: If the file is no recording at all.
+        LogError: If the file cannot be read as a recording.
     """
     if robot is None:
         found = unassigned_recording(read_table(path, columns=columns, topic=topic, ref_topic=ref_topic))
@@ -121,7 +122,7 @@ def _read(
     ref_topic: str | None,
     progress: Progress,
 ) -> Recording:
-    """The recording, without torque where it holds poses alone, or references of controllers in its place."""
+    """The recording in a file; it needs no torque if it holds only poses, or references of controllers."""
 
     def read(torque_needed: bool) -> Recording:
         found = recording(table_of(path, robot, columns, topic, ref_topic), robot, torque_needed=torque_needed)

@@ -137,7 +137,7 @@ class Explained:
         return any(recording.controlled for recording in self.session.recordings)
 
     def theta(self, fold: int) -> Float[Array, " K"]:
-        """Coefficients of the fit without a fold; for blocks of no fold (-1), which no fit uses, those of the full fit."""
+        """Coefficients of the fit without a fold; of the full fit for -1, the blocks that no fit uses."""
         return self.found.theta if fold < 0 else self.found.fold_theta[fold]
 
 

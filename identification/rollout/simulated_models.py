@@ -134,7 +134,7 @@ def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, .
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
-    """Effects with the coefficients of one fit; structures without a named effect and loads (see `loaded`) are left out.
+    """Effects with the coefficients of one fit, except structures that no effect names and loads (see `loaded`).
 
     Args:
         robot: The given model.

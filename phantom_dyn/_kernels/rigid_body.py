@@ -2,8 +2,8 @@
 """Rigid-body quantities of a Pinocchio model for N samples, by compiled loops.
 
 ``arrays`` are `tree_arrays` of the model; gravity and armature are read from the model at every call. ``q`` are
-Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is how the root moves, see
-`torque_loop`, ``(N, 9)``: its specific force takes the place of gravity; None for a root that is fixed.
+Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is the motion of the root,
+``(N, 9)``, see `torque_loop`; None for a fixed root. The specific force of a moving root takes the place of gravity.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, ParameterError
 
-# Samples from which on the slopes of the torque are worth a loop of their own: Pinocchio's is done with fewer long
-# before this one is compiled.
+# Smallest number of samples for which the compiled loop of torque derivatives is used. For fewer samples Pinocchio's
+# function finishes before the loop would be compiled.
 _WORTH_COMPILING = 20_000
 _FIXED = np.empty((0, 9))
-"""How the root of a fixed robot moves."""
+"""Motion of a fixed root: no samples."""
 
 
 def regressor(
@@ -44,22 +44,23 @@ def regressor(
     """Rigid-body torque regressor.
 
     Args:
-        model: Gives gravity.
+        model: The robot; its gravity is used.
         arrays: The tree of joints as arrays.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
-        root: Motion of the base, ``(N, 9)``, see `torque_loop`; None where it is fixed.
-        slope: ``G`` of a closed chain, ``(N, nt, nv)``: the rows become those of its active joints.
-        columns: Which columns to make, ascending; by default all ten of each joint.
-        out: Receives them in its first columns, C-contiguous, ``(N, nv, c)`` with ``c`` at least their number. It must
-            be zero, or hold what the same call with other samples wrote.
+        root: Motion of the root, ``(N, 9)``, see `torque_loop`; None if it is fixed.
+        slope: Velocities of the tree per velocity of the active joints of a closed chain, ``G``, ``(N, nt, nv)``: the
+            regressor then has rows for the active joints.
+        columns: Columns to compute, ascending; by default all ten of each joint.
+        out: Array for the result, C-contiguous, ``(N, nv, c)`` with ``c`` at least the number of columns, which are
+            its first ones. It must be zero, or hold the result of the same call for other samples.
 
     Returns:
         Shape ``(N, nv, number of columns)``, or ``out``.
 
     Raises:
-        LogError: If the motion has another shape than the robot; so of all functions here.
+        LogError: If the shapes of the motion do not fit the robot. All functions of this module raise it.
         ParameterError: If a column does not exist, they do not ascend, or ``slope`` or ``out`` does not fit.
     """
     _require_motion(model, q, v, a, root=root)
@@ -67,13 +68,13 @@ def regressor(
         raise ParameterError(f"slope has shape {slope.shape}: give {v.shape[1]} rows for each of {len(v)} samples.")
     p = 10 * (model.njoints - 1)
     wanted = np.arange(p) if columns is None else np.asarray(columns).reshape(-1)
-    whole = len(wanted) == 0 or np.issubdtype(wanted.dtype, np.integer)
+    integer = len(wanted) == 0 or np.issubdtype(wanted.dtype, np.integer)
     chosen = wanted.astype(np.int64)
-    if not whole or (len(chosen) and (chosen[0] < 0 or chosen[-1] >= p or (np.diff(chosen) <= 0).any())):
+    if not integer or (len(chosen) and (chosen[0] < 0 or chosen[-1] >= p or (np.diff(chosen) <= 0).any())):
         raise ParameterError(f"columns is {columns}: give ascending column numbers from 0 to {p - 1}.")
     rows = v.shape[1] if slope is None else slope.shape[2]
     if out is None:
-        # Pages of zeros come from the system: what is always zero is never written.
+        # The system provides memory of zeros, and entries that are always zero are never written.
         out = np.zeros((len(q), rows, len(chosen)))
     else:
         _require_room(out, (len(q), rows, len(chosen)))
@@ -90,19 +91,20 @@ def regressor(
 
 
 def _with_first(places: Array) -> Array:
-    """Columns of each joint's ten parameters behind the first one, as `regressor_loop` takes them."""
-    wanted = (places >= 0).sum(axis=1)
-    together = (wanted == 10) & (places[:, 9] == places[:, 0] + 9)
-    first = np.where(together, places[:, 0], np.where(wanted > 0, SCATTERED, NONE))
+    """Rows for `regressor_loop`: first column of each joint, or `SCATTERED` or `NONE`, then its ten columns."""
+    count = (places >= 0).sum(axis=1)
+    contiguous = (count == 10) & (places[:, 9] == places[:, 0] + 9)
+    first = np.where(contiguous, places[:, 0], np.where(count > 0, SCATTERED, NONE))
     return ready(np.column_stack([first, places]), np.int64)
 
 
 def _rooted(root: Array | None) -> Array:
+    """Motion of the root as the loops take it."""
     return ready(_FIXED if root is None else root)
 
 
 def _require_motion(model: pin.Model, q: Array, *rates: Array, root: Array | None = None) -> None:
-    """Refuse samples of another shape: a compiled loop would read beyond their end."""
+    """Refuse samples whose shapes do not fit: a compiled loop would read beyond their end."""
     if root is not None and root.shape != (len(q), 9):
         raise LogError(f"The root's motion has shape {root.shape}: give nine numbers for each of {len(q)} samples.")
     if q.ndim != 2 or q.shape[1] != model.nq or any(rate.shape != (len(q), model.nv) for rate in rates):
@@ -114,6 +116,7 @@ def _require_motion(model: pin.Model, q: Array, *rates: Array, root: Array | Non
 
 
 def _require_room(out: Array, wanted: tuple[int, int, int]) -> None:
+    """Refuse an array into which the result cannot be written."""
     fits = out.ndim == 3 and out.shape[:2] == wanted[:2] and out.shape[2] >= wanted[2]
     if not (fits and out.dtype == np.float64 and out.flags.c_contiguous and out.flags.writeable):
         raise ParameterError(
@@ -149,9 +152,9 @@ def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array, ro
 def torque_slopes(
     model: pin.Model, arrays: TreeArrays, q: Array, v: Array, a: Array, root: Array | None = None
 ) -> tuple[Array, Array]:
-    """Torque of joint i per position, and per velocity, of joint j, ``[sample, i, j]``, shapes ``(N, nt, nt)``.
+    """Derivatives of the torque of joint i by the position, and by the velocity, of joint j, each ``(N, nt, nt)``.
 
-    Each entry's series is in one piece of memory.
+    Entries are ``[sample, i, j]``; in memory the samples of an entry are contiguous.
     """
     _require_motion(model, q, v, a, root=root)
     if len(q) < _WORTH_COMPILING:
@@ -166,7 +169,7 @@ def torque_slopes(
 
 
 def _slopes_by_pinocchio(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
-    """Torque of joint i per position (then per velocity) of joint j, ``[0 or 1, j, i, sample]``."""
+    """Derivatives of the torque of joint i by position (0) and velocity (1) of joint j, ``[0 or 1, j, i, sample]``."""
     if root is not None:
         whole, samples = _on_moving_root(model, q, v, a, root)
         return _slopes_by_pinocchio(whole, *samples)[:, 6:, 6:]
@@ -178,7 +181,7 @@ def _slopes_by_pinocchio(model: pin.Model, q: Array, v: Array, a: Array, root: A
 
 
 def _on_moving_root(model: pin.Model, q: Array, v: Array, a: Array, root: Array) -> tuple[pin.Model, tuple[Array, ...]]:
-    """The tree on a free-flyer without gravity, and its samples: the specific force accelerates the root instead."""
+    """The tree on a free-flyer, and its samples: instead of gravity the specific force accelerates the root."""
     base = pin.Model()
     joint = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "moving root")
     base.addJointFrame(joint, 0)
@@ -208,13 +211,13 @@ def frame_pose(model: pin.Model, arrays: TreeArrays, q: Array, frame: int) -> tu
 
 
 def frame(model: pin.Model, arrays: TreeArrays, q: Array, index: int) -> tuple[Array, Array, Array]:
-    """Orientation, position [m] and Jacobian in the axes of the root, see `frame_pose` and `frame_jacobian`."""
+    """Orientation, position [m] and Jacobian of a frame, all in the axes of the root, see `frame_pose`."""
     _require_motion(model, q)
     return _frame(model, arrays, q, index, body=False, jacobian=True)
 
 
 def frame_jacobian(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: bool) -> Array:
-    """Jacobian of a frame in its own axes (``body``) or in those of the root, rows v, then w, ``(N, 6, nt)``."""
+    """Jacobian of a frame, rows v, then w, ``(N, 6, nt)``: in its own axes if ``body`` is true, else the root's."""
     _require_motion(model, q)
     return _frame(model, arrays, q, frame, body=body, jacobian=True)[2]
 
@@ -231,7 +234,7 @@ def _frame(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: 
 
 
 def ready(array: Array, kind: type = np.float64) -> Array:
-    """Contiguous, of one type and not to be written: a loop is compiled once more for every other kind of array."""
+    """The array, contiguous, of one type and read-only: for any other kind of array a loop would be compiled again."""
     if array.dtype == kind and array.flags.c_contiguous and not array.flags.writeable:
         return array
     view = np.ascontiguousarray(array, dtype=kind).view()
@@ -240,7 +243,7 @@ def ready(array: Array, kind: type = np.float64) -> Array:
 
 
 def announce(loop: Callable[..., Any]) -> None:
-    """Log that the first use in a process waits for compilation."""
+    """Log that a loop has to be compiled, if this is its first use in the process."""
     if not getattr(loop, "signatures", True):
         logging.getLogger("phantom_dyn").info(
             "Preparing compiled loops over samples: some seconds at the first use, read from disk later."

@@ -1,4 +1,4 @@
-"""Inverse kinematics: joint positions that bring the tip to points, on the branch nearest to a configuration."""
+"""Inverse kinematics: the joint positions for given tip positions, on the branch nearest to a given posture."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
 
 CLOSE = 1e-9
-"""Distance [m] between tip and point below which Newton's method has converged: far above rounding errors."""
+"""Distance [m] between tip and point below which Newton's method has converged; rounding errors are far smaller."""
 _SAMPLES, _STARTS = 20000, 8
 """Number of random configurations, and of starts of Newton's method for each point."""
 _NUMERIC_SAMPLES, _NUMERIC_STARTS = 4000, 6
-"""The same for a chain that is closed numerically, where each configuration takes about a millisecond."""
+"""The same numbers for a chain that is closed numerically, where each configuration takes about a millisecond."""
 _NEAR = 48
-"""Number of random configurations with tips close to a point, among which starts are chosen."""
+"""Number of random configurations, those with tips closest to a point, from which its starts are chosen."""
 _STEPS = 25
 """Largest number of steps of Newton's method."""
 _SAME_BRANCH = 0.5
-"""Distance in every joint [rad or m] below which two starts lead to the same branch."""
+"""Two starts count as on the same branch if no joint differs by more than this [rad or m]."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Random configurations within the limits and their tip positions, as starts on every branch.
+    """Random configurations within the limits and their tip positions: starts for Newton's method on all branches.
 
     Attributes:
         q: Configurations [rad or m], shape ``(n, nv)``.
@@ -65,7 +65,7 @@ def cloud_of(model: MapModel) -> Cloud | None:
         return None
     active = list(model.robot.tree_rows)
     low, high = model.lower[active], model.upper[active]
-    # One turn covers all poses of a revolute joint; a linear joint without limits gets a metre.
+    # One turn covers all poses of a revolute joint; a prismatic joint without limits is drawn within a metre.
     span = np.where(model.robot.prismatic, 1.0, np.pi)
     narrow = np.isfinite(high - low) & (model.robot.prismatic | (high - low < 2 * np.pi))
     low, high = np.where(narrow, low, model.posture - span), np.where(narrow, high, model.posture + span)
@@ -86,11 +86,11 @@ def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None, axes: tu
         model: A robot with two or three active joints.
         points: Points in the root frame [m], shape ``(N, 3)``.
         cloud: From `cloud_of`.
-        axes: Which coordinates of the points count: as many as there are active joints.
+        axes: Coordinates of the points that the tip has to reach; as many as there are active joints.
 
     Returns:
-        Active positions, shape ``(N, nv)``: of all branches within the limits the nearest to ``model.posture``; a row
-        of NaN where there is none.
+        Active positions, shape ``(N, nv)``, on the branch within the limits that is nearest to ``model.posture``; a
+        row of NaN for a point that no branch reaches.
     """
     if model.branches is not None:
         candidates = model.branches(points)
@@ -120,7 +120,7 @@ def _near_posture(model: MapModel, q: Array) -> Array:
 
 
 def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> Array:
-    """Candidates ``(starts, N, nv)`` by Newton's method from configurations with close tips, on every branch."""
+    """Candidates ``(starts, N, nv)`` by Newton's method, each from a random configuration whose tip is close."""
     # Imported here: only points without a closed form need it, and it takes longer to import than many maps.
     from scipy.spatial import KDTree
 
@@ -132,32 +132,36 @@ def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> 
 
 
 def _distinct(model: MapModel, near: Array) -> list[Array]:
-    """Up to `_STARTS` of the configurations ``(N, k, nv)`` of each point, nearest first and well apart, else NaN."""
+    """Up to `_STARTS` starts for each point, each ``(N, nv)``, the one nearest to the posture first.
+
+    Each is one of the point's ``k`` configurations ``near``, ``(N, k, nv)``, and on another branch than those before
+    it, by `_SAME_BRANCH`; NaN for a point that has no more of them.
+    """
     rows = np.arange(len(near))
-    away = np.linalg.norm(near - model.posture, axis=2)
+    distance = np.linalg.norm(near - model.posture, axis=2)
     starts = []
     for _ in range(_NUMERIC_STARTS if model.closed_numerically else _STARTS):
-        pick = np.argmin(away, axis=1)
-        start = np.where(np.isfinite(away[rows, pick])[:, None], near[rows, pick], np.nan)
+        pick = np.argmin(distance, axis=1)
+        start = np.where(np.isfinite(distance[rows, pick])[:, None], near[rows, pick], np.nan)
         starts.append(start)
         same = (np.abs(near - start[:, None]) < _SAME_BRANCH).all(axis=2)
-        away = np.where(same, np.inf, away)
+        distance = np.where(same, np.inf, distance)
     return starts
 
 
 def _newton(model: MapModel, points: Array, start: Array, axes: list[int]) -> Array:
-    """Joint positions by damped Newton steps, which need not have converged; NaN for a start of NaN."""
+    """Joint positions by damped Newton steps, which may not have converged; NaN where the start is NaN."""
     q = start.copy()
-    left = np.flatnonzero(np.isfinite(q).all(axis=1))
+    unfinished = np.flatnonzero(np.isfinite(q).all(axis=1))
     for _ in range(_STEPS):
-        if not len(left):
+        if not len(unfinished):
             break
-        tip, J = tip_of(model, q[left])
-        gap, J = (points[left] - tip)[:, axes], J[:, axes]
-        # Damping that vanishes with the gap: safe far away, quadratic close by.
+        tip, J = tip_of(model, q[unfinished])
+        gap, J = (points[unfinished] - tip)[:, axes], J[:, axes]
+        # The damping vanishes with the gap: steps are safe far from the point, and convergence is quadratic near it.
         damping = (np.sum(gap**2, axis=1)[:, None, None] + 1e-14) * np.eye(len(axes))
         step = np.einsum("nji,nj->ni", J, np.linalg.solve(J @ np.swapaxes(J, 1, 2) + damping, gap[..., None])[..., 0])
-        q[left] += step * np.minimum(1, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
+        q[unfinished] += step * np.minimum(1, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
         moving = np.abs(step).max(axis=1) > 1e-13
-        left = left[moving & np.isfinite(q[left]).all(axis=1)]
+        unfinished = unfinished[moving & np.isfinite(q[unfinished]).all(axis=1)]
     return q

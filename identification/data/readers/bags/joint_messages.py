@@ -1,9 +1,9 @@
-"""Values of joints in messages of bags: measured ones and references, by their standard quantities.
+"""Readers of one message of a bag: measured values of its joints, or references, under the names of quantities.
 
-Read are sensor_msgs/JointState, control_msgs/JointTrajectoryControllerState (with ``reference`` and ``feedback``, older
-with ``desired`` and ``actual``), control_msgs/DynamicJointState, franka_msgs/FrankaRobotState and FrankaState,
-foxglove_msgs/JointStates and Unitree's LowState; for references also trajectory_msgs/JointTrajectory, Unitree's LowCmd
-and std_msgs/Float64MultiArray.
+Measured values come from sensor_msgs/JointState, control_msgs/JointTrajectoryControllerState (with ``reference`` and
+``feedback``, in older versions ``desired`` and ``actual``), control_msgs/DynamicJointState,
+franka_msgs/FrankaRobotState and FrankaState, foxglove_msgs/JointStates and Unitree's LowState. References also come
+from trajectory_msgs/JointTrajectory, Unitree's LowCmd and std_msgs/Float64MultiArray.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _INTERFACES = {
     "temperature": "temp",
     "motor_temperature": "temp",
 }
-"""Names of interfaces of ros2_control and their quantities."""
+"""Quantity of each interface of ros2_control, by the interface's name."""
 DOCUMENTED_ORDER = ("unitree_go/msg/LowState", "unitree_hg/msg/LowState", "unitree_legged_msgs/msg/LowState")
-"""Types whose numbers have an order that the maker documents."""
+"""Types that list motors without names, in an order that the maker documents."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class JointValues:
     """Values of the joints in one message.
 
     Attributes:
-        names: Names of the joints; empty where the message numbers them.
-        values: By quantity, one a joint, or empty; NaN for a joint of which nothing is said.
-        stamp: Time of the message [ns], None where it has none.
-        is_tick: True for a stamp that counts from a start of its own.
-        base: What it says of the base, see `base_of_low_states`; None where it says nothing.
+        names: Names of the joints; empty if the message lists its joints without names.
+        values: For each quantity one value per joint, NaN where the message has none; or an empty array.
+        stamp: Time stamp of the message [ns]; None if it has none.
+        is_tick: True if the stamp counts from the start of the device, and is not the time of day.
+        base: Values of the base's sensors, see `identification.data.readers.bags.unitree.base_of`; None without any.
     """
 
     names: tuple[str, ...]
@@ -64,18 +64,20 @@ def _joint_state(message: Any) -> JointValues:
 
 
 def _point(message: Any, name: str, older: str) -> Any:
-    """A point of a controller's state; the older name is taken where the newer one is not there or empty."""
-    point = getattr(message, name, None)
-    other = getattr(message, older, None)
-    return other if point is None or (other is not None and not len(point.positions)) else point
+    """A point of a controller's state, under its name in newer or, if that is missing or empty, in older versions."""
+    newer_point = getattr(message, name, None)
+    older_point = getattr(message, older, None)
+    if newer_point is None or (older_point is not None and not len(newer_point.positions)):
+        return older_point
+    return newer_point
 
 
 def _controller_state(message: Any) -> JointValues:
-    asked, found = _point(message, "reference", "desired"), _point(message, "feedback", "actual")
-    values = {"q": found.positions, "v": found.velocities, "tau": found.effort, "q_ref": asked.positions}
+    reference, measured = _point(message, "reference", "desired"), _point(message, "feedback", "actual")
+    values = {"q": measured.positions, "v": measured.velocities, "tau": measured.effort, "q_ref": reference.positions}
     output = getattr(message, "output", None)
-    # What the controller sends to the drives, where it commands torques and nobody measures them.
-    if not len(found.effort) and output is not None:
+    # A controller that commands torques sends them to the drives: they are used where no torque is measured.
+    if not len(measured.effort) and output is not None:
         values["tau"] = output.effort
     return JointValues(tuple(message.joint_names), values, _stamp(message))
 
@@ -83,17 +85,17 @@ def _controller_state(message: Any) -> JointValues:
 def _dynamic_joint_state(message: Any) -> JointValues:
     names = tuple(message.joint_names)
     values: dict[str, Array] = {}
-    for k, one in enumerate(message.interface_values[: len(names)]):
-        for interface, value in zip(one.interface_names, one.values, strict=False):
+    for k, joint in enumerate(message.interface_values[: len(names)]):
+        for interface, value in zip(joint.interface_names, joint.values, strict=False):
             if (quantity := _INTERFACES.get(interface)) is not None:
                 values.setdefault(quantity, np.full(len(names), np.nan))[k] = value
     return JointValues(names, values, _stamp(message))
 
 
 def _franka_robot_state(message: Any) -> JointValues:
-    found, asked = message.measured_joint_state, message.desired_joint_state
-    values = {"q": found.position, "v": found.velocity, "tau": found.effort, "q_ref": asked.position}
-    return JointValues(tuple(found.name), values, _stamp(message))
+    measured, desired = message.measured_joint_state, message.desired_joint_state
+    values = {"q": measured.position, "v": measured.velocity, "tau": measured.effort, "q_ref": desired.position}
+    return JointValues(tuple(measured.name), values, _stamp(message))
 
 
 def _franka_state(message: Any) -> JointValues:
@@ -118,7 +120,7 @@ def _low_state(message: Any) -> JointValues:
     motors = message.motor_state if hasattr(message, "motor_state") else message.motorState
     torque = "tau_est" if hasattr(motors[0], "tau_est") else "tauEst"
     values = {key: _of_motors(motors, name) for key, name in (("q", "q"), ("v", "dq"), ("tau", torque))}
-    # Of the two temperatures of newer motors the second is that of the winding.
+    # Newer motors have two temperatures; the second one is that of the winding.
     values["temp"] = np.array([np.atleast_1d(motor.temperature)[-1] for motor in motors], dtype=float)
     tick = getattr(message, "tick", None)
     return JointValues((), values, None if not tick else int(tick) * 10**6, is_tick=True, base=base_of(message))
@@ -134,19 +136,22 @@ def _low_command(message: Any) -> JointValues:
 
 
 def _trajectory(message: Any) -> JointValues:
-    # A controller that streams sends one point at a time; of a whole trajectory nothing holds at that instant.
+    # A stream of references sends one point per message. A message with a whole trajectory gives no reference for its
+    # own time.
     positions = message.points[0].positions if len(message.points) == 1 else np.empty(0)
     return JointValues(tuple(message.joint_names), {"q_ref": positions}, _stamp(message))
 
 
-def _numbers(message: Any) -> JointValues:
+def _unnamed_references(message: Any) -> JointValues:
     return JointValues((), {"q_ref": message.data})
 
 
 def _as_reference(read: Callable[[Any], JointValues]) -> Callable[[Any], JointValues]:
+    """A reader that takes the positions of a joint state as references."""
+
     def reference(message: Any) -> JointValues:
-        found = read(message)
-        return JointValues(found.names, {"q_ref": found.values["q"]}, found.stamp)
+        values = read(message)
+        return JointValues(values.names, {"q_ref": values.values["q"]}, values.stamp)
 
     return reference
 
@@ -162,7 +167,7 @@ STATES: dict[str, Callable[[Any], JointValues]] = {
     "unitree_hg/msg/LowState": _low_state,
     "unitree_legged_msgs/msg/LowState": _low_state,
 }
-"""Readers of measured joint states by type of message."""
+"""Reader of measured values for each type of message."""
 
 REFERENCES: dict[str, Callable[[Any], JointValues]] = {
     JOINT_STATE: _as_reference(_joint_state),
@@ -170,9 +175,9 @@ REFERENCES: dict[str, Callable[[Any], JointValues]] = {
     "franka_msgs/msg/FrankaRobotState": _franka_robot_state,
     "franka_msgs/msg/FrankaState": _franka_state,
     "trajectory_msgs/msg/JointTrajectory": _trajectory,
-    "std_msgs/msg/Float64MultiArray": _numbers,
+    "std_msgs/msg/Float64MultiArray": _unnamed_references,
     "unitree_go/msg/LowCmd": _low_command,
     "unitree_hg/msg/LowCmd": _low_command,
     "unitree_legged_msgs/msg/LowCmd": _low_command,
 }
-"""Readers of references by type of message; their quantity is ``q_ref``."""
+"""Reader of references for each type of message; their quantity is ``q_ref``."""
