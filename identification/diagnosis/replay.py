@@ -1,4 +1,4 @@
-"""The recordings of a diagnosis, kept to check every written model and law on them."""
+"""The recordings of a diagnosis, kept so that written models and laws can be checked on them."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Replay:
     Attributes:
         robot: The given model.
         logs: The recordings.
-        changes: Known differences of each of them; empty if there are none.
+        changes: Known change of the robot in each recording, such as a load; empty if there are none.
         cutoff_hz: Edge of the judged band.
-        parts: Held-out blocks: index of the log, first sample in its band, and one after the last.
-        weights: Weight of each sample in the band of each log, ``(n, nv)``: lower where friction may hold a joint.
+        parts: Held-out blocks: index of the log, first in-band sample, and the one after the last.
+        weights: Weights of the in-band samples of each log, ``(n, nv)``: lower where friction may hold a joint.
     """
 
     robot: Robot
@@ -37,7 +37,7 @@ class Replay:
 
     @property
     def base(self) -> BaseMotion | None:
-        """How a base moves that is not bolted down, at the samples in the band of all logs, one after the other."""
+        """Motion of a moving base, at the in-band samples of all logs in turn; None for a fixed base."""
         return joined_bases([log.motion.at(log.samples).base for log in self.logs])
 
     def robot_in(self, robot: Robot, log: int) -> Robot:
@@ -45,7 +45,7 @@ class Replay:
         return robot_in(robot, self.changes[log]) if self.changes else robot
 
     def in_band(self, series: Float[Array, "N nv"], log: int) -> Float[Array, "n nv"]:
-        """A series of one log at the full rate, in the judged band."""
+        """A series of one log, given at the full rate, filtered to the judged band."""
         band = self.logs[log].band
         wide = band(series)
         if self.cutoff_hz >= 0.99 * band.cutoff_hz:
@@ -53,18 +53,19 @@ class Replay:
         return smoothed_where(wide, self.logs[log].valid_in_band, band.output_rate_hz, self.cutoff_hz)
 
     def squares(self, torque: Callable[[int], Float[Array, "N nv"]]) -> Float[Array, "2 B nv"]:
-        """Squared residuals in the judged band, and the weights of their samples, summed over each block.
+        """Weighted squared residuals in the judged band, and weights, each summed over the samples of a block.
 
         Args:
-            torque: Drive torque [N m or N] that a model or a law asks for along one log, at the full rate.
+            torque: Gives the drive torque [N m or N] of a model or a law along one log, at the full rate.
         """
         judged = sorted({log for log, _, _ in self.parts})
-        left = {k: self.in_band(self.logs[k].tau - torque(k), k) ** 2 * self.weights[k] for k in judged}
+        residuals = {k: self.in_band(self.logs[k].tau - torque(k), k) ** 2 * self.weights[k] for k in judged}
         sums = [
-            (left[k][start:stop].sum(axis=0), self.weights[k][start:stop].sum(axis=0)) for k, start, stop in self.parts
+            (residuals[k][start:stop].sum(axis=0), self.weights[k][start:stop].sum(axis=0))
+            for k, start, stop in self.parts
         ]
         return np.array(sums).swapaxes(0, 1)
 
     def largest_torque(self) -> Float[Array, " nv"]:
-        """Largest measured torque of each joint [N m or N], over all samples that may be used."""
+        """Largest measured torque of each joint [N m or N], over all valid samples."""
         return np.array([np.abs(log.tau[log.valid]).max(axis=0, initial=0.0) for log in self.logs]).max(axis=0)

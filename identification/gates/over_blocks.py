@@ -1,4 +1,4 @@
-"""Gate of the distribution over time: is a gain found in more than one or two blocks of the recording?"""
+"""Gate of the distribution over time: does a gain come from more than one or two blocks of the recording?"""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from phantom_dyn.array_types import Array, Float
 # standard errors over blocks: a gain larger than this is significant.
 SIGNIFICANT_ERRORS = 2.0
 
-# blocks: a gain that is not significant has to be large enough without this many of its best blocks.
+# blocks: a gain that is not significant has to be large enough after this many of its best blocks are left out.
 BEST_BLOCKS = 2
 
-# blocks: the same for a structure without a name, which may act more rarely, as a contact does.
+# blocks: the same for structure in the residual that no effect explains. It may be rarer, as a contact is.
 BEST_BLOCKS_NAMELESS = 1
 
-# times: a gain of more than this many times the threshold of the claim may be in few blocks.
+# times the gain that the claim needs: a gain above this may come from few blocks.
 LARGE_GAIN = 10.0
 
-# share: an effect acts in a block if the energy of its columns there exceeds this share of that in its largest block.
+# share: an effect acts in a block if the energy of its columns there is above this share of that in the block where it
+# is largest.
 ACTING = 0.1
 
-# share of the blocks: an effect that acts in fewer blocks is tested only in those where it acts, such as half a dozen
-# events in a recording of twenty blocks.
+# share of the blocks: an effect with energy in fewer blocks is tested only in those where it acts. An example is half a
+# dozen events in a recording of twenty blocks.
 RARE = 0.35
 
 
@@ -47,10 +48,10 @@ def in_enough_blocks(
     Args:
         gains: Held-out gain of each block.
         held_out: Held-out gain of all blocks, minus the change of the penalty on changes within tolerance.
-        gain: Smaller one of the held-out gain and the gain in sample.
+        gain: Held-out gain or in-sample gain, whichever is smaller.
         needed: Gain that the claim needs.
         energy: Gives the energy of the effect's columns in each block, divided by the largest of these energies.
-        named: False for a structure without a name.
+        named: False for structure in the residual that no effect of the catalogue explains.
     """
     few = BEST_BLOCKS if named else BEST_BLOCKS_NAMELESS
 

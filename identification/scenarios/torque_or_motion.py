@@ -1,4 +1,4 @@
-"""Choice between a diagnosis of torques, and one of positions and references or of measured poses alone."""
+"""Choice of what is diagnosed: torques, or, where none were recorded, positions with references, or measured poses."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 Reader = Callable[[bool], tuple[Recording, ...]]
-"""Function that reads the recordings; its argument is True if they need a torque."""
+"""Function that reads the recordings; with the argument True it refuses recordings without torque."""
 
 
 def torque_or_motion(
     robot: Robot, read: Reader, *, motion_only: bool = False
 ) -> tuple[Robot, tuple[Recording, ...], bool]:
-    """The robot, its recordings, and True if the diagnosis uses motion alone; poses without torque count as such.
+    """The robot, its recordings, and True if these are diagnosed from motion without a recorded torque.
+
+    It is also False if the only recordings without torque are recordings of measured poses.
 
     Args:
         robot: The given model.
@@ -49,14 +51,14 @@ def torque_or_motion(
 
 
 def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
-    """The robot with gains of all its controllers, and recordings with the torque that these command.
+    """The robot with the gains of all its controllers, and recordings with the torque that these controllers command.
 
     Args:
         robot: The given model; gains that it does not state are estimated.
-        recordings: Recordings with references, or with voltages that give a torque.
+        recordings: Recordings with references, or with voltages from which a torque can be computed.
 
     Raises:
-        LogError: If references are missing, or the motion does not show a gain.
+        LogError: If references are missing, or a gain cannot be estimated from the motion.
     """
     if all(one.q_ref is not None for one in recordings):
         robot, recordings = with_estimated_gains(robot, recordings)
@@ -65,14 +67,14 @@ def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tup
 
 
 def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
-    """The recordings with one note on their torque instead of several that differ only in the file."""
+    """The recordings with one note on their torque, in the first one, instead of notes that differ only in the file."""
     first, *others = recordings
-    own = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
-    if own is None:
+    shared = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
+    if shared is None:
         return recordings
-    kept = tuple(replace(one, notes=tuple(n for n in one.notes if not _same(n, own))) for one in others)
-    more = sum(len(one.notes) - len(less.notes) for one, less in zip(others, kept, strict=True))
-    notes = tuple(note.with_numbers(more=more) if note is own and more else note for note in first.notes)
+    kept = tuple(replace(one, notes=tuple(n for n in one.notes if not _same(n, shared))) for one in others)
+    removed = sum(len(before.notes) - len(after.notes) for before, after in zip(others, kept, strict=True))
+    notes = tuple(note.with_numbers(more=removed) if note is shared and removed else note for note in first.notes)
     return (replace(first, notes=notes), *kept)
 
 

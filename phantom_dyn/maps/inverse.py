@@ -132,7 +132,7 @@ def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> 
 
 
 def _distinct(model: MapModel, near: Array) -> list[Array]:
-    """Up to `_STARTS` starts for each point, each ``(N, nv)``, the one nearest to the posture first.
+    """Starts of Newton's method for each point, each ``(N, nv)``, the one nearest to the posture first.
 
     Each is one of the point's ``k`` configurations ``near``, ``(N, k, nv)``, and on another branch than those before
     it, by `_SAME_BRANCH`; NaN for a point that has no more of them.

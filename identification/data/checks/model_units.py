@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Check whether numbers of a robot file can be metres and kilograms: some CAD exporters write millimetres and grams.
+"""Check of the units of a robot file: some CAD exporters write millimetres and grams instead of metres and kilograms.
 
 It needs no recording. With lengths in mm a robot is hundreds of metres long and less dense than air; with masses in g
 its bodies are denser than any metal. A fault is reported only where no robot, crane or antenna could be like that.
@@ -17,20 +17,21 @@ from identification.data.recording import Fault
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
-# Length [m] from which on it may be in mm: the small joints of a hand are 20 mm apart, robots of 20 m are rare.
+# Length [m] above which lengths may be in mm: the small joints of a hand are 20 mm apart, and robots of 20 m are rare.
 _LONG = 20.0
-# Length [m] that is too large for a machine even in mm; with an inertia in g mm^2 a body seems 30 km wide.
+# Length [m] that is too large for a machine even if it is in mm. The largest length that a wrong unit makes is 30 km,
+# for a body whose inertia is in g mm^2.
 _ENDLESS = 1e6
-# Mass over the cube of the greatest length [kg/m^3]: a hundredth of the density of air. Cranes have a hundred times as
-# much; arms in mm have at most this, with masses in kg or g.
+# Mass divided by the cube of the greatest length [kg/m^3] below which lengths are in mm: a hundredth of the density of
+# air. Cranes have a hundred times as much; arms with lengths in mm have less, with masses in kg or in g.
 _THIN = 0.01
 # Density of osmium, the densest of metals [kg/m^3].
 _DENSEST = 22.6e3
-# Range of densities that the bodies must have if their masses are taken as grams [kg/m^3]: from foam to lead.
+# Masses are in g only if this makes the density of every body one between foam and lead [kg/m^3].
 _LIGHTEST, _USUAL = 10.0, 11.5e3
-# Mass of a robot [kg] below which nothing is reported: small bodies may be of lead or tungsten.
+# Mass of a robot [kg] below which masses are not reported: small bodies may be of lead or tungsten.
 _HEAVY = 100.0
-# Radius of gyration [m] below which a body is a point mass.
+# Radius of gyration [m] below which a body counts as a point mass.
 _POINT = 1e-3
 _GRAM = 1e-3
 _SI = "lengths in m, masses in kg and inertias in kg m^2"
@@ -38,7 +39,7 @@ _SI = "lengths in m, masses in kg and inertias in kg m^2"
 
 @dataclass(frozen=True)
 class _Length:
-    """A length of the model [m] with its description, as ``the joint j2 lies 300 m from the joint before it``."""
+    """A length of the model [m] and a clause that states it: ``the joint j2 lies 300 m from the one before it``."""
 
     metres: float
     words: str
@@ -46,7 +47,7 @@ class _Length:
 
 @dataclass(frozen=True)
 class _Extended:
-    """A body that is no point mass: its name, mass [kg], and the smallest density [kg/m^3] that its inertia allows."""
+    """A body that is not a point mass: name, mass [kg], and the smallest density [kg/m^3] that its inertia allows."""
 
     name: str
     mass: float
@@ -54,7 +55,7 @@ class _Extended:
 
 
 def wrong_units(robot: Robot) -> tuple[Fault, ...]:
-    """The fault of a model with lengths or inertias in mm, or masses in g; empty where it may be right.
+    """The fault of a model with lengths or inertias in mm, or masses in g; empty if its units may be right.
 
     Args:
         robot: The given model.
@@ -101,37 +102,37 @@ def _lengths(robot: Robot) -> list[_Length]:
     names, placements = list(robot.model.names), list(robot.model.jointPlacements)
     for j in range(1, robot.model.njoints):
         body, inertia = body_name(robot, j), robot.model.inertias[j]
-        apart = float(np.linalg.norm(placements[j].translation))
-        out.append(_Length(apart, f"the joint {names[j]} lies {apart:.3g} m from the one before it"))
+        distance = float(np.linalg.norm(placements[j].translation))
+        out.append(_Length(distance, f"the joint {names[j]} lies {distance:.3g} m from the one before it"))
         if inertia.mass > 0:
-            far = float(np.linalg.norm(inertia.lever))
-            out.append(_Length(far, f"the centre of mass of {body} lies {far:.3g} m from its joint"))
-            wide = _gyration(inertia)
-            out.append(_Length(wide, f"the inertia of {body} is that of a body {2 * wide:.3g} m wide"))
+            lever = float(np.linalg.norm(inertia.lever))
+            out.append(_Length(lever, f"the centre of mass of {body} lies {lever:.3g} m from its joint"))
+            radius = _radius_of_gyration(inertia)
+            out.append(_Length(radius, f"the inertia of {body} is that of a body {2 * radius:.3g} m wide"))
     return out
 
 
-def _gyration(inertia) -> float:
-    """Radius of gyration [m] of a body about the axis about which it is largest."""
+def _radius_of_gyration(inertia) -> float:
+    """Largest radius of gyration [m] of a body, over all axes through its centre of mass."""
     # Roots first: with a tiny mass the quotient would overflow.
     return float(np.sqrt(max(float(np.linalg.eigvalsh(inertia.inertia)[-1]), 0.0)) / np.sqrt(inertia.mass))
 
 
 def _extended(robot: Robot) -> list[_Extended]:
-    """Bodies that are no point masses.
+    """Bodies that are not point masses.
 
-    Among bodies of the same mass and largest radius of gyration a ball has the smallest density: the square of that
-    radius of gyration is two fifths of the square of its radius.
+    Their density is that of a ball, which is the smallest one for a given mass and largest radius of gyration. The
+    square of a ball's radius of gyration is two fifths of the square of its radius.
     """
     out = []
     for j in range(1, robot.model.njoints):
         inertia = robot.model.inertias[j]
-        if inertia.mass > 0 and (wide := _gyration(inertia)) > _POINT:
-            radius = float(np.sqrt(2.5) * wide)
+        if inertia.mass > 0 and (gyration := _radius_of_gyration(inertia)) > _POINT:
+            radius = float(np.sqrt(2.5) * gyration)
             out.append(_Extended(body_name(robot, j), inertia.mass, inertia.mass / (4 / 3 * math.pi * radius**3)))
     return out
 
 
 def _in_grams(body: _Extended) -> bool:
-    """True for a body that is denser than any metal with a mass in kg, and of usual density with a mass in g."""
+    """True for a body that is denser than any metal if its mass is in kg, and has a usual density if it is in g."""
     return body.density > _DENSEST and _LIGHTEST < body.density * _GRAM < _USUAL

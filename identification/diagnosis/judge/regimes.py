@@ -1,4 +1,4 @@
-"""Regimes of motion in which the residual of a joint is larger than at other times."""
+"""Regimes of motion, such as low speed, and the one in which the residual of a joint is largest."""
 
 from __future__ import annotations
 
@@ -15,20 +15,27 @@ from phantom_dyn.array_types import Array, Bool
 
 
 def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[Array, " n"]]:
-    """In-band samples of one joint in each regime, as far as the motion alone defines it."""
+    """Masks of the in-band samples of one joint that belong to each regime.
+
+    Args:
+        log: The recording.
+        columns: Columns of the problem, with the modelled torque.
+        index: Index of the recording in the columns.
+        row: Index of the joint.
+    """
     at = log.samples
     v, a = log.motion.v[:, row], log.motion.a[at, row]
     load = np.abs(columns.model_torque[index][:, row])
     speed = np.abs(v[at])
-    near = near_reversals(log)[:, row]
-    top, most, hardest = (np.percentile(x, 95) + 1e-300 for x in (speed, load, np.abs(a)))
+    reversal = near_reversals(log)[:, row]
+    top_speed, top_load, top_acceleration = (np.percentile(x, 95) + 1e-300 for x in (speed, load, np.abs(a)))
     elapsed = (log.motion.t[at] - log.motion.t[0]) / max(log.motion.t[-1] - log.motion.t[0], 1e-12)
     return {
-        "velocity_reversal": near,
-        "low_speed": (speed < 0.25 * top) & ~near,
-        "high_speed": speed > 0.6 * top,
-        "high_load": load > 0.6 * most,
-        "high_acceleration": np.abs(a) > 0.6 * hardest,
+        "velocity_reversal": reversal,
+        "low_speed": (speed < 0.25 * top_speed) & ~reversal,
+        "high_speed": speed > 0.6 * top_speed,
+        "high_load": load > 0.6 * top_load,
+        "high_acceleration": np.abs(a) > 0.6 * top_acceleration,
         "one_direction": v[at] > 0,
         "time_drift": elapsed > 0.5,
     }
@@ -39,9 +46,9 @@ class RegimeSplit:
     """Distribution of one joint's residual energy over regimes.
 
     Attributes:
-        shares: Shares of the energy, by regime.
-        times: Shares of the samples, by regime.
-        best: The regime that holds most beyond its share of time, or ``everywhere``.
+        shares: Share of the residual's energy in each regime.
+        times: Share of the samples in each regime.
+        best: Regime with the largest ratio of these shares, or ``everywhere`` if no ratio is large.
     """
 
     shares: dict[str, float]
@@ -50,16 +57,17 @@ class RegimeSplit:
 
 
 def regime_shares(problem: Problem, residual: Series, row: int) -> tuple[dict[str, float], str]:
-    """Shares of one joint's residual energy, and the regime with most; see `regime_split`."""
+    """Share of one joint's residual energy in each regime, and the best regime of `regime_split`."""
     split = regime_split(problem, residual, row)
     return split.shares, split.best
 
 
 def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
-    """Share of one joint's residual energy in each regime, and the regime that holds most beyond its share of time.
+    """Share of one joint's residual energy in each regime, and the regime where the residual is largest for its time.
 
-    Of the two directions, and of the two halves of the record, only the one with more energy is listed. A regime is
-    named if its share of the energy is at least 1.5 times its share of the samples; else the gap is ``everywhere``.
+    Of the two directions, and of the two halves of a recording, only the one with more energy than its share of the
+    samples is counted. The regime with the largest ratio of both shares is named if this ratio is at least 1.5; else
+    the residual is ``everywhere``.
     """
     columns = problem.columns
     energy, samples, total, count = {}, {}, 0.0, 0
@@ -78,6 +86,7 @@ def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
     for name in ("one_direction", "time_drift"):
         if shares[name] < times[name]:
             shares[name], times[name] = 1 - shares[name], 1 - times[name]
-    lift = {name: shares[name] / times[name] if times[name] > 0.02 else 0.0 for name in shares}
-    best = max(lift, key=lambda name: lift[name])
-    return RegimeSplit(shares, times, best if lift[best] >= 1.5 else "everywhere")
+    # A regime with very few samples has no reliable ratio.
+    ratios = {name: shares[name] / times[name] if times[name] > 0.02 else 0.0 for name in shares}
+    best = max(ratios, key=lambda name: ratios[name])
+    return RegimeSplit(shares, times, best if ratios[best] >= 1.5 else "everywhere")
