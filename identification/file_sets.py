@@ -1,10 +1,10 @@
 """Atomic writing of several files: a folder holds the old set of files or the new one, even if the process is killed.
 
-The files are written into a hidden folder beside the wanted one, with links to the files in it that stay. Then the two
-folders are exchanged in one system call. Where that is impossible (the folder holds folders, is the working folder of a
-process, has a parent that may not be written to, or the system has no such call), the files are renamed one after the
-other, the index last. Runs that write into one folder at the same time wait for each other. Every text ends with the id
-of its run, so that a mixture of two runs can be recognised.
+The files are written into a hidden folder next to the target folder. Other files of the target folder, which are to be
+kept, are hard-linked into the hidden one. Then one system call exchanges the two folders. Where that is impossible (the
+target holds folders, is the working folder of a process, has a parent that may not be written to, or the system has no
+such call), the files are renamed one by one, the index last. Runs that write into one folder at the same time wait for
+each other. Every text ends with the id of its run, so that a mixture of two runs can be recognised.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 from identification.files import MARK, alone_in, held_when_made, refused_write, remove_unless_held, temporary_beside
 from phantom_dyn.errors import UsageError
 
-_HERE, _EXCHANGE = -100, 2  # of renameat2 in linux/fcntl.h: paths as they are, and both stay
+_HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE for renameat2, from Linux headers
 _RUN_LINES = {".yaml": "# run: {}", ".py": "# run: {}", ".urdf": "<!-- run: {} -->", ".xml": "<!-- run: {} -->"}
 _RUN_LINES[".html"] = _RUN_LINES[".xml"]
 
@@ -37,15 +37,15 @@ def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable
     """Write files into a folder in one step, and remove those of an earlier set.
 
     Args:
-        folder: Made if it is missing; other files in it are kept.
+        folder: Target folder; it is made if it is missing, and other files in it are kept.
         texts: Text of each file by its name, the index last.
-        obsolete: Names of files to remove.
+        obsolete: Names of files of earlier sets, which are removed.
 
     Returns:
         The files, in the order of ``texts``.
 
     Raises:
-        UsageError: If one of them cannot be written; then no file has changed.
+        UsageError: If a file cannot be written; then none has changed.
     """
     target = folder.resolve()
     try:
@@ -64,13 +64,13 @@ def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable
 def renamed_together(folder: Path) -> Iterator[Callable[[Path], Path]]:
     """A function that returns a temporary path for each file; all files are renamed when the context ends.
 
-    Ask for the path of a file just before it is written: an error names the file that was asked for last.
+    Ask for the path of a file just before you write it: an error names the file whose path was asked for last.
 
     Args:
         folder: Folder of the files; two runs that write into it rename their files one after the other.
 
     Raises:
-        UsageError: If one of them cannot be written; then none is.
+        UsageError: If a file cannot be written; then none of them is.
     """
     with ExitStack() as renamed:
         yield lambda path: renamed.enter_context(temporary_beside(path))
@@ -79,18 +79,18 @@ def renamed_together(folder: Path) -> Iterator[Callable[[Path], Path]]:
 
 
 def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str]) -> bool:
-    """Write the files into a new folder and exchange it with the old one; False if that is impossible."""
+    """Write the files into a new folder and exchange it with the target; False if that is impossible."""
     if not os.access(target.parent, os.W_OK | os.X_OK) or (target.exists() and _works_inside(target)):
         return False
     with _staging(target.parent, target.name) as staging:
         _write_all(staging, texts)
         if not target.exists():
-            with suppress(OSError):  # another run may have made it by now
+            with suppress(OSError):  # another run may have made the folder since
                 staging.rename(target)
                 return True
         if not _kept_files_linked(target, staging, ours) or not _exchanged(staging, target):
             return False
-        # Files made between the links and the exchange are in the old folder, which is called `staging` now.
+        # After the exchange `staging` is the old folder. It holds files that were made after the links were.
         for late in [entry for entry in staging.iterdir() if entry.name not in ours]:
             if not os.path.lexists(target / late.name):
                 late.rename(target / late.name)
@@ -98,6 +98,7 @@ def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str
 
 
 def _written_one_by_one(target: Path, texts: Mapping[str, str], ours: set[str]) -> None:
+    """Write the files into a hidden folder in the target, then rename them one by one."""
     target.mkdir(exist_ok=True)
     with _staging(target, "") as staging:
         _write_all(staging, texts)
@@ -118,7 +119,7 @@ def _write_all(folder: Path, texts: Mapping[str, str]) -> None:
 
 @contextmanager
 def _staging(parent: Path, name: str) -> Iterator[Path]:
-    """An empty hidden folder, locked while the context is open and removed afterwards."""
+    """An empty hidden folder, which is locked while the context is open and removed afterwards."""
 
     def made() -> Path:
         folder = parent / f".{name}.{secrets.token_hex(4)}{MARK}"
@@ -133,11 +134,11 @@ def _staging(parent: Path, name: str) -> Iterator[Path]:
 
 
 def _sweep(target: Path) -> None:
-    """Remove temporary files of killed runs beside the folder and in it."""
-    left = [entry for entry in target.parent.iterdir() if _is_staging(entry, target.name)]
+    """Remove temporary files and folders of killed runs, next to the folder and in it."""
+    remains = [entry for entry in target.parent.iterdir() if _is_staging(entry, target.name)]
     if target.is_dir():
-        left += [entry for entry in target.iterdir() if entry.name.startswith(".") and MARK in entry.name]
-    for entry in left:
+        remains += [entry for entry in target.iterdir() if entry.name.startswith(".") and MARK in entry.name]
+    for entry in remains:
         remove_unless_held(entry)
 
 
@@ -146,7 +147,10 @@ def _is_staging(entry: Path, name: str) -> bool:
 
 
 def _kept_files_linked(target: Path, staging: Path, ours: set[str]) -> bool:
-    """Link every other file of a folder into the new one; False if the folder holds anything but files."""
+    """Hard-link all files but ours into the new folder, and copy the folder's owner and mode; False if that fails.
+
+    It also fails if the folder holds anything but files.
+    """
     with os.scandir(target) as found:
         entries = list(found)
     for entry in entries:
@@ -171,13 +175,13 @@ def _kept_files_linked(target: Path, staging: Path, ours: set[str]) -> bool:
 
 
 def _exchanged(one: Path, other: Path) -> bool:
-    """True if the system has exchanged two folders in one call; False if it has no such call."""
+    """Exchange two folders in one system call; False if the system has no such call, or it fails."""
     exchange = getattr(ctypes.CDLL(None), "renameat2", None)
     return exchange is not None and exchange(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE) == 0
 
 
 def _works_inside(folder: Path) -> bool:
-    """True if the folder is the working folder of a process, such as a shell, which would stay in the old one."""
+    """True if the folder is the working folder of a process, such as a shell: it would remain in the old folder."""
     places = [Path("/proc/self/cwd"), *Path("/proc").glob("[0-9]*/cwd")]
     for place in places:
         with suppress(OSError):

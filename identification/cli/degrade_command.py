@@ -83,7 +83,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the log and say what was changed."""
+    """Write the log, and print how much each column has changed."""
     one_blas_thread()
     if not arguments.effects:
         raise UsageError("no --effect was given, wanted at least one; see phantom-dyn degrade --help")
@@ -92,7 +92,9 @@ def run(arguments: argparse.Namespace) -> int:
     require_existing(arguments.log)
     expand_one_episode(arguments)
     if arguments.out.exists() and Path(arguments.log).exists() and arguments.out.samefile(arguments.log):
-        raise UsageError(f"--out {arguments.out} is the LOG itself: name another file, the recording stays")
+        raise UsageError(
+            f"--out {arguments.out} is the LOG itself: name another file, as the recording is not overwritten"
+        )
     require_ending(arguments.out)
     require_writable(arguments.out, "--out")
     return _degrade(arguments)
@@ -125,7 +127,7 @@ def _degrade(arguments: argparse.Namespace) -> int:
 
 
 def _changes(before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]) -> list[str]:
-    """Root mean square of the changes, by column."""
+    """One line for each changed column, with the root mean square of its change."""
     import numpy as np
 
     changed = {name: values - before[name] for name, values in after.items() if np.any(values != before[name])}

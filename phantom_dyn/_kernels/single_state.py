@@ -1,9 +1,10 @@
-"""Mass matrix and torque of a coasting tree or chain at one state, for compiled loops that step through time.
+"""Mass matrix and bias torque of a tree or closed chain at one state, for compiled loops that step through time.
 
-All in the axes of the root and about its origin, where what a tree carries adds up without being turned: one sweep up
-and one down give both. The loops over samples of `phantom_dyn._kernels.rigid_body_loops` answer one question for many
-samples and keep each joint's own origin, which serves frames too; their sweeps are not shared, as
-either would do the other's work besides.
+The bias torque is that at zero acceleration: gravity, centrifugal and Coriolis terms. All quantities are in the axes
+of the root and about its origin, so that those of the bodies can be added without transformations: one sweep from the
+root to the tips and one back give both results. The loops of `phantom_dyn._kernels.rigid_body_loops` compute one
+quantity for many samples, about each joint's own origin, which poses of frames need too. The sweeps are not shared,
+because each would then compute what only the other one needs.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
 from phantom_dyn.array_types import Array
 
 _ORIGIN, _AXIS, BODY, _FIXED = 27, 30, 33, 43
-"""Places in the row of a joint that stays: from 0 rotations, then origin, axis, the ten parameters of its body."""
+"""First places in the row of a joint's constants: from 0 rotations, then origin, axis, ten parameters of its body."""
 _VELOCITY, _ACCELERATION, _FORCE, _MOVING = 18, 24, 30, 46
-"""Places in the row that moves: from 0 rotation, 9 origin, 12 axis as a twist (angular, linear), 18 velocity, 24
-acceleration, 30 force (moment, force), 36 inertia of all that it carries, 46 numbers in all."""
+"""First places in the row of a joint's state: 0 rotation, 9 origin, 12 axis as a twist (angular, linear), 18 velocity,
+24 acceleration, 30 force (moment, force), 36 inertia of all bodies that it carries; 46 numbers in total."""
 
 
 def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
-    """Numbers of each joint, ``(n, 43)``; its parent, whether it is linear, and its velocity's place, ``(n, 3)``."""
+    """Constants of each joint, ``(n, 43)``; its parent, 1 if it is prismatic, and its velocity index, ``(n, 3)``."""
     n = len(arrays.parents)
     numbers = np.zeros((n, _FIXED))
     numbers[:, :_ORIGIN] = arrays.rotations.reshape(n, 27)
@@ -38,7 +39,7 @@ def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
 
 
 def at_root(n: int, gravity: Array) -> Array:
-    """Room for what moves, shape ``(n, 46)``; the root rests and all accelerate against gravity."""
+    """Rows for the state of each joint, ``(n, 46)``, with the root at rest and accelerated against gravity."""
     moving = np.zeros((n, _MOVING))
     moving[0, [0, 4, 8]] = 1.0
     moving[0, _ACCELERATION + 3 : _FORCE] = -gravity
@@ -47,35 +48,37 @@ def at_root(n: int, gravity: Array) -> Array:
 
 @jit
 def move_root(moving: Array, base: Array, k: int, share: float) -> None:
-    """Let the root move as a base does that is not bolted down, between two of its samples; without any it rests.
+    """Write the motion of a moving base into the row of the root, interpolated between two samples.
 
     Args:
-        moving: As `at_root` gives it; its first row is changed.
-        base: Angular velocity, its derivative and specific force of the base in its own axes, ``(N, 9)`` or ``(0, 9)``.
+        moving: Rows of `at_root`; the first one is changed.
+        base: Angular velocity, its derivative and specific force of the base in its own axes, ``(N, 9)``; for a fixed
+            base ``(0, 9)``, and nothing is changed.
         k: The sample before.
-        share: Fraction of the way to the next one.
+        share: Fraction of the time to the next sample.
     """
     for i in range(9 if len(base) > 0 else 0):
-        # What moves along with the root feels nothing of its linear velocity, which stays zero.
+        # Torques do not depend on the linear velocity of the root, which stays zero.
         place = _VELOCITY + i if i < 3 else _ACCELERATION + i - 3
         moving[0, place] = (1.0 - share) * base[k, i] + share * base[k + 1, i]
 
 
 class Chain(NamedTuple):
-    """How the tree follows the active joints; of a plain robot all arrays are empty.
+    """How the joints of the tree follow the active joints; all arrays are empty for a robot without loops.
 
     Attributes:
-        slope: ``G``, shape ``(nt, nv)``; overwritten at every state where loops are closed numerically.
-        offset: Positions of the tree where the active joints are at zero, ``(nt,)``.
-        viscous: Coefficients of the passive joints, zero at active ones, ``(nt,)``.
-        coulomb: Torques of the passive joints, the same.
-        rotor: Inertias of the rotors on the passive joints, the same.
-        q: Room for positions of the tree, ``(nt,)``.
-        v: Room for its velocities.
-        drift: Room for its accelerations while no active joint accelerates.
-        mass: Room for its mass matrix, ``(nt, nt)``.
-        bias: Room for its torque.
-        loops: Loops that are closed numerically; None where passive joints follow linearly.
+        slope: Velocities of the tree per velocity of the active joints, ``G``, ``(nt, nv)``; overwritten at every state
+            if loops are closed numerically.
+        offset: Positions of the tree if the active joints are at zero, ``(nt,)``.
+        viscous: Viscous friction coefficients of the passive joints, zero for active ones, ``(nt,)``.
+        coulomb: Coulomb torques of the passive joints, likewise.
+        rotor: Rotor inertias of the passive joints, likewise.
+        q: Working array for positions of the tree, ``(nt,)``.
+        v: Working array for its velocities.
+        drift: Working array for its accelerations at zero acceleration of the active joints.
+        mass: Working array for its mass matrix, ``(nt, nt)``.
+        bias: Working array for its bias torque.
+        loops: Loops that are closed numerically; None if passive joints are linear functions of active ones.
     """
 
     slope: Array
@@ -94,7 +97,7 @@ class Chain(NamedTuple):
 def chain_of(
     slope: Array, offset: Array, viscous: Array, coulomb: Array, rotor: Array, loops: FollowedLoops | None = None
 ) -> Chain:
-    """The chain with its room; arguments as the attributes."""
+    """The chain with its working arrays; the arguments are the attributes of the same names."""
     count = len(offset)
     given = (np.array(part, dtype=float) for part in (slope, offset, viscous, coulomb, rotor))
     return Chain._make((*given, *np.zeros((3, count)), np.zeros((count, count)), np.zeros(count), loops))
@@ -102,15 +105,15 @@ def chain_of(
 
 @jit
 def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Array, mass: Array, bias: Array) -> None:
-    """Fill mass matrix (both halves) and the torque that the links need to go on at their speed.
+    """Write the mass matrix (both triangles), and the torque that the links need at zero acceleration.
 
-    Linear in the ten parameters of every body, whatever their values: an estimate on its way need not be a body that
-    exists.
+    Both are linear in the ten parameters of every body, for any values: an estimator may pass through parameters that
+    no body can have.
 
     Args:
-        numbers: Numbers of each joint, ``(n, 43)``, see `joint_rows`.
-        places: Parent, kind and place of each joint, ``(n, 3)``, see `joint_rows`.
-        moving: As `at_root` gives it; overwritten but for the root.
+        numbers: Constants of each joint, ``(n, 43)``, see `joint_rows`.
+        places: Parent, kind and velocity index of each joint, ``(n, 3)``, see `joint_rows`.
+        moving: Rows of `at_root`; all but the first one are overwritten.
         q: Positions, in the order of the rows.
         v: Velocities.
         mass: Receives the mass matrix without rotors in its first rows and columns.
@@ -146,57 +149,57 @@ def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Arr
 def chained_mass_and_bias(
     numbers: Array, places: Array, moving: Array, chain: Chain, q: Array, v: Array, mass: Array, bias: Array
 ) -> bool:
-    """As `mass_and_bias`, for the active joints of a chain; friction of the passive ones is part of ``bias``.
+    """As `mass_and_bias`, for the active joints of a closed chain; ``bias`` includes friction of the passive joints.
 
     With :math:`v_t = G v` and :math:`a_t = G a + d`, the mass matrix is :math:`G^T M_t G` and the torque
     :math:`G^T (M_t d + b_t)`.
 
     Args:
-        numbers: Numbers of each joint, ``(n, 43)``, see `joint_rows`.
-        places: Parent, kind and place of each joint, ``(n, 3)``, see `joint_rows`.
-        moving: As `at_root` gives it; overwritten but for the root.
+        numbers: Constants of each joint, ``(n, 43)``, see `joint_rows`.
+        places: Parent, kind and velocity index of each joint, ``(n, 3)``, see `joint_rows`.
+        moving: Rows of `at_root`; all but the first one are overwritten.
         chain: How the tree follows the active joints.
-        q: Positions of the active joints first.
-        v: Their velocities.
+        q: Positions, those of the active joints first.
+        v: Velocities, likewise.
         mass: Receives the mass matrix in its first rows and columns.
         bias: Receives the torque.
 
     Returns:
-        False if the loops cannot be closed there, or are singular.
+        False if the loops cannot be closed at this state, or are singular there.
     """
-    slope, offset, viscous, coulomb, rotor, x, u, away, heavy, weight, loops = chain
+    slope, offset, viscous, coulomb, rotor, q_tree, v_tree, drift, mass_tree, bias_tree, loops = chain
     nt, nv = slope.shape
-    if not follow(loops, slope, offset, q, v, x, u, away):
+    if not follow(loops, slope, offset, q, v, q_tree, v_tree, drift):
         return False
     for i in range(nt):
         for k in range(nt):
-            heavy[i, k] = 0.0
-    mass_and_bias(numbers, places, moving, x, u, heavy, weight)
+            mass_tree[i, k] = 0.0
+    mass_and_bias(numbers, places, moving, q_tree, v_tree, mass_tree, bias_tree)
     for i in range(nt):
-        heavy[i, i] += rotor[i]
+        mass_tree[i, i] += rotor[i]
         for k in range(nt):
-            weight[i] += heavy[i, k] * away[k]
+            bias_tree[i] += mass_tree[i, k] * drift[k]
     for j in range(nv):
         bias[j] = 0.0
         for i in range(nv):
             mass[i, j] = 0.0
     for i in range(nt):
-        weight[i] += viscous[i] * u[i] + coulomb[i] * np.sign(u[i])
+        bias_tree[i] += viscous[i] * v_tree[i] + coulomb[i] * np.sign(v_tree[i])
         for j in range(nv):
-            bias[j] += slope[i, j] * weight[i]
-            carried = 0.0
+            bias[j] += slope[i, j] * bias_tree[i]
+            product = 0.0
             for k in range(nt):
-                carried += heavy[i, k] * slope[k, j]
+                product += mass_tree[i, k] * slope[k, j]
             for k in range(nv):
-                mass[k, j] += slope[i, k] * carried
+                mass[k, j] += slope[i, k] * product
     return True
 
 
 @jit
 def _move(fixed: Array, row: Array, up: Array, linear: int, q: float, v: float) -> None:
-    """Fill the row of a joint that moves on another one."""
+    """Write the row ``row`` of a joint's state, from its constants and the row ``up`` of its parent."""
     c, s, along = (0.0, 0.0, q) if linear == 1 else (np.cos(q), np.sin(q), 0.0)
-    # Rotation; a linear joint moves along its axis as placed.
+    # Rotation; a prismatic joint moves along its axis, turned by its constant placement.
     ax, ay, az = fixed[30], fixed[31], fixed[32]
     ox, oy, oz = fixed[27], fixed[28], fixed[29]
     if linear == 1:
@@ -232,7 +235,7 @@ def _move(fixed: Array, row: Array, up: Array, linear: int, q: float, v: float) 
     dwx, dwy, dwz = up[24] + ex * v, up[25] + ey * v, up[26] + ez * v
     dux, duy, duz = up[27] + (fx + gx) * v, up[28] + (fy + gy) * v, up[29] + (fz + gz) * v
     row[24], row[25], row[26], row[27], row[28], row[29] = dwx, dwy, dwz, dux, duy, duz
-    # Inertia: turned, then about the origin of the root.
+    # Inertia: in the axes of the root, then about its origin.
     m, px, py, pz = fixed[33], fixed[34], fixed[35], fixed[36]
     ixx, ixy, iyy, ixz, iyz, izz = fixed[37], fixed[38], fixed[39], fixed[40], fixed[41], fixed[42]
     kx, ky, kz = r0 * px + r1 * py + r2 * pz, r3 * px + r4 * py + r5 * pz, r6 * px + r7 * py + r8 * pz
@@ -250,7 +253,7 @@ def _move(fixed: Array, row: Array, up: Array, linear: int, q: float, v: float) 
     zz = c0 * r6 + c1 * r7 + c2 * r8 + round_ - z * (kz + hz)
     row[36], row[37], row[38], row[39] = m, hx, hy, hz
     row[40], row[41], row[42], row[43], row[44], row[45] = xx, xy, yy, xz, yz, zz
-    # What moves it: I dV + V x* I V.
+    # Force that moves the body: I dV + V x* I V.
     l0, l1, l2, p0, p1, p2 = _momentum(m, hx, hy, hz, xx, xy, yy, xz, yz, zz, wx, wy, wz, ux, uy, uz)
     n0, n1, n2, f0, f1, f2 = _momentum(m, hx, hy, hz, xx, xy, yy, xz, yz, zz, dwx, dwy, dwz, dux, duy, duz)
     g0, g1, g2 = cross(wx, wy, wz, l0, l1, l2)
@@ -265,7 +268,7 @@ def _momentum(
     m: float, hx: float, hy: float, hz: float, xx: float, xy: float, yy: float, xz: float, yz: float, zz: float,
     wx: float, wy: float, wz: float, vx: float, vy: float, vz: float,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Moment and linear part of an inertia about the origin times a twist."""
+    """Angular and linear momentum about the origin: an inertia about the origin times a twist."""
     ax, ay, az = cross(hx, hy, hz, vx, vy, vz)
     bx, by, bz = cross(wx, wy, wz, hx, hy, hz)
     return (
@@ -283,13 +286,13 @@ def invert(matrix: Array) -> bool:
     """Overwrite a symmetric matrix by its inverse (Gauss-Jordan without pivoting); False if not positive definite."""
     n = len(matrix)
     for k in range(n):
-        # Not a number is not above zero either.
+        # This refuses NaN too.
         if not matrix[k, k] > 0.0:
             return False
         share = 1.0 / matrix[k, k]
         for i in range(n):
             if i != k:
-                # The column is needed as it was: it is scaled behind the loop.
+                # The rows still need column k as it was: it is scaled after this loop.
                 scaled = matrix[i, k] * share
                 for j in range(n):
                     if j != k:

@@ -7,9 +7,9 @@ show it, since every block has it, and a longer recording does not make it small
 Scores of samples at the same state are summed over all blocks, and within each block alone. The variance of the first
 sums minus that of the second ones is the additional variance of the parameters. Two-way clustering adds this term to
 clustering by blocks (A. C. Cameron, J. B. Gelbach, D. L. Miller: Robust inference with multiway clustering, Journal of
-Business and Economic Statistics 29, 2011). Residuals are corrected for the part that the fit has explained (CR2: R. M. Bell, D. F.
-McCaffrey: Bias reduction in standard errors for linear regression with multi-stage samples, Survey Methodology 28,
-2002), so that the difference is zero on average where the laws are exact.
+Business and Economic Statistics 29, 2011). Residuals are corrected for the part that the fit has explained (CR2: R. M.
+Bell, D. F. McCaffrey: Bias reduction in standard errors for linear regression with multi-stage samples, Survey
+Methodology 28, 2002), so that the term is zero on average where the laws are exact.
 """
 
 from __future__ import annotations

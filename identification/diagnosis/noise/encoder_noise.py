@@ -1,8 +1,8 @@
-"""Errors in variables: spurious torque and spurious gains of effects that encoder noise causes.
+"""Errors in variables: the spurious torque, and the spurious gains of effects, that encoder noise causes.
 
-Columns and modelled torque are computed from the same measured positions. Their common noise lets a fit explain noise
-by noise, which no resampling of residuals shows. So the recording is simulated: its smooth motion is taken as the true
-one, new encoder noise of the same kind is added, and everything is computed again.
+Columns and modelled torque are computed from the same measured positions. As they have the same noise, a fit can
+explain noise by noise, and no resampling of residuals shows this. So the recording is simulated: its smooth motion is
+taken as the true one, new encoder noise of the same kind is added, and columns and torque are computed again.
 """
 
 from __future__ import annotations
@@ -46,9 +46,11 @@ class Coarse:
     Attributes:
         row: Index of the joint.
         step: Step of the readings [rad or m].
-        torque: For each log the spurious torque in the band from rounding beyond the expected one, ``(n, nv)``.
-        at_band_edge: The same where the low pass of the positions is not lowered, as in any other program.
-        coarser: The gate that it passed.
+        torque: For each log, the spurious in-band torque that rounding causes beyond what the expected step causes,
+            ``(n, nv)``.
+        at_band_edge: The same with a low-pass of the positions that ends at the edge of the band, as programs usually
+            have it; for `torque` it may end below, because of the steps.
+        coarser: Result of the gate that found the steps larger.
     """
 
     row: int
@@ -59,20 +61,21 @@ class Coarse:
 
 
 def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], rng: np.random.Generator) -> Log:
-    """A log of the same motion with other encoder noise, driven by the torque that the given model needs for it.
+    """A simulated log: the same motion read with new encoder noise, and the torque that the model needs for it.
 
     Args:
         log: A recording.
         operation: Its motion, taken as the true one, and the model's torque.
-        steps: Step of each joint's readings; where it is None the noise is the difference of raw and smooth readings.
-        rng: Draws the start of an encoder's lattice.
+        steps: Step of each joint's readings. For a joint without one, the noise is the difference of raw and smooth
+            readings at another time.
+        rng: Draws the zero of each encoder, and the shift in time.
     """
     motion, count = log.motion, len(log.motion.t)
     noise = np.zeros_like(motion.q)
     for j, step in enumerate(steps):
         if step is not None:
-            start = rng.uniform(0, step)
-            noise[:, j] = np.round((motion.q[:, j] - start) / step) * step + start - motion.q[:, j]
+            zero = rng.uniform(0, step)
+            noise[:, j] = np.round((motion.q[:, j] - zero) / step) * step + zero - motion.q[:, j]
         elif log.raw_q is not None:
             noise[:, j] = np.roll(log.raw_q[:, j] - motion.q[:, j], int(rng.integers(count // 4, count // 2)))
     q, v, a = differentiate(motion.q + noise, log.band.rate_hz, position_edges(log))
@@ -80,7 +83,7 @@ def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], 
 
 
 def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:
-    """Step of each joint's lattice of readings, the coarsest over the logs; None where one log has none."""
+    """Step of each joint's readings, the largest of all logs; None for a joint without a step in one of the logs."""
     out: list[float | None] = []
     for steps in zip(*(log.reading_steps for log in logs), strict=True):
         known = [step for step in steps if step is not None]
@@ -89,7 +92,7 @@ def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:
 
 
 def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> tuple[Coarse, ...]:
-    """Joints whose readings have larger steps than expected, with the spurious torque from that."""
+    """Joints whose readings have larger steps than expected, and the spurious torque that this causes."""
     robot, out = session.robot, []
     for j, step in enumerate(steps):
         stated = stated_step(robot, j)
@@ -100,7 +103,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
         if not coarser.passed:
             continue
         alone = tuple(step if k == j else _FINE for k in range(robot.nv))
-        # The error that the expected step causes anyway is no gap.
+        # Only the rounding beyond that of the expected step counts: its variance is the difference of both.
         share = float(np.sqrt(1.0 - min((expected / step) ** 2, 1.0)))
         pairs = tuple(zip(session.logs, columns.operations, strict=True))
         torque = tuple(share * _rounding_torque(log, o, alone) for log, o in pairs)
@@ -110,13 +113,13 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
 
 
 def _rounding_torque(log: Log, operation: Operation, steps: tuple[float | None, ...]) -> Float[Array, "n nv"]:
-    """Change of the modelled torque in the band if the motion of a log is read once more with such steps."""
-    rough = read_again(log, operation, steps, random_stream("coarse readings")).motion
-    return log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
+    """Change of the modelled in-band torque if the motion of a log is read with such steps."""
+    rounded = read_again(log, operation, steps, random_stream("coarse readings")).motion
+    return log.band(inverse_dynamics(operation.robot, rounded) - inverse_dynamics(operation.robot, log.motion))
 
 
 def _step_of_others(robot: Robot, steps: tuple[float | None, ...], j: int) -> float | None:
-    """Median step of the other joints that turn, or slide, as joint ``j`` does; None where most are on no lattice."""
+    """Median step of the other joints of the same kind (revolute or prismatic); None if most of them have none."""
     others = [step for k, step in enumerate(steps) if k != j and robot.prismatic[k] == robot.prismatic[j]]
     known = [step for step in others if step is not None]
     return float(np.median(known)) if 2 * len(known) > len(others) else None
@@ -124,12 +127,12 @@ def _step_of_others(robot: Robot, steps: tuple[float | None, ...], j: int) -> fl
 
 @dataclass(frozen=True)
 class ReadAgain:
-    """The recordings of a robot without a gap whose encoders are as noisy as these.
+    """Simulated recordings of a robot that moves like its model, and whose encoders are as noisy as the recorded ones.
 
     Attributes:
         session: Session with new readings in each log.
         like: Columns of the original recordings.
-        residual: Noise of the encoders in the torque, for each log ``(n, nv)``.
+        residual: Residual of the simulated recordings, which is encoder noise alone, for each log ``(n, nv)``.
     """
 
     session: Session
@@ -137,12 +140,12 @@ class ReadAgain:
     residual: Series
 
     def columns(self) -> tuple[Columns, Callable[[int], tuple[Array, ...]]]:
-        """The same columns of these recordings, log by log, see `columns_by_log`."""
+        """The columns of ``like`` for the simulated recordings, log by log, see `columns_by_log`."""
         return columns_by_log(self.session, self.like)
 
 
 def recordings_read_again(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> ReadAgain:
-    """The recordings of a robot without a gap whose encoders are as noisy as these.
+    """Simulated recordings of a robot that moves like its model, and whose encoders are as noisy as the recorded ones.
 
     Args:
         session: The recordings.
@@ -153,7 +156,7 @@ def recordings_read_again(session: Session, columns: Columns, steps: tuple[float
     logs = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
     differences = Differences(tuple(operation.robot for operation in columns.operations))
     again = replace(session, logs=logs, differences=differences)
-    # The measured torque is the model's along the true motion, the modelled torque that along the readings.
+    # The measured torque is the model's torque for the true motion; the modelled torque is computed from the readings.
     residual = [
         log.band(log.tau - operate(operation.robot, log, session.known, k, session.cutoff_hz).tau)
         for k, (log, operation) in enumerate(zip(logs, columns.operations, strict=True))
@@ -162,14 +165,15 @@ def recordings_read_again(session: Session, columns: Columns, steps: tuple[float
 
 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
-    """Noise of each row: the estimate, or that from the encoders where the estimate is smaller.
+    """Noise of each row: the estimate, or the noise of the encoders if the estimate is smaller.
 
-    Free fits explain encoder noise by columns with the same noise, and so underestimate it.
+    The estimate comes from unrestricted fits. They explain encoder noise by columns with the same noise, and so
+    underestimate it.
 
     Args:
         noise: The estimate.
-        encoders: The part of the encoders.
-        usable: Which samples are used.
+        encoders: Torque that the noise of the encoders causes.
+        usable: Samples that are used.
     """
     out = [part.copy() for part in noise]
     for j in range(noise[0].shape[1]):
@@ -184,18 +188,18 @@ def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Boo
 
 
 def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tuple[str, str | None], float]:
-    """In-sample gain of each effect from encoder noise alone; zero where that noise is too small for any claim.
+    """In-sample gain of each effect from encoder noise alone; zero if this noise is too small for any claim.
 
     Args:
-        search: Rivals, weights and noise of the recordings.
-        again: The recordings with new encoder noise.
-        noise: Unpredicted residual, from which the whitening filters are computed.
+        search: Problem and candidate effects of the recordings.
+        again: The simulated recordings with new encoder noise.
+        noise: Noise from which the whitening filters are computed.
     """
     problem = search.problem
     encoders = whitened_noise(problem.columns, again.residual, like=noise)
     each = [np.where(use, part, 0.0) ** 2 for use, part in zip(problem.columns.usable, encoders, strict=True)]
     energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
-    # No effect gains more than all of the noise, which is less than any claim has to gain.
+    # No effect can gain more than the energy of all noise.
     if energy < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.effect_joint for term in search.terms), 0.0)
     null = _null_problem(problem, again, noise)
@@ -207,33 +211,34 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
 
 
 def _null_problem(problem: Problem, again: ReadAgain, noise: Series) -> Problem:
-    """Problem with the products of the new recordings' columns, for fits that hold nothing out.
+    """The fitting problem of the simulated recordings, for fits that hold out no blocks.
 
-    Columns are computed for one log after the other: together they would take as much memory as those of the
-    original recordings.
+    Columns are computed for one log at a time. Those of all logs together would take as much memory as the columns of
+    the original recordings.
     """
     columns, values = again.columns()
     filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
     session = replace(problem.session, folds=np.minimum(problem.session.folds, 0))
     rows: tuple[RowGrams, ...] = ()
     for log in range(len(session.logs)):
-        here, one = [k for k, block in enumerate(session.blocks) if block.log == log], slice(log, log + 1)
-        blocks = tuple(replace(session.blocks[k], log=0) for k in here)
+        of_log, one = [k for k, block in enumerate(session.blocks) if block.log == log], slice(log, log + 1)
+        blocks = tuple(replace(session.blocks[k], log=0) for k in of_log)
         own = filters.columns(values(log), log)
         alone = replace(white, values=(own,), residual=white.residual[one], usable=white.usable[one])
-        more = map(_without_cores, all_row_grams(alone, blocks, session.folds[here], problem.weights))
-        rows = tuple(map(_together, rows, more)) if rows else tuple(more)
+        more = map(_without_cores, all_row_grams(alone, blocks, session.folds[of_log], problem.weights))
+        rows = tuple(map(_added, rows, more)) if rows else tuple(more)
     return set_up(session, columns, white, problem.weights, rows)
 
 
 def _without_cores(row: RowGrams) -> RowGrams:
-    """Products of one row without those of each block's core, first over training blocks, then over the others."""
+    """Products of one row without those over the core of each block, which only held-out fits need."""
+    # A log may have only blocks that no fit may see, which come last: the products of its fold are then zero.
     seen = row.a if len(row.a) > 1 else np.concatenate([np.zeros_like(row.a), row.a])
     return replace(row, a=seen.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
 
 
-def _together(first: RowGrams, second: RowGrams) -> RowGrams:
-    """Products of one row over the logs of both."""
+def _added(first: RowGrams, second: RowGrams) -> RowGrams:
+    """Products of one row over the logs of both arguments."""
     joined = {
         name: np.concatenate([getattr(first, name), getattr(second, name)])
         for name in ("b", "c", "core_a", "core_b", "core_c", "count")

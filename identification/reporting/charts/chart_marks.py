@@ -1,4 +1,4 @@
-"""Marks of a chart as SVG: curves, intervals, clouds, axes with round numbers or names, legends."""
+"""Elements of a chart as SVG: curves, intervals, clouds of points, axes with round numbers or names, and legends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FONT, SMALL, TICK, LEFT = 10.5, 9.5, 3.5, 64.0
 """Sizes of text, length of a tick, and space to the left of the panels [pt]."""
 
 _DOT = 5.0  # diameter of a mark [pt]
-_EACH_X, _EACH_Y = 62.0, 26.0  # least distance between two ticks [pt]
+_SPACING_X, _SPACING_Y = 62.0, 26.0  # smallest distance between two ticks [pt]
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 Range = tuple[float, float]
 
@@ -70,7 +70,14 @@ class Ribbon:
 
 @dataclass(frozen=True)
 class Frame:
-    """Position of a panel on the page, and the ranges of its axes."""
+    """Position of a panel on the page, and the ranges of its axes.
+
+    Attributes:
+        x_range: Values at the left and the right end of the horizontal axis.
+        y_range: Values at the lower and the upper end of the vertical axis.
+        across: Left and right edge, from the left edge of the page [pt].
+        upwards: Lower and upper edge, from the top edge of the page [pt].
+    """
 
     x_range: Range
     y_range: Range
@@ -86,8 +93,9 @@ class Frame:
         return _placed(values, self.y_range, self.upwards)
 
 
-def _placed(values: Float[Array, " n"], of: Range, to: Range) -> Float[Array, " n"]:
-    return to[0] + (np.asarray(values, dtype=float) - of[0]) * ((to[1] - to[0]) / (of[1] - of[0]))
+def _placed(values: Float[Array, " n"], axis: Range, edges: Range) -> Float[Array, " n"]:
+    """Positions on the page of values on an axis with the given range, between two edges."""
+    return edges[0] + (np.asarray(values, dtype=float) - axis[0]) * ((edges[1] - edges[0]) / (axis[1] - axis[0]))
 
 
 def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
@@ -99,15 +107,15 @@ def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
 
 
 def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
-    """Round numbers within a range, at most about ``most`` of them."""
-    rough = (high - low) / max(most, 1)
-    power = 10.0 ** np.floor(np.log10(rough))
-    step = power * next(nice for nice in (1.0, 2.0, 2.5, 5.0, 10.0) if nice * power >= rough * (1 - 1e-9))
+    """Round numbers within a range, with a step that gives about ``most`` of them or fewer."""
+    least_step = (high - low) / max(most, 1)
+    power = 10.0 ** np.floor(np.log10(least_step))
+    step = power * next(nice for nice in (1.0, 2.0, 2.5, 5.0, 10.0) if nice * power >= least_step * (1 - 1e-9))
     return step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
 
 
 def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
-    """Labels of ticks, and the power of ten by which they must be multiplied; empty if there is none."""
+    """Labels of ticks, and the power of ten by which they are to be multiplied, such as ×10⁵; empty if it is one."""
     largest = float(np.abs(values).max(initial=0.0))
     power = int(np.floor(np.log10(largest))) if largest > 0.0 else 0
     power = 0 if -4 < power < 5 else power
@@ -127,16 +135,23 @@ def decade_ticks(low: float, high: float, most: int) -> tuple[Float[Array, " n"]
         most: Largest number of ticks.
     """
     powers = np.arange(np.ceil(low - 1e-9), np.floor(high + 1e-9) + 1)
-    every = np.add.outer(np.arange(np.floor(low), np.ceil(high) + 1), np.log10([1.0, 2.0, 5.0])).ravel()
-    every = every[(every >= low - 1e-9) & (every <= high + 1e-9)]
-    chosen = every if len(every) <= most else powers[:: -(-len(powers) // max(most, 1))]
+    candidates = np.add.outer(np.arange(np.floor(low), np.ceil(high) + 1), np.log10([1.0, 2.0, 5.0])).ravel()
+    candidates = candidates[(candidates >= low - 1e-9) & (candidates <= high + 1e-9)]
+    chosen = candidates if len(candidates) <= most else powers[:: -(-len(powers) // max(most, 1))]
     return chosen, [f"{10.0**value:.3g}" for value in chosen]
 
 
 def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = (), logarithmic: bool = False) -> str:
-    """Both axes of a panel with round numbers; the horizontal one may have names at 0, 1, 2, or no labels."""
+    """Both axes of a panel, with ticks at round numbers.
+
+    Args:
+        frame: The panel.
+        numbered: False to leave out the labels of the horizontal axis.
+        names: Labels of the horizontal axis at 0, 1, 2 and so on, instead of numbers.
+        logarithmic: True if the ranges are decimal logarithms.
+    """
     (left, right), (bottom, top) = frame.across, frame.upwards
-    most_x, most_y = int((right - left) / _EACH_X), max(2, int((bottom - top) / _EACH_Y))
+    most_x, most_y = int((right - left) / _SPACING_X), max(2, int((bottom - top) / _SPACING_Y))
     if logarithmic:
         (x, x_words), (y, y_words) = decade_ticks(*frame.x_range, most_x), decade_ticks(*frame.y_range, most_y)
         x_power = y_power = ""
@@ -166,41 +181,41 @@ def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = (), logarithm
 
 
 def _named_places(names: tuple[str, ...], width: float) -> tuple[Float[Array, " n"], list[str]]:
-    """As many names as fit on an axis, beginning with the first, and their places."""
-    each = 0.55 * SMALL * max(map(len, names)) + 8.0
-    step = max(1, int(np.ceil(len(names) * each / width)))
+    """Names at regular steps, as many as fit on an axis, and their places."""
+    name_width = 0.55 * SMALL * max(map(len, names)) + 8.0
+    step = max(1, int(np.ceil(len(names) * name_width / width)))
     return np.arange(0.0, len(names), step), list(names[::step])
 
 
 def curve_svg(curve: Curve, frame: Frame) -> str:
-    """A curve as one path, and its marks as another one."""
+    """A curve as one path, followed by its intervals and marks."""
     x, y = frame.x(curve.x), frame.y(curve.y)
-    whole = np.isfinite(x) & np.isfinite(y)
-    begins = whole & ~np.concatenate([[False], whole[:-1]])
+    finite = np.isfinite(x) & np.isfinite(y)
+    begins = finite & ~np.concatenate([[False], finite[:-1]])
     parts = [
         f"{'M' if first else 'L'}{a:.1f} {b:.1f}"
-        for a, b, first, there in zip(x.tolist(), y.tolist(), begins.tolist(), whole.tolist(), strict=True)
+        for a, b, first, there in zip(x.tolist(), y.tolist(), begins.tolist(), finite.tolist(), strict=True)
         if there
     ]
     more = f' stroke-dasharray="{curve.dashes}"' if curve.dashes else ""
     more += f' opacity="{curve.opacity:g}"' if curve.opacity < 1.0 else ""
     out = line("".join(parts), curve.colour, curve.width, more + ' stroke-linejoin="round"')
     if curve.half is not None:
-        ends = [frame.y(curve.y + side * curve.half)[whole].tolist() for side in (1.0, -1.0)]
-        bars = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in zip(x[whole].tolist(), *ends, strict=True))
+        ends = [frame.y(curve.y + side * curve.half)[finite].tolist() for side in (1.0, -1.0)]
+        bars = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in zip(x[finite].tolist(), *ends, strict=True))
         out += line(bars, curve.colour, 1.2, f' opacity="{curve.opacity:g}"' if curve.opacity < 1.0 else "")
     if curve.marked:
-        out += _dots(curve, x, y, whole)
+        out += _dots(curve, x, y, finite)
     return out
 
 
-def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], whole: Bool[Array, " n"]) -> str:
-    """Marks of a curve: one path, or one per point if marks have tooltips."""
-    places = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[whole].tolist(), y[whole].tolist(), strict=True)]
+def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], finite: Bool[Array, " n"]) -> str:
+    """Marks of a curve at its finite points: one path, or one path per point if they have tooltips."""
+    places = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[finite].tolist(), y[finite].tolist(), strict=True)]
     more = ' stroke-linecap="round"'
     if not curve.tips:
         return line("".join(places), curve.colour, _DOT, more)
-    tips = [tip for tip, there in zip(curve.tips, whole.tolist(), strict=True) if there]
+    tips = [tip for tip, there in zip(curve.tips, finite.tolist(), strict=True) if there]
     return "".join(
         f"<g>{line(place, curve.colour, _DOT, more)}<title>{escape(tip)}</title></g>"
         for place, tip in zip(places, tips, strict=True)
@@ -208,7 +223,7 @@ def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], whole: Boo
 
 
 def cloud_svg(cloud: Cloud, frame: Frame) -> str:
-    """Points as one path of relative steps in halves of a point; points at the same place are drawn once."""
+    """A cloud as one path of relative steps in units of 0.5 pt; points that fall on the same place are drawn once."""
     places = np.column_stack([frame.x(cloud.x), frame.y(cloud.y)])
     places = places[np.isfinite(places).all(axis=1)]
     if not len(places):
@@ -221,7 +236,7 @@ def cloud_svg(cloud: Cloud, frame: Frame) -> str:
 
 
 def legend_svg(curves: list[Curve]) -> str:
-    """Samples of lines or marks with their labels, in one row above the panels."""
+    """A short line or a mark for each curve, with its label, in one row above the panels."""
     out, left = [], LEFT
     for curve in curves:
         more = f' opacity="{curve.opacity:g}"' + (f' stroke-dasharray="{curve.dashes}"' if curve.dashes else "")
@@ -232,7 +247,7 @@ def legend_svg(curves: list[Curve]) -> str:
 
 
 def line(path: str, colour: str, width: float, more: str = "") -> str:
-    """A path that is stroked and not filled, with further attributes."""
+    """A path that is stroked and not filled; ``more`` holds further SVG attributes."""
     return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width:g}"{more}/>'
 
 

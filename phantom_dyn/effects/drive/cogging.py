@@ -1,9 +1,9 @@
 """Torque that is periodic in the joint's position: ``sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
 
-It leaves the same torque at the same place in both directions and at any speed. Friction ripple flips with the
-direction, an eccentric encoder leaves torque that grows with the square of speed: several speeds separate them, over at
-least one period. On a linear joint ``n`` is in radians per metre. Where a joint travels less than one period, the
-torque cannot be separated from gravity or a spring, so waves that long are not looked for.
+It leaves the same torque at the same position, in both directions and at any speed. Friction ripple changes its sign
+with the direction, and an eccentric encoder leaves a torque that grows with the square of speed: motion at several
+speeds over at least one period separates them. On a prismatic joint ``n`` is in radians per metre. If a joint travels
+less than one period of a wave, the torque cannot be separated from gravity or a spring, so such waves are not searched.
 MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no place for it.
 """
 
@@ -76,17 +76,20 @@ class Cogging(Effect):
         return wave_parameters(robot, joint, amplitude)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Sets of one, two and more of the strongest orders in the residual torque over position that repeat often."""
+        """Sets of orders to try: the strongest one in the residual torque over position, the two strongest, and so on.
+
+        Only orders with enough periods in the recording are kept.
+        """
         row = row_of(robot, joint)
         found = orders_in(operation, row, whole_numbers=not robot.prismatic[row])
         kept = (tuple(order for order in orders if comes_back(operation, row, order)) for orders in found)
         sets = tuple(dict.fromkeys(orders for orders in kept if orders))
-        # Where nothing stands out, the slowest wave that could be seen says how small a cogging would have been seen.
+        # If there is no such order, the lowest one that the recording could show gives the limit of detection.
         slowest = slowest_order(operation, row)
         return sets or (() if slowest is None else ((slowest,),))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Minus sine and cosine of every order: the drive cancels them."""
+        """Minus sine and cosine of every order, as the drive has to cancel the torque."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
         waves, names = sines_and_cosines(operation.q[:, row], shape)
         return Signature((row,), -waves[:, None, :], names, (unit,) * len(names))
@@ -100,7 +103,7 @@ class Cogging(Effect):
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Some wave has to turn five times, and three of them slowly enough for the judged band."""
+        """A wave needs five periods in the recording, and in three of them a frequency within the judged band."""
         return unseen_waves(operation, joint, "cogging")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

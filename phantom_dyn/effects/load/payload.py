@@ -1,13 +1,13 @@
 # pyright: reportAttributeAccessIssue=false
-"""A point mass on ``payload_frame`` (else on the link with frame ``tip``, else on the last) that the model lacks.
+"""A point mass that the model lacks, on the link with ``payload_frame``, else with frame ``tip``, else on the last link.
 
-It is negative if the model has a part that the robot lacks. If it is about as heavy as a body on a fixed or locked
-joint (a hand), it stands for that body, whose own inertia is removed with it. If the interval of the mass is wider than
-half of the mass, a finding states first moments ``moment_x``, ``moment_y``, ``moment_z`` in place of the centre: on a
-pendulum they are known well, while mass and lever by themselves are not.
+The mass is negative if the model has a part that the robot lacks. If it is about minus the mass of a body on a fixed or
+locked joint, such as a hand, that body is taken to be missing, and its own inertia is removed too. If the interval of
+the mass is wider than half of the mass, a finding states the first moments ``moment_x``, ``moment_y`` and ``moment_z``
+instead of the centre: on a pendulum they are known well, while mass and lever alone are not.
 
-It leaves gravity and inertia in one fixed ratio on every joint before it. A payload is the inertial parameters of the
-last link with four numbers instead of ten; on a pendulum the two are the same thing.
+On every joint that carries it, it leaves gravity torque and inertia in a fixed ratio. A payload changes the inertial
+parameters of the last link with four numbers instead of ten; on a pendulum both describe the same changes.
 URDF and MJCF: an additional inertial element.
 """
 
@@ -46,11 +46,12 @@ from phantom_dyn.model.inertia import (
 
 # Largest load [kg], and its largest distance from its link [m].
 _HEAVIEST, _FARTHEST = 1000.0, 3.0
-# A part counts as the missing one if mass and first moments agree to a quarter; shorter levers [m] count as this long.
+# A part counts as missing if its mass and first moments agree to a quarter. For the moments, levers shorter than `_NEAR`
+# [m] count as this long.
 _MATCHES, _NEAR = 1.25, 0.02
-# Squared radius of gyration [m^2] that is rounding, and largest share of a link that can be taken away.
+# Squared radius of gyration [m^2] that may be rounding of a file, and largest share of a link's mass that can be removed.
 _ROUNDING, _LEFT = 1e-8, 0.999
-# Radius of gyration of a load over its lever: a fifth, as that of a ball at half its distance.
+# Radius of gyration of a load divided by its lever: that of a ball whose radius is about half of the lever.
 _EXTENT = 0.2
 _MOMENTS = ("moment_x", "moment_y", "moment_z")
 _CENTERS = ("center_x", "center_y", "center_z")
@@ -83,7 +84,7 @@ class Payload(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``mass`` and its place in the frame of the joint that moves the link."""
+        """``mass`` and its centre in the frame of the joint that moves the link."""
         parts = robot.attached[payload_body(robot)]
         least = self.lightest(robot)
         mass = Parameter(
@@ -106,7 +107,7 @@ class Payload(Effect):
         return mass, *centers
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """Those of the body that carries it."""
+        """Columns of the body that carries the payload."""
         first = 10 * (payload_body(robot) - 1)
         return tuple(range(first, first + 10))
 
@@ -116,23 +117,23 @@ class Payload(Effect):
         return Signature(tuple(range(robot.nv)), columns, STANDARD_NAMES, STANDARD_UNITS)
 
     def lightest(self, robot: Robot) -> float:
-        """Minus the mass of the link that carries it, with what an earlier diagnosis found there."""
+        """Minus the mass of the link that carries it, including payloads that an earlier diagnosis has found."""
         return -float(_link(robot)[0])
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
-        """That of the part which may be missing."""
+        """Inertia of the part that may be missing, per kilogram; zero if there is no such part."""
         part = _nearest(robot, mass)
         return np.zeros(6) if part is None else body_parameters(0.0, np.zeros(3), part.inertia)[4:] / part.mass
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Mass and first moments give mass and centre, within what is possible.
+        """Mass and centre from mass and first moments, changed to values that are possible.
 
-        A mass near zero is raised until its centre is within reach. A mass that is taken away leaves a link that can
-        exist.
+        A mass near zero is increased until its centre is within reach. A negative mass is limited so that the remaining
+        link can exist.
         """
         mass, moments = float(coefficients[0]), np.asarray(coefficients[1:4], dtype=float)
-        far = float(np.linalg.norm(moments)) / _FARTHEST
-        mass = np.copysign(max(abs(mass), far), mass)
+        least = float(np.linalg.norm(moments)) / _FARTHEST
+        mass = np.copysign(max(abs(mass), least), mass)
         if mass == 0.0:
             return np.zeros(4)
         center = moments / mass
@@ -141,14 +142,14 @@ class Payload(Effect):
     def stated_law(
         self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
-        """Mass and centre; first moments in place of the centre if the mass is known too badly."""
+        """Mass and centre; first moments instead of the centre if the mass is not known well enough."""
         if has_known_centre(coefficients[0], std[0]):
             return super().stated_law(robot, joint, shape, std, coefficients)
         names = (Parameter(f"moment_{axis}", "kg m") for axis in "xyz")
         return (self.parameters(robot, joint)[0], *names), lambda x: x[:4]
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """First moments give the centre."""
+        """Numbers of a finding with the centre, computed from the first moments if it states these."""
         if "moment_x" not in stated:
             return stated
         numbers = np.array([float(np.ravel(stated[name])[0]) for name in ("mass", *_MOMENTS)])
@@ -174,32 +175,32 @@ class Payload(Effect):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """At the centre of the last link."""
+        """Parameters of a mass of a given size at the centre of the last link."""
         return (size, *(float(x) for x in robot.model.inertias[payload_body(robot)].lever))
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the torque that the mass needs."""
+        """Minus the torque that moves the mass."""
         added = np.zeros_like(standard_parameters(robot))
         added[list(self.regressor_columns(robot, joint))] = _added(robot, theta)
         return -rigid_body_regressor(robot, operation) @ added
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """A heavier last link."""
+        """The robot with the payload in the inertial parameters of its last link."""
         added = np.zeros_like(standard_parameters(robot))
         added[list(self.regressor_columns(robot, joint))] = _added(robot, theta)
         return Simulated(robot=lambda moved: with_parameters(moved, added))
 
 
 def _link(robot: Robot) -> Float[Array, " 10"]:
-    """Standard parameters of the link that carries a payload, with what an earlier diagnosis found there."""
+    """Standard parameters of the link that carries a payload, including payloads of an earlier diagnosis."""
     own = np.array(robot.model.inertias[payload_body(robot)].toDynamicParameters())
     return own if robot.carried is None else own + robot.carried
 
 
 def _extent_of_carried(robot: Robot) -> float:
-    """Mass times squared radius of gyration [kg m^2] that loads of an earlier diagnosis may have along each axis.
+    """Mass times squared radius of gyration [kg m^2] along each axis that loads of an earlier diagnosis may have.
 
-    They were found as points, which they are not.
+    They were found as point masses, but real loads have an extent.
     """
     mass = _carried_mass(robot)
     if robot.carried is None or mass == 0.0:
@@ -208,15 +209,16 @@ def _extent_of_carried(robot: Robot) -> float:
 
 
 def _carried_mass(robot: Robot) -> float:
+    """Mass of the loads that an earlier diagnosis has found [kg]; zero if it is negative."""
     return 0.0 if robot.carried is None else max(float(robot.carried[0]), 0.0)
 
 
 def carrying(robot: Robot, thetas: Sequence[Float[Array, " 4"]]) -> Robot:
-    """The robot on whose last link an earlier diagnosis has found payloads.
+    """The robot with payloads that an earlier diagnosis has found on its last link.
 
     Args:
-        robot: The given model, which stays as it is.
-        thetas: Mass and centre of each.
+        robot: The given model, which is not changed.
+        thetas: Mass and centre of each payload.
     """
     if not thetas:
         return robot
@@ -224,7 +226,7 @@ def carrying(robot: Robot, thetas: Sequence[Float[Array, " 4"]]) -> Robot:
 
 
 def _added(robot: Robot, theta: Float[Array, " 4"]) -> Float[Array, " 10"]:
-    """Ten parameters of a point mass, or of a part that is missing."""
+    """Ten inertial parameters that a payload adds; if it stands for a missing part, with the inertia of that part."""
     mass = float(theta[0])
     own = point_mass_parameters(mass, theta[1:4])
     own[4:] += mass * Payload().own_inertia(robot, mass)
@@ -232,7 +234,7 @@ def _added(robot: Robot, theta: Float[Array, " 4"]) -> Float[Array, " 10"]:
 
 
 def _nearest(robot: Robot, mass: float) -> Attached | None:
-    """The part on a fixed or locked joint whose mass is nearest to what is missing, within a factor of two."""
+    """The part on a fixed or locked joint whose mass is nearest to minus ``mass``, within a factor of two."""
     if mass >= 0.0:
         return None
     near = [part for part in robot.attached[payload_body(robot)] if 0.5 * part.mass <= -mass <= 2.0 * part.mass]
@@ -240,26 +242,26 @@ def _nearest(robot: Robot, mass: float) -> Attached | None:
 
 
 def missing_part(robot: Robot, theta: Float[Array, " 4"]) -> Attached | None:
-    """The part on a fixed or locked joint that a negative payload stands for; None if there is none like it."""
+    """The part on a fixed or locked joint that a negative payload removes; None if no part matches it."""
     part = _nearest(robot, float(theta[0]))
     if part is None:
         return None
     lever = max(float(np.linalg.norm(part.center)), _NEAR)
-    off = float(np.linalg.norm(theta[0] * np.asarray(theta[1:4]) + part.mass * part.center)) / (part.mass * lever)
-    return part if max(abs(theta[0] + part.mass) / part.mass, off) <= _MATCHES - 1.0 else None
+    mismatch = float(np.linalg.norm(theta[0] * np.asarray(theta[1:4]) + part.mass * part.center)) / (part.mass * lever)
+    return part if max(abs(theta[0] + part.mass) / part.mass, mismatch) <= _MATCHES - 1.0 else None
 
 
 def most_removed(robot: Robot, center: Float[Array, " 3"]) -> float:
-    """Largest point mass [kg] at a place of the payload's link that can be taken from it.
+    """Largest point mass [kg] that can be removed at a point of the payload's link.
 
-    What is left has a positive semidefinite pseudo-inertia ``P - m p p^T`` with ``p = (center, 1)``, which it has up to
-    ``m = 1 / (p^T P^-1 p)``.
+    The remaining link must have a positive semidefinite pseudo-inertia ``P - m p p^T`` with ``p = (center, 1)``. This
+    holds up to ``m = 1 / (p^T P^-1 p)``.
     """
-    mass, own, inertia = central_parameters(_link(robot))
-    spread = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    heart, point = np.append(own, 1.0), np.append(center, 1.0)
-    pseudo = mass * np.outer(heart, heart)
-    pseudo[:3, :3] += spread
-    # Allows for rounding of a file, and for loads of an earlier diagnosis.
-    rest = pseudo + (_ROUNDING * mass + _extent_of_carried(robot)) * np.diag([1.0, 1.0, 1.0, 0.0])
-    return float(min(1.0 / (point @ np.linalg.solve(rest, point)), _LEFT * mass))
+    mass, link_center, inertia = central_parameters(_link(robot))
+    second_moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    homogeneous, point = np.append(link_center, 1.0), np.append(center, 1.0)
+    pseudo_inertia = mass * np.outer(homogeneous, homogeneous)
+    pseudo_inertia[:3, :3] += second_moments
+    # The margin allows for rounding in a file, and for the extent of loads of an earlier diagnosis.
+    widened = pseudo_inertia + (_ROUNDING * mass + _extent_of_carried(robot)) * np.diag([1.0, 1.0, 1.0, 0.0])
+    return float(min(1.0 / (point @ np.linalg.solve(widened, point)), _LEFT * mass))

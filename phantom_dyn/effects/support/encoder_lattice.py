@@ -1,4 +1,4 @@
-"""Lattices of encoder readings: the step that is stated, and the one on whose multiples the readings lie."""
+"""Steps of encoders: the one that the model states, and the one of the lattice on which the recorded readings lie."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-# A lattice is believed if this share of the readings lies within a tenth of a step of it; a fifth would by chance.
+# Readings are on a lattice if this share of them is within a tenth of a step of its points. By chance a fifth of them is.
 _SHARE = 0.98
 _NEAR = 0.1
-# Height of the first line of a comb that is believed, of one at most.
+# Least magnitude of a comb's first spectral line; for an ideal comb it is one.
 _COMB = 0.6
-# Stated steps over the whole travel beyond which a comb is not looked for.
+# Largest travel, in stated steps, for which a comb is looked for.
 _LONGEST = 20_000_000
-# Fewer levels than this may lie on any lattice.
+# Least number of levels: fewer would lie on many lattices by chance.
 _LEAST_LEVELS = 8
-# Places among the sorted distances of neighbouring levels to begin with: a few wrong readings make some too short.
+# Quantiles of the distances between neighbouring levels that are tried. The shortest distance alone is not enough, as a
+# few wrong readings make some distances too short.
 _PLACES = (0.0, 0.05, 0.2, 0.5)
-# A distance may be some steps, where the joint passes levels without being read there.
+# Largest number of steps in such a distance, as a joint may pass levels between two readings.
 _STEPS = 6
 
 
@@ -32,11 +33,11 @@ def stated_step(robot: Robot, row: int) -> float | None:
 
 
 def reading_step(readings: Float[Array, " N"], stated: float | None) -> float | None:
-    """The coarser of the step of the lattice of readings and the step about which they gather; None without either.
+    """Step of an encoder from its readings, by `step_of` or `coarse_step`, the larger if both find one; else None.
 
     Args:
         readings: Raw positions of one joint, as recorded.
-        stated: Step that they should have, or None.
+        stated: Step that the model states, or None.
     """
     lattice = step_of(readings, stated)
     gathered = None if stated is None else coarse_step(readings, stated)
@@ -44,14 +45,14 @@ def reading_step(readings: Float[Array, " N"], stated: float | None) -> float | 
 
 
 def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float | None:
-    """The largest step such that almost all readings are multiples of it, whatever their zero.
+    """The largest step such that almost all readings are an offset plus a multiple of it.
 
     Args:
         readings: Raw positions of one joint, as recorded, rounded by a text file or not.
-        stated: Step that they should have, tried besides those that the readings suggest.
+        stated: Step that the model states, which is tried in addition to those that the readings suggest.
 
     Returns:
-        The step, or None where the readings are on no lattice or take too few values to tell.
+        The step; None if the readings are on no lattice, or have too few distinct values.
     """
     levels = _levels(np.asarray(readings, dtype=float))
     if len(levels) < _LEAST_LEVELS:
@@ -69,15 +70,16 @@ def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float 
 
 
 def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
-    """A step coarser than ``stated`` about whose multiples the readings gather, noise of a few stated steps allowed.
+    """A step larger than ``stated`` around whose multiples the readings cluster; None if there is none.
 
-    The levels that were read, each counted once, are seen as a comb: its spectrum is near one at the frequency of its
-    teeth, and near zero where every level in between was read. Every tooth has to hold its
-    levels alike: most levels of a joint that creeps about a few places lie there.
+    The readings may have noise of a few stated steps. The levels that were read, each counted once, form a comb with
+    one tooth per step. Its spectrum is near one at the frequency of the teeth; it is near zero if all levels between
+    the teeth were read too. Levels have to cluster around the teeth all along the travel, and not only around a few
+    positions about which the joint creeps.
 
     Args:
         readings: Raw positions of one joint, as recorded.
-        stated: Step that they should have.
+        stated: Step that the model states.
     """
     places = np.unique(np.round((readings - readings.min()) / stated).astype(int))
     length = int(places[-1]) + 1
@@ -85,32 +87,33 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
         return None
     comb = np.zeros(length)
     comb[places] = 1.0
-    # Four times as long with zeros: the step is wanted to a fraction of a line.
-    height = np.abs(np.fft.rfft(comb, 4 * length)) / len(places)
+    # Zero padding interpolates the spectrum, so that the step is found to a fraction of a line.
+    magnitude = np.abs(np.fft.rfft(comb, 4 * length)) / len(places)
     first = 4 * _LEAST_LEVELS
-    teeth = np.flatnonzero(height[first:] > _COMB)
-    if len(teeth) == 0:
+    lines = np.flatnonzero(magnitude[first:] > _COMB)
+    if len(lines) == 0:
         return None
-    start = first + int(teeth[0])
-    peak = start + int(np.argmax(height[start : start + 8]))
+    start = first + int(lines[0])
+    peak = start + int(np.argmax(magnitude[start : start + 8]))
     step = 4 * length * stated / peak
     return step if _about_every_tooth(places * stated / step) else None
 
 
 def _about_every_tooth(phase: Float[Array, " n"]) -> bool:
-    """True if levels, in steps, gather where each tooth counts alike, and not about a few teeth that hold most levels.
+    """True if levels, in steps, cluster around the teeth of a comb when every tooth has the same weight.
 
-    A joint that creeps about a few places leaves most of its levels there.
+    With the same weight for every level, a few positions about which the joint creeps, and where it leaves most of its
+    levels, would count too much.
     """
     turn = np.exp(2j * np.pi * phase)
     tooth = np.round(phase - np.angle(turn.mean()) / (2.0 * np.pi)).astype(int)
     tooth -= tooth.min()
-    held = np.bincount(tooth)
-    return bool(abs(np.sum(turn / held[tooth])) > _COMB * np.count_nonzero(held))
+    count = np.bincount(tooth)
+    return bool(abs(np.sum(turn / count[tooth])) > _COMB * np.count_nonzero(count))
 
 
 def _levels(readings: Array) -> Array:
-    """Distinct readings in order; what differs by rounding of floating-point numbers only is the same."""
+    """Distinct readings, sorted; values that differ only by floating-point rounding count as one."""
     levels = np.unique(readings)
     if len(levels) < 2:
         return levels
@@ -120,12 +123,12 @@ def _levels(readings: Array) -> Array:
 
 @jit
 def _sharpened(distances: Float[Array, " n"], step: float) -> float:
-    """``step`` by least squares over all distances, in which it may be many times; NaN if it comes to nothing."""
+    """``step`` refined by least squares over all distances, each a multiple of it; NaN if none of them is."""
     for _ in range(5):
         squares = product = 0.0
         for distance in distances:
             count = np.rint(distance / step)
-            # Distances that are no multiple are left out, or one wrong reading would pull the step.
+            # Distances that are not multiples are left out: otherwise one wrong reading would change the step.
             if abs(distance - count * step) < 2.0 * _NEAR * step:
                 squares += count * count
                 product += distance * count
@@ -136,10 +139,10 @@ def _sharpened(distances: Float[Array, " n"], step: float) -> float:
 
 
 def _on_lattice(levels: Array, step: float) -> bool:
-    """True if almost all levels lie near a multiple of ``step`` from where most lie, followed from level to level."""
+    """True if almost all levels lie near the points of a lattice with this step, whose offset may drift slowly."""
     phase = (levels - levels[0]) / step
     most = (1.0 - _SHARE) * len(phase)
-    # Over many steps the error of the step adds up: the lattice is followed over stretches of a hundred levels.
+    # Over many steps the error of the step adds up, so the offset is estimated for each hundred levels.
     missed = 0
     for start in range(0, len(phase), 100):
         part = phase[start : start + 100]
