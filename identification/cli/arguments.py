@@ -1,4 +1,4 @@
-"""The argument parser of every command, arguments that several share, and checks that need no heavy import."""
+"""The argument parser of all commands, the arguments that several of them share, and checks without slow imports."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 """Exit codes of every command."""
 _LOG_HELP = "CSV, Parquet, NPZ, ROS bag, MCAP or the folder of a LeRobot dataset"
 EXAMPLES = "examples:"
-"""First line of the examples at the end of a help."""
+"""Line before the examples at the end of a help text."""
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -45,7 +45,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(prog=prog, epilog=epilog, description=description, formatter_class=_Formatter)
 
     def _parse_optional(self, arg_string: str):
-        # -1:2 is a stretch of time that begins before zero, not an option.
+        # -1:2 is not an option, but a stretch of time that begins before zero.
         return None if re.match(r"-[\d.]", arg_string) else super()._parse_optional(arg_string)
 
     def error(self, message: str) -> NoReturn:
@@ -62,18 +62,19 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
 
 
 def add_logs(parser: argparse.ArgumentParser) -> None:
-    """Add LOG, once or more, and the options of reading."""
+    """Add LOG, which is given once or more, and the options for reading it."""
     parser.add_argument("logs", metavar="LOG", nargs="+", help=_LOG_HELP)
     _add_log_options(parser)
 
 
 def add_log(parser: argparse.ArgumentParser) -> None:
-    """Add LOG, once, and the options of reading."""
+    """Add LOG, which is given once, and the options for reading it."""
     parser.add_argument("log", metavar="LOG", help=_LOG_HELP)
     _add_log_options(parser)
 
 
 def _add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options for reading a log, and for leaving out or accepting parts of it."""
     add_reading(parser)
     add_list(parser, "--exclude", metavar="T0:T1", help="stretches of time [s] to leave out")
     parser.add_argument("--anyway", action="store_true", help="judge a recording although it is certainly wrong")
@@ -86,7 +87,7 @@ def add_list(parser: argparse.ArgumentParser, option: str, *, metavar: str, help
 
 
 def add_effects(parser: argparse.ArgumentParser) -> None:
-    """Add the option that names files of effects beside the catalogue."""
+    """Add the option that names files with effects of the user, in addition to the catalogue."""
     parser.add_argument(
         "--effects",
         dest="effect_files",
@@ -99,7 +100,7 @@ def add_effects(parser: argparse.ArgumentParser) -> None:
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say how the columns of a recording are read."""
+    """Add the options that state how a recording is read: its columns, topics and episodes."""
     parser.add_argument(
         "--columns",
         metavar="FILE|PRESET",
@@ -139,23 +140,23 @@ def expand_one_episode(arguments: argparse.Namespace) -> None:
         return
     from identification.data.readers.lerobot import with_episodes
 
-    meant = with_episodes([arguments.log], arguments.episodes)
-    if len(meant) > 1:
-        raise UsageError(f"{arguments.log} has {len(meant)} episodes, wanted one: choose it, as in --episodes 0")
-    arguments.log = meant[0]
+    chosen = with_episodes([arguments.log], arguments.episodes)
+    if len(chosen) > 1:
+        raise UsageError(f"{arguments.log} has {len(chosen)} episodes, wanted one: choose it, as in --episodes 0")
+    arguments.log = chosen[0]
 
 
 def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:
-    """Arguments of a command that may name files to read."""
+    """All arguments of a command that may name files to read; None for those that were not given."""
     lists = (getattr(arguments, name, ()) for name in ("logs", "hold_out", "known", "effect_files"))
-    one = (getattr(arguments, name, None) for name in ("robot", "robot_config", "columns", "recordings"))
-    return (*one, *(path for paths in lists for path in paths or ()))
+    single = (getattr(arguments, name, None) for name in ("robot", "robot_config", "columns", "recordings"))
+    return (*single, *(path for paths in lists for path in paths or ()))
 
 
 def require_files(arguments: argparse.Namespace) -> None:
-    """Refuse a missing robot or log, and a log given twice, before slow imports.
+    """Refuse a missing robot or log, and a log that is given twice, before slow imports.
 
-    A recording given twice would make predictions of held-out blocks worthless, as their copies were fitted.
+    With a recording given twice, predictions of held-out blocks would mean nothing: their copies were fitted.
     """
     require_not_swapped(arguments.robot, arguments.logs)
     find_robot(arguments.robot)
@@ -163,10 +164,12 @@ def require_files(arguments: argparse.Namespace) -> None:
     for option, paths in (("LOG", arguments.logs), ("--hold-out", arguments.hold_out)):
         for path in paths:
             require_existing(path)
-            place = Path(path).resolve()
-            if place in seen:
-                raise UsageError(f"{path} is given twice, as {seen[place]} and as {option}; give every recording once")
-            seen[place] = option
+            resolved = Path(path).resolve()
+            if resolved in seen:
+                raise UsageError(
+                    f"{path} is given twice, as {seen[resolved]} and as {option}; give every recording once"
+                )
+            seen[resolved] = option
 
 
 def excluded_stretches(arguments: argparse.Namespace) -> tuple[tuple[float, float], ...]:
@@ -175,7 +178,7 @@ def excluded_stretches(arguments: argparse.Namespace) -> tuple[tuple[float, floa
 
 
 def reading_as_asked(read: Callable[..., Recording], arguments: argparse.Namespace) -> Callable[..., Recording]:
-    """A function that reads a recording, with the options of reading that the arguments give."""
+    """A function that reads a recording with the options that the arguments give."""
     return partial(
         read,
         columns=arguments.columns,
@@ -187,7 +190,7 @@ def reading_as_asked(read: Callable[..., Recording], arguments: argparse.Namespa
 
 
 def robot_with_effects(arguments: argparse.Namespace) -> Robot:
-    """The robot of the arguments with effects of their files and of installed packages."""
+    """The robot that the arguments name, with effects from files of the user and from installed packages."""
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
@@ -208,10 +211,10 @@ def _stretch(text: str) -> tuple[float, float]:
 
 
 def one_blas_thread() -> None:
-    """Limit linear algebra to one thread, if NumPy is not loaded yet, whatever the environment says.
+    """Limit linear algebra to one thread, whatever the environment states; call it before NumPy is loaded.
 
-    Matrices are small, so that threads would only wait for each other. Their number also changes the order of sums, and
-    with it the last digits of results from one machine to another.
+    The matrices are small, so that threads would only wait for each other. The number of threads also changes the order
+    of sums, so that the last digits of results would differ between machines.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"

@@ -18,21 +18,21 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 SURE = 2.0
-"""A value this many standard deviations from zero counts as identified: about 95 % of values that are zero do not."""
+"""A value counts as identified if it is this many standard deviations from zero: about 5 % of true zeros are too."""
 
 _SAMPLES = 200  # several times the rows that any robot needs
-_SHOWN = 4  # names that a sentence lists
+_SHOWN = 4  # largest number of names that a sentence lists
 
 
 def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> BaseParameters:
-    """Base parameters for motion that excites everything: random positions, velocities and accelerations.
+    """Base parameters for motion that excites all of them: random positions, velocities and accelerations.
 
-    In a closed chain the positions are those of the recording, as its loops do not close everywhere.
+    For a closed chain the positions are those of the recording, as its loops cannot be closed at all positions.
 
     Args:
-        robot: Gives the rigid bodies.
+        robot: The robot, with its rigid bodies.
         log: A recording of the robot.
-        effects: Effects on joints that are unknowns as well.
+        effects: Effects on joints whose parameters are unknown too.
     """
     rng = random_stream("excited base parameters")
     if robot.chain is None:
@@ -41,13 +41,13 @@ def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> Ba
         q = log.motion.q[np.linspace(0, len(log.motion.t) - 1, _SAMPLES).astype(int)]
     v, a = rng.standard_normal((2, _SAMPLES, robot.nv))
     motion = Motion(np.arange(float(_SAMPLES)), q, v, a)
-    everything = Band(1.0, 0.5, np.ones(1), 1)
-    at_random = Log("random motion", robot.joint_names, motion, np.zeros_like(q), everything, np.ones(_SAMPLES, bool))
-    return base_parameters(torque_regressor(robot, at_random, effects))
+    unfiltered = Band(1.0, 0.5, np.ones(1), 1)
+    random_log = Log("random motion", robot.joint_names, motion, np.zeros_like(q), unfiltered, np.ones(_SAMPLES, bool))
+    return base_parameters(torque_regressor(robot, random_log, effects))
 
 
 def identified_shares(base: BaseParameters) -> tuple[Share, ...]:
-    """For every column whether it is identified alone, in a combination, or not at all.
+    """For every column, whether it is identified alone, in a combination, or not at all.
 
     A column is identified alone if no null vector of the regressor contains it: it is independent, and no other column
     is regrouped into it.
@@ -75,43 +75,43 @@ def body_table(robot: Robot, base: BaseParameters, excited: BaseParameters) -> t
         base: Base parameters of the recording.
         excited: Base parameters of motion that excites everything.
     """
-    now, ever = identified_shares(base), identified_shares(excited)
+    recorded, any_motion = identified_shares(base), identified_shares(excited)
     return tuple(
         BodyParameters(
             body_name(robot, j),
-            dict(zip(STANDARD_NAMES, now[10 * (j - 1) : 10 * j], strict=True)),
-            dict(zip(STANDARD_NAMES, ever[10 * (j - 1) : 10 * j], strict=True)),
+            dict(zip(STANDARD_NAMES, recorded[10 * (j - 1) : 10 * j], strict=True)),
+            dict(zip(STANDARD_NAMES, any_motion[10 * (j - 1) : 10 * j], strict=True)),
         )
         for j in range(1, robot.model.njoints)
     )
 
 
 def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unidentified, ...]:
-    """Every dependent column, with the reason why it is not an unknown of its own.
+    """Every dependent column, and why it cannot be identified alone.
 
     Args:
         base: Base parameters of the recording.
         excited: Base parameters, over the same columns, of motion that excites everything.
     """
-    part_of = regrouped_into(base)
-    never, always = set(excited.zero), set(excited.dependent)
+    containing = regrouped_into(base)
+    never_torque, always_dependent = set(excited.zero), set(excited.dependent)
     out = []
     for k in base.dependent:
-        whole = ", ".join(part_of[k][:_SHOWN]) + (", ..." if len(part_of[k]) > _SHOWN else "")
-        if k in base.zero and k in never:
+        sums = ", ".join(containing[k][:_SHOWN]) + (", ..." if len(containing[k]) > _SHOWN else "")
+        if k in base.zero and k in never_torque:
             why = "no motion of this robot makes it produce torque"
         elif k in base.zero:
             why = "it produces no torque in this recording: move more joints, or in other postures"
-        elif k in always:
-            why = f"in every motion of this robot it shows only within {whole}"
+        elif k in always_dependent:
+            why = f"in every motion of this robot it shows only within {sums}"
         else:
-            why = f"in this recording it shows only within {whole}; another motion can separate them"
+            why = f"in this recording it shows only within {sums}; another motion can separate them"
         out.append(Unidentified(base.names[k], base.units[k], why))
     return tuple(out)
 
 
 def not_excited(base: BaseParameters, excited: BaseParameters) -> tuple[str, ...]:
-    """Columns that another motion can separate from those before them, and this recording cannot."""
+    """Columns that depend on others in this recording, but would be independent in motion that excites everything."""
     return tuple(base.names[k] for k in base.dependent if k in set(excited.independent))
 
 
@@ -141,7 +141,7 @@ def parameters(fit: Fit) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
 
 
 def _owners(fit: Fit) -> dict[str, tuple[str | None, str]]:
-    """Joint and effect of each column that belongs to an effect."""
+    """Joint and effect of each column of an effect, by the column's name."""
     out: dict[str, tuple[str | None, str]] = {}
     for name in fit.base.names[fit.first_effect :]:
         term = next(term for term in fit.effects if name.startswith(f"{term.label}."))
@@ -150,6 +150,7 @@ def _owners(fit: Fit) -> dict[str, tuple[str | None, str]]:
 
 
 def _why(value: float, std: float, unit: str) -> str:
+    """Why a base parameter does not count as identified."""
     if not np.isfinite(std):
         return "no more equations than unknowns, so its deviation is not known"
     return f"not distinguished from zero: its size is below {number(abs(value) + SURE * std)} {unit} (95 %)"

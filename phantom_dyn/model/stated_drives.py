@@ -1,4 +1,4 @@
-"""Drives of joints as ``robot.yaml`` states them, else as the robot's file does."""
+"""Drives of joints, from ``robot.yaml`` or, for what it does not state, from the URDF or MJCF of the robot."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ def actuator_of(stated: JointConfig, armature: float, own: Drive) -> Actuator:
     """The drive of a joint.
 
     Args:
-        stated: By ``robot.yaml``.
-        armature: Rotor inertia by the robot's file [kg m^2 or kg].
-        own: The rest of what that file states.
+        stated: What ``robot.yaml`` states of the joint.
+        armature: Rotor inertia in the URDF or MJCF [kg m^2 or kg].
+        own: What else the URDF or MJCF states of the drive.
     """
     controller = _controller(stated, stated.controller) if stated.controller else None
     if controller is None and own.kp is not None:
@@ -36,27 +36,27 @@ def actuator_of(stated: JointConfig, armature: float, own: Drive) -> Actuator:
 
 
 def _controller(drive: JointConfig, stated: ControllerConfig) -> Controller:
-    r"""A controller with gains of the joint's torque.
+    r"""The controller of a joint, with gains from position error and velocity to joint torque.
 
-    A share :math:`g\,(q_r - q)` of the supply U at a motor with constant k, gear n and resistance R makes the torque
-    :math:`\tau = (k n U / R)\,g\,(q_r - q) - ((k n)^2 / R)\,v`.
+    A ``duty`` controller applies the share :math:`g\,(q_r - q)` of the supply voltage U to the motor. With torque
+    constant k, gear ratio n and resistance R this gives :math:`\tau = (k n U / R)\,g\,(q_r - q) - ((k n)^2 / R)\,v`.
     """
     if stated.kind == "pd":
         return Controller("pd", stated.kp or 0.0, stated.kd or 0.0, stated.delay, stated.reference_delay)
-    # What reads the file has refused a drive without them.
+    # The reader of robot.yaml has refused a ``duty`` controller without these numbers.
     assert drive.torque_constant is not None
     assert drive.resistance is not None
     assert drive.voltage_limit is not None
     assert stated.gain is not None
     constant = drive.torque_constant * drive.gear_ratio
-    whole = constant * drive.voltage_limit / drive.resistance
+    stall_torque = constant * drive.voltage_limit / drive.resistance
     return Controller(
         "duty",
-        kp=stated.gain * whole,
+        kp=stated.gain * stall_torque,
         kd=constant**2 / drive.resistance,
         delay=stated.delay,
         reference_delay=stated.reference_delay,
-        limit=whole * (1.0 if stated.limit is None else stated.limit),
+        limit=stall_torque * (1.0 if stated.limit is None else stated.limit),
         drops_beyond=np.inf if stated.drops_beyond is None else stated.drops_beyond,
-        drops_to=np.inf if stated.drops_to is None else whole * stated.drops_to,
+        drops_to=np.inf if stated.drops_to is None else stall_torque * stated.drops_to,
     )

@@ -1,4 +1,4 @@
-"""Joystick and footsteps: what the user asks for over time, and the next step, which is decided at each landing."""
+"""Joystick and footsteps: the user's commands over time, and the next step, which is decided at each landing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Side = Literal["left", "right"]
 
 @dataclass(frozen=True)
 class Command:
-    """Setting of the controller at one time: ``speed`` [m/s], ``turn`` [rad/s, positive to the left], ``walking``."""
+    """Setting of the joystick at one time: ``speed`` [m/s], ``turn`` [rad/s, positive to the left], ``walking``."""
 
     speed: float
     turn: float
@@ -25,13 +25,13 @@ class Command:
 
 @dataclass(frozen=True)
 class Joystick(ReadOnlyArrays):
-    """A controller over time: a setting holds until the next one, and the robot stands before the first one.
+    """Settings of a joystick over time: each holds until the next one, and before the first one the robot stands still.
 
     Attributes:
         t: Times of changes [s], increasing, shape ``(K,)``.
         speed: Forward speed from the stick [m/s], negative backwards, shape ``(K,)``.
         turn: Turning rate from the stick [rad/s], positive to the left, shape ``(K,)``.
-        walking: True from the start button to the stop button, shape ``(K,)``.
+        walking: True after the start button was pressed, False after the stop button was, shape ``(K,)``.
     """
 
     t: Float[Array, " K"]
@@ -48,7 +48,7 @@ class Joystick(ReadOnlyArrays):
             raise ParameterError("The joystick's times must increase, and there must be one: sort them.")
 
     def at(self, time: float) -> Command:
-        """Setting at ``time`` [s]."""
+        """Setting of the joystick at ``time`` [s]."""
         k = int(np.searchsorted(self.t, time, side="right")) - 1
         if k < 0:
             return Command(0.0, 0.0, False)
@@ -67,7 +67,7 @@ class Gait:
     """Lengths and times of the steps; times in s, lengths in m, angles in rad.
 
     Attributes:
-        foot_distance: Sideways distance between the middles of the soles, as `Walker.foot_distance` of the posture.
+        foot_distance: Sideways distance between the middles of the soles, as in `Walker.foot_distance`.
         single_support: Time on one foot in each step.
         double_support: Time on both feet in each step, before the time on one foot.
         settle: Time in which the weight moves to the middle between the feet after the last step.
@@ -109,7 +109,7 @@ class Footstep:
 
 @dataclass(frozen=True)
 class Stance:
-    """Both soles, and the point and heading of the body between them, from which the next step advances."""
+    """Positions of both soles, and position and heading of the body between them, from which the next step starts."""
 
     left: Footstep
     right: Footstep
@@ -126,7 +126,7 @@ class Stance:
 
 
 def standing(gait: Gait) -> Stance:
-    """Both feet beside the origin, heading along x."""
+    """Stance with one foot on each side of the origin, heading along x."""
     body = Footstep(0.0, 0.0, 0.0)
     return Stance(_beside(body, "left", gait), _beside(body, "right", gait), body)
 
@@ -137,30 +137,33 @@ def other(side: Side) -> Side:
 
 
 def stepped(stance: Stance, swing: Side, command: Command, gait: Gait) -> Stance:
-    """Feet after a step of side ``swing`` under a command.
+    """Stance after a step with the foot ``swing`` under a command.
 
     Raises:
         ParameterError: If the command asks for a longer step or a larger turn than the gait has.
     """
     advance, turn = command.speed * gait.step_time, command.turn * gait.step_time
-    for what, value, limit, unit in (
+    for change, value, limit, unit in (
         ("an advance", advance, gait.longest_step, "m"),
         ("a turn", turn, gait.largest_turn, "rad"),
     ):
         if abs(value) > limit:
             raise ParameterError(
-                f"The joystick asks for {what} of {value:g} {unit} in a step, more than the gait's {limit:g} {unit}: "
+                f"The joystick asks for {change} of {value:g} {unit} in a step, more than the gait's {limit:g} {unit}: "
                 "move the stick less or take another gait."
             )
-    along = stance.body.heading + turn / 2
+    # The body advances in the mean of its headings before and after the step.
+    mean_heading = stance.body.heading + turn / 2
     body = Footstep(
-        stance.body.x + advance * np.cos(along), stance.body.y + advance * np.sin(along), stance.body.heading + turn
+        stance.body.x + advance * np.cos(mean_heading),
+        stance.body.y + advance * np.sin(mean_heading),
+        stance.body.heading + turn,
     )
     return _with_foot(stance, swing, _beside(body, swing, gait), body)
 
 
 def closed(stance: Stance, swing: Side, gait: Gait) -> Stance:
-    """Feet after side ``swing`` was put beside the other foot."""
+    """Stance after the foot ``swing`` was put next to the other one."""
     fixed = stance.foot(other(swing))
     aside = gait.foot_distance / 2 * (1 if swing == "left" else -1)
     body = Footstep(fixed.x - aside * np.sin(fixed.heading), fixed.y + aside * np.cos(fixed.heading), fixed.heading)
@@ -168,10 +171,12 @@ def closed(stance: Stance, swing: Side, gait: Gait) -> Stance:
 
 
 def _with_foot(stance: Stance, side: Side, foot: Footstep, body: Footstep) -> Stance:
+    """The stance with the foot of one side, and the body, at new positions."""
     return replace(stance, left=foot, body=body) if side == "left" else replace(stance, right=foot, body=body)
 
 
 def _beside(body: Footstep, side: Side, gait: Gait) -> Footstep:
+    """Position of the foot of a side if the body stands in the middle between both feet."""
     aside = gait.foot_distance / 2 * (1 if side == "left" else -1)
     return Footstep(
         float(body.x - aside * np.sin(body.heading)), float(body.y + aside * np.cos(body.heading)), body.heading

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""A point mass that the model lacks, on the link with ``payload_frame``, else with frame ``tip``, else on the last link.
+"""A point mass that the model lacks, on the link with ``payload_frame``, else with frame ``tip``, else on the last.
 
-The mass is negative if the model has a part that the robot lacks. If it is about minus the mass of a body on a fixed or
-locked joint, such as a hand, that body is taken to be missing, and its own inertia is removed too. If the interval of
-the mass is wider than half of the mass, a finding states the first moments ``moment_x``, ``moment_y`` and ``moment_z``
-instead of the centre: on a pendulum they are known well, while mass and lever alone are not.
+The mass is negative if the model has a part that the robot lacks. If it is about minus the mass of a body on a fixed
+or locked joint, such as a hand, that body is taken to be missing, and its own inertia is removed too. If the interval
+of the mass is wider than half of the mass, a finding states the first moments ``moment_x``, ``moment_y`` and
+``moment_z`` instead of the centre: on a pendulum they are known well, while mass and lever alone are not.
 
 On every joint that carries it, it leaves gravity torque and inertia in a fixed ratio. A payload changes the inertial
 parameters of the last link with four numbers instead of ten; on a pendulum both describe the same changes.
@@ -46,10 +46,10 @@ from phantom_dyn.model.inertia import (
 
 # Largest load [kg], and its largest distance from its link [m].
 _HEAVIEST, _FARTHEST = 1000.0, 3.0
-# A part counts as missing if its mass and first moments agree to a quarter. For the moments, levers shorter than `_NEAR`
-# [m] count as this long.
+# A part counts as missing if its mass and first moments agree to a quarter. In the moments, a lever shorter than
+# `_NEAR` [m] counts as this long.
 _MATCHES, _NEAR = 1.25, 0.02
-# Squared radius of gyration [m^2] that may be rounding of a file, and largest share of a link's mass that can be removed.
+# Squared radius of gyration [m^2] that may be rounding in a file; largest share of a link's mass that can be removed.
 _ROUNDING, _LEFT = 1e-8, 0.999
 # Radius of gyration of a load divided by its lever: that of a ball whose radius is about half of the lever.
 _EXTENT = 0.2

@@ -8,7 +8,7 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-# Readings are on a lattice if this share of them is within a tenth of a step of its points. By chance a fifth of them is.
+# Readings are on a lattice if this share of them is within a tenth of a step of its points. By chance a fifth is.
 _SHARE = 0.98
 _NEAR = 0.1
 # Least magnitude of a comb's first spectral line; for an ideal comb it is one.
