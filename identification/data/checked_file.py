@@ -1,4 +1,4 @@
-"""What a user is told about a recording: its certain faults, what was corrected, and what may be wrong."""
+"""Report on a recording for its user: its certain faults, corrected values, and what may be wrong."""
 
 from __future__ import annotations
 

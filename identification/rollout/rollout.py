@@ -26,7 +26,15 @@ from identification.notes import Code, Note
 from identification.rollout.compare import HORIZONS, HiddenStates, Rollout, Shoot, compared
 from identification.rollout.joint_limits import recorded_past
 from identification.rollout.rollout_starts import SHORTEST, STEP, Window, acting_torque, spread, states_of, windows_in
-from identification.rollout.shots import Shot, controlled, hides, look_back, tries, under_control, under_torque
+from identification.rollout.shots import (
+    Shot,
+    controlled,
+    has_hidden_states,
+    look_back,
+    tries,
+    under_control,
+    under_torque,
+)
 from identification.rollout.simulated_models import LEAD, Model, at_work, corrected_model, known_causes, model_of
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
@@ -158,7 +166,7 @@ def rollout_of(explained: Explained) -> Rollout:
     torque = _torques()
 
     def hidden_states(shot: Shot, model: Model) -> Shot:
-        if not hides(model):
+        if not has_hidden_states(model):
             return shot
         # The swing phase of a leg is too short for a fit of initial states to a part of it.
         return (shot.pulled if robot.floating else shot.with_hidden_start)(model, torque(shot, model))
@@ -208,7 +216,7 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
     )
     shots = _shots(explained, horizon, STEP, 0)
     folds = tuple(sorted({int(fold) for fold in problem.grams.fold} - {-1}))
-    if not shots or len(folds) < 2 or hides(model(shots[0].window, shots[0].window.fold)):
+    if not shots or len(folds) < 2 or has_hidden_states(model(shots[0].window, shots[0].window.fold)):
         return {}
     try:
         ratios = strays(shots, model, torque, noise, folds, horizon)
@@ -291,7 +299,7 @@ def _rolled(
     step = min(STEP, typical.longest_step(operations[0].q[0]))
     if step < SHORTEST:
         raise RobotError(f"a transmission that was found is so stiff that steps of {step:.2g} s would be needed.")
-    shots = _shots(explained, horizons[0], step, tries(typical) if hides(typical) else 0)
+    shots = _shots(explained, horizons[0], step, tries(typical) if has_hidden_states(typical) else 0)
     if not shots:
         raise ParameterError("there is no stretch of valid samples long enough.")
     pairs: dict[tuple[int, int, int], tuple[Model, Model]] = {}

@@ -62,7 +62,7 @@ class HiddenStart:
     start: Start
 
 
-def hides(model: Model) -> bool:
+def has_hidden_states(model: Model) -> bool:
     """True if a model has states that no encoder reads: backlash, or a motor whose encoder is on the link."""
     return any(part.gap > 0 or not _on_motor(model, row_of(model.robot, part.joint)) for part in model.transmissions)
 
@@ -269,7 +269,7 @@ def under_torque(
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
-    if hides(model):
+    if has_hidden_states(model):
         begun = shot.begun
         if begun is None or begun.model is not model:
             begun = hidden_start(shot.log, shot.states, shot.window, model, torque)

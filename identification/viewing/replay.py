@@ -25,7 +25,7 @@ from identification.diagnosis.result import EffectAt
 from identification.export.corrected.found_effects import robot_within_tolerances
 from identification.rollout.compare import HORIZONS
 from identification.rollout.rollout_starts import SHORTEST, STEP, States, Window, acting_torque, states_of, window_at
-from identification.rollout.shots import Shot, controlled, hides, under_control, under_torque
+from identification.rollout.shots import Shot, controlled, has_hidden_states, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model, known_causes, model_of
 from identification.stages import Announcement, Progress, Stage
 from identification.viewing.corrections import Correction
@@ -148,7 +148,7 @@ def _read(shot: Shot, model: Model, torque: Float[Array, "N nv"], step: float | 
         torque: Behind its drives.
         step: Longest step [s] under the stated controllers; None: under the recorded torque.
     """
-    shot = shot.pulled(model, torque) if hides(model) else shot
+    shot = shot.pulled(model, torque) if has_hidden_states(model) else shot
     return under_torque(shot, model, torque) if step is None else under_control(shot, model, max_step=step)
 
 

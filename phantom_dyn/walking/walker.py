@@ -101,7 +101,7 @@ def load_walker(
             the posture, or a leg does not have six joints.
     """
     path = find_robot(source)
-    parsed_urdf(path)  # says in a sentence what is wrong with a file
+    parsed_urdf(path)  # raises a clear error if the file is faulty
     model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
     q = pin.neutral(model)
     for joint, value in posture.items():

@@ -12,7 +12,7 @@ from identification.data.signals import process_all
 from identification.diagnosis.columns.blocks import split_blocks
 from identification.rollout.compare import HORIZONS, Rollout, compared
 from identification.rollout.rollout_starts import given_torque, spread, states_of, windows_in
-from identification.rollout.shots import Shot, hides, under_control, under_torque
+from identification.rollout.shots import Shot, has_hidden_states, under_control, under_torque
 from identification.rollout.simulated_models import model_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.control import position_control
@@ -47,7 +47,7 @@ class Recorded:
             return under_torque(shot, model, torque[model], nudge)
 
         def settle(shot, model):
-            return shot.with_hidden_start(model, torque[model]) if hides(model) else shot
+            return shot.with_hidden_start(model, torque[model]) if has_hidden_states(model) else shot
 
         pair = given, corrected
         shoot = under_control if controlled else open_loop

@@ -23,7 +23,7 @@ from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion
 from identification.rollout.followed import with_followed
 from identification.rollout.rollout_starts import Window, given_torque, spread, true_state, windows_in
-from identification.rollout.shots import hides, under_torque
+from identification.rollout.shots import has_hidden_states, under_torque
 from identification.rollout.simulated_models import model_of
 from identification.words.note_words import sentence
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -152,10 +152,10 @@ def test_without_samples_before_a_window_the_smoothed_state_is_taken(in_play):
 
 
 def test_a_rigid_joint_and_a_spring_behind_its_motor_hide_nothing(planar):
-    assert not hides(model_of(planar, ()))
-    assert not hides(model_of(planar, (SPRING,)))
-    assert hides(model_of(planar, (PLAY,)))
-    assert hides(model_of(seen_on(planar, "link"), (SPRING,)))
+    assert not has_hidden_states(model_of(planar, ()))
+    assert not has_hidden_states(model_of(planar, (SPRING,)))
+    assert has_hidden_states(model_of(planar, (PLAY,)))
+    assert has_hidden_states(model_of(seen_on(planar, "link"), (SPRING,)))
 
 
 RUBS = Cause(effect_named("coulomb_friction"), "pin", np.array([1.0]))
