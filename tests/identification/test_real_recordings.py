@@ -89,7 +89,7 @@ def test_where_the_xl330_moves_its_gap_is_friction_of_a_law_that_is_not_certain(
     assert all(recording.excluded for recording in recordings)
     (found,) = diagnose(robot, recordings, changes=changes).findings
     laws = {found.effect, *(one.effect for rival in found.rivals for one in rival.effects)}
-    assert laws <= {"coulomb_friction", "viscous_friction", "presliding_friction", "load_dependent_friction"}
+    assert all(name.endswith("_friction") for name in laws)
     assert len(laws) > 1
     assert found.probability < 0.5
 

@@ -123,7 +123,10 @@ def test_saved_and_loaded_again_it_says_the_same(diagnosis, tmp_path):
     written = diagnosis.save(tmp_path / "out")
     assert {"report.html", "diagnosis.json", "corrected.yaml", "corrected.urdf"} <= {path.name for path in written}
     loaded = dyn.Diagnosis.load(tmp_path / "out" / "diagnosis.json")
-    assert {**to_json(loaded.result), "files": []} == to_json(diagnosis.result)
+    said = {**to_json(loaded.result), "files": []}
+    # What the reference holds is known once its file is written.
+    assert len(said["next_experiment"].pop("reference_sha256")) == 64
+    assert said == to_json(diagnosis.result)
     assert [file.file for file in loaded.result.files][:2] == ["corrected.yaml", "corrected.urdf"]
     assert str(dyn.Diagnosis.load(tmp_path / "out")).splitlines()[0] == str(diagnosis).splitlines()[0]
     assert repr(loaded) == repr(diagnosis)

@@ -288,5 +288,7 @@ def test_a_drive_that_is_late_is_still_found_beside_modelled_friction(lab, pendu
     late = lab.motion(1, seconds=20.0, rate=500.0, ahead=0.010)
     recording = lab.recording(robot, motion, noise=0.02)
     asked = lab.recording(robot, Motion(motion.t, late.q, late.v, late.a), noise=0.02).tau
-    found = diagnose(robot, (replace(recording, tau=asked),)).findings
-    assert [finding.effect for finding in found] == ["input_delay"]
+    (found,) = diagnose(robot, (replace(recording, tau=asked),)).findings
+    # Below 1.5 Hz a lag of ten milliseconds leaves nearly the same torque: both may be listed, and nothing else.
+    names = {found.effect, *(one.effect for rival in found.rivals for one in rival.effects)}
+    assert "input_delay" in names <= {"input_delay", "actuator_lag"}
