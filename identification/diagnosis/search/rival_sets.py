@@ -99,7 +99,8 @@ def stand(
     for others, swapped in _twins(search, chosen, term):
         options[swapped], same[swapped] = base.loss, chosen
         names[swapped] = others
-    if len(options) == 1 and not odds_of_richer_laws(search, chosen, term, barred, richer_laws):
+    richer = odds_of_richer_laws(search, chosen, term, barred, richer_laws)
+    if len(options) == 1 and not richer:
         return Standing(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(options)
     apart = {key for key in names if not _nested(term, names[key])}
@@ -110,7 +111,7 @@ def stand(
     losses = np.array([options[key] for key in keys]).T
     others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in again]
     shares = _by_effects(keys, effects, probabilities(losses, costs, others, by_halves=bool(again)))
-    for causes, odds in odds_of_richer_laws(search, chosen, term, barred, richer_laws).items():
+    for causes, odds in richer.items():
         shares[causes] = max(shares.get(causes, 0.0), odds * shares[()])
     for swapped, others in names.items():
         # The same two sets have the same odds, whichever of them holds the finding.

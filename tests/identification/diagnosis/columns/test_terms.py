@@ -61,6 +61,14 @@ def test_about_a_fit_the_shape_that_was_found_and_nearer_ones_are_tried(operatio
     assert max(again) / min(again) < max(start) / min(start)
 
 
+def test_of_a_law_whose_special_case_was_found_the_whole_grid_is_tried_too(operation, planar2):
+    # What the recording hardly shows is not excluded: see `odds_of_richer_laws`.
+    coulomb = FoundEffect(effect_named("coulomb_friction"), "elbow", (), np.array([0.3]))
+    start = tried(planar2, operation)["stribeck_friction", "elbow"]
+    again = tried(planar2, operation, (coulomb, stribeck_at(0.2)))["stribeck_friction", "elbow"]
+    assert set(start) < set(again)
+
+
 def test_a_fit_on_one_joint_leaves_the_shapes_of_the_other(operation, planar2):
     before, after = tried(planar2, operation), tried(planar2, operation, (stribeck_at(0.2),))
     assert after["stribeck_friction", "shoulder"] == before["stribeck_friction", "shoulder"]
