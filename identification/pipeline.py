@@ -26,7 +26,7 @@ from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.followed import with_followed
-from identification.rollout.rollout import Explained, borne_out_by_motion, rollout_of
+from identification.rollout.rollout import Explained, rollout_of, unknown_if_motion_deviates
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
@@ -221,7 +221,7 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     progress(Announcement(Stage.SIMULATION))
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
-    judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
+    judgement = unknown_if_motion_deviates(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
     # Rivals between recordings differ in what changed, and no further motion of one of them separates these.
     between = bool(session.differences.own)
     judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)

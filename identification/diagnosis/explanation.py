@@ -24,7 +24,7 @@ from identification.diagnosis.noise.encoder_noise import (
     at_least_encoder_noise,
     coarse_joints,
     coarsest_steps,
-    recordings_read_again,
+    simulated_recordings,
     spurious_gains,
 )
 from identification.diagnosis.noise.noise_floor import (
@@ -116,15 +116,15 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     columns = build_columns(session, at)
     progress(Announcement(Stage.NOISE))
     steps = coarsest_steps(session.logs)
-    again = recordings_read_again(session, columns, steps)
+    simulated = simulated_recordings(session, columns, steps)
     noise, inside = estimate_noise(session, columns)
-    noise = at_least_encoder_noise(noise, again.residual, columns.usable)
+    noise = at_least_encoder_noise(noise, simulated.residual, columns.usable)
     sensed = sensed_noise(session, columns)
     noise = no_less_than_sensed(columns, noise, sensed)
     search = _set_up(session, columns, noise, allowed)
-    spurious = spurious_gains(search, again, noise)
-    encoders = noise_floor(session, columns, again.residual)
-    del again
+    spurious = spurious_gains(search, simulated, noise)
+    encoders = noise_floor(session, columns, simulated.residual)
+    del simulated
     search = _with_thresholds(search, noise, spurious, progress)
     record = search.record
     last = Explanation(search, frozenset(), noise) if allowed is None else _searched(search, noise, progress)
@@ -149,9 +149,9 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
             # The next set of products takes as much memory as what it replaces.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
-        again = replace(_set_up(session, columns, noise, allowed), record=record)
-        search = _with_thresholds(again, noise, spurious, progress)
-        del again
+        simulated = replace(_set_up(session, columns, noise, allowed), record=record)
+        search = _with_thresholds(simulated, noise, spurious, progress)
+        del simulated
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)

@@ -184,7 +184,7 @@ def reach(b: int, tree: tuple[Array, ...], carried: Array, turned: Array, at: Ar
 
 @fused
 def add_slope(
-    b: int, count: int, joints: Array, carried: Array, state: Array, S: Array, room: Array, slope: Array
+    b: int, count: int, joints: Array, carried: Array, state: Array, S: Array, work: Array, slope: Array
 ) -> float:
     """Add the contribution of one body to the slope at a sample; returns its part of the sum.
 
@@ -195,16 +195,16 @@ def add_slope(
         carried: J, D and M of each joint of each body, ``(n, n, 3, 6)``.
         state: V and A of each body, ``(n, 2, 6)``.
         S: Weights of the ten parameters on each row of each body, ``(n - 1, n - 1, 10)``.
-        room: Space for five spatial vectors and one for each joint, ``(5 + n, 6)``.
+        work: Space for five spatial vectors and one for each joint, ``(5 + n, 6)``.
         slope: Slope to which is added, ``(3, n - 1)``.
     """
-    h, f, to_A, to_V, x = room[0], room[1], room[2], room[3], room[4]
+    h, f, to_A, to_V, x = work[0], work[1], work[2], work[3], work[4]
     V, A = state[b, 0], state[b, 1]
     for i in range(6):
         to_A[i] = to_V[i] = 0.0
     total = 0.0
     for j in range(count):
-        J, pi, pull = carried[b, j, 0], S[joints[b, j], b - 1], room[5 + j]
+        J, pi, pull = carried[b, j, 0], S[joints[b, j], b - 1], work[5 + j]
         for i in range(6):
             h[i] = f[i] = x[i] = pull[i] = 0.0
         add_momentum(pi, V, 1.0, h)
@@ -228,7 +228,7 @@ def add_slope(
         for i in range(6):
             x[i] = 2.0 * D[i]
             # Force on the axes before j as j turns.
-            pulled[i] += room[5 + j, i]
+            pulled[i] += work[5 + j, i]
         add_motion_cross(J, V, 1.0, x)
         slope[1, row] += inner(J, to_V) + inner(x, to_A)
         slope[2, row] += inner(J, to_A)
@@ -251,7 +251,7 @@ def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: A
     """
     counts = tree[4]
     n = len(counts)
-    carried, state, room, turned = (
+    carried, state, work, turned = (
         np.zeros((n, n, 3, 6)),
         np.zeros((n, 2, 6)),
         np.zeros((5 + n, 6)),
@@ -263,5 +263,5 @@ def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: A
     for k in range(len(motion)):
         for b in range(1, n):
             reach(b, tree, carried, turned, motion[k, b - 1], state)
-            total += add_slope(b, counts[b], joints, carried, state, S[k], room, slope[k])
+            total += add_slope(b, counts[b], joints, carried, state, S[k], work, slope[k])
     return total

@@ -27,11 +27,11 @@ from identification.export.corrected.corrected_files import (
 )
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from identification.export.corrected.corrected_urdf import (
-    joint_moves,
-    moved_mjcf,
-    moved_urdf,
-    moves_of_files,
+    corrections_in_files,
+    joint_corrections,
+    mjcf_with_corrected_joints,
     not_in_files,
+    urdf_with_corrected_joints,
 )
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.export.corrected.found_effects import effect_of, lasting_findings, robot_within_tolerances
@@ -186,7 +186,7 @@ def _written(
     notes += move_notes
     corrected, evidence = models.corrected, diagnosis.evidence
     proof = proof_of(corrected)
-    texts, files, refused = proved(texts, proof, moved_mjcf=texts.get(MJCF) != made)
+    texts, files, refused = proved(texts, proof, mjcf_has_moved_joints=texts.get(MJCF) != made)
     notes += refused
     others = dict[str, str]()
     for name, make in _others(diagnosis, corrected, known_torques, {URDF, MJCF} & set(texts)).items():
@@ -201,7 +201,7 @@ def _written(
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
     if residual is not None and RESIDUAL in texts:
         notes.append(residual_note(residual))
-    moved = joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
+    moved = joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
     if moved and FEEDFORWARD in texts:
         notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(moved)}))
     wanted = NAMES
@@ -225,18 +225,18 @@ def _with_moved_joints(
     texts: dict[str, str], diagnosis: Diagnosis, robot: Robot, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], list[Note]]:
     """Model files with their joints moved by the findings of measured poses, and notes on findings not in them."""
-    moves = moves_of_files(robot, joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known))
-    notes = [*not_in_files(diagnosis.geometry, known), *moves.notes]
+    corrections = corrections_in_files(robot, joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known))
+    notes = [*not_in_files(diagnosis.geometry, known), *corrections.notes]
     out = dict(texts)
-    if moves.urdf and URDF in out:
-        moved, left = moved_urdf(out[URDF], moves.urdf)
+    if corrections.urdf and URDF in out:
+        moved, left = urdf_with_corrected_joints(out[URDF], corrections.urdf)
         notes += [_places_not_in(URDF, left, given=False)] if left else []
         if problem := problem_of_loops(moved, robot, config):
             notes.append(Note(Code.LOOPS_STAY_OPEN, None, {"files": (URDF,), "problem": problem}))
         else:
             out[URDF] = moved
-    if moves.mjcf and MJCF in out:
-        out[MJCF], left = moved_mjcf(out[MJCF], moves.mjcf)
+    if corrections.mjcf and MJCF in out:
+        out[MJCF], left = mjcf_with_corrected_joints(out[MJCF], corrections.mjcf)
         if left:
             notes.append(_places_not_in(MJCF, left, given=True))
     return out, notes
@@ -246,7 +246,7 @@ def _of_poses(
     diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], Diagnosis]:
     """The known model with its joints moved, for a diagnosis of poses alone; without findings there are no files."""
-    if not joint_moves(diagnosis.geometry, (), known):
+    if not joint_corrections(diagnosis.geometry, (), known):
         return {}, replace(diagnosis, notes=(*diagnosis.notes, *not_in_files(diagnosis.geometry, known)))
     still = np.zeros((_POSTURES, robot.nv))
     motion = Motion(np.arange(float(_POSTURES)), still, still, still)

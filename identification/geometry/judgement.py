@@ -92,7 +92,7 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
     def search(at: _At, turn: int) -> tuple[_At, tuple[int, ...]]:
         at = replace(at, noise=noise(at))
         if turn == 1:
-            at = replace(at, kept=_without_strays(at.found, at.noise, at.kept))
+            at = replace(at, kept=_without_outliers(at.found, at.noise, at.kept))
             at = replace(at, noise=noise(at))
         return at, few_columns(*equations_at(at)[1:])
 
@@ -121,7 +121,7 @@ def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
     return of_pose[found.pose]
 
 
-def _without_strays(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
+def _without_outliers(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
     """Rows without outliers; all rows where so many poses are far off that they are no outliers."""
     size = np.abs(found.left) / np.array([_spread(found, s) for s in range(len(noise.sigma))])[found.series]
     far = np.unique(found.pose[size > _FAR])

@@ -291,8 +291,8 @@ def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], 
     shown = products[np.ix_(more, more)] - made.T @ np.linalg.solve(inner, made)
     size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
     values = np.maximum(np.linalg.eigvalsh(shown * np.outer(size, size)), 0.0)
-    room = np.log1p(values).sum() + 2.0 * np.log(contract_levels.LISTED / (1.0 - contract_levels.LISTED))
-    return float(gammainc(len(more) / 2.0, max(room, 0.0) / 2.0))
+    limit = np.log1p(values).sum() + 2.0 * np.log(contract_levels.LISTED / (1.0 - contract_levels.LISTED))
+    return float(gammainc(len(more) / 2.0, max(limit, 0.0) / 2.0))
 
 
 def _per_size(model: Model, products: Float[Array, "u u"]) -> Float[Array, " n"]:

@@ -110,8 +110,8 @@ class Rollout:
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Error of the corrected model.
         noise: Standard deviation of the readings of each joint [rad or m], below which no model's error can fall.
-        strays: Joints of a model without findings whose error exceeds the 99 % noise band, with the ratio of the error
-            to the upper end of the band.
+        deviations: Joints of a model without findings whose error exceeds the 99 % noise band, with the ratio of the
+            error to the upper end of the band.
         recordings: Errors of each recording, if there are several.
         engaged: Joint limits that simulated motion passes.
         warnings: Notes on joint limits.
@@ -124,7 +124,7 @@ class Rollout:
     rms_before: dict[str, float]
     rms_after: dict[str, float]
     noise: dict[str, float] = field(default_factory=dict)
-    strays: dict[str, float] = field(default_factory=dict)
+    deviations: dict[str, float] = field(default_factory=dict)
     recordings: dict[str, tuple[dict[str, float], dict[str, float]]] = field(default_factory=dict)
     engaged: tuple[Engaged, ...] = ()
     warnings: tuple[Note, ...] = ()
@@ -140,8 +140,8 @@ class Rollout:
         out: dict = {"horizon_s": self.horizon_s, "rms_before": self.rms_before, "rms_after": self.rms_after}
         if self.noise:
             out["reading_noise"] = self.noise
-        if self.strays:
-            out["strays"] = self.strays
+        if self.deviations:
+            out["strays"] = self.deviations
         if self.recordings:
             out["recordings"] = [
                 {"recording": name, "rms_before": before, "rms_after": after}

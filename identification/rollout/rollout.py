@@ -30,8 +30,8 @@ from identification.rollout.shots import (
     Shot,
     controlled,
     has_hidden_states,
-    look_back,
-    tries,
+    lead_for_hidden_states,
+    simulation_count,
     under_control,
     under_torque,
 )
@@ -46,7 +46,7 @@ from phantom_dyn.random_streams import random_stream
 _LEVEL = 0.01
 
 
-def strays(
+def motion_deviations(
     shots: tuple[Shot, ...],
     models: Callable[[Window, int], Model],
     torque: Callable[[Shot, Model], Float[Array, "_ nv"]],
@@ -104,17 +104,17 @@ def _fold_and_another(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
     return fold, folds[(folds.index(fold) + 1) % len(folds)]
 
 
-def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
+def unknown_if_motion_deviates(judgement: Judgement, rollout: Rollout) -> Judgement:
     """The judgement, with ``unknown`` instead of ``no_gap`` if simulated motion is far outside its noise band."""
-    if judgement.verdict != "no_gap" or max(rollout.strays.values(), default=0.0) < rules.STRAYS_FAR:
+    if judgement.verdict != "no_gap" or max(rollout.deviations.values(), default=0.0) < rules.STRAYS_FAR:
         return judgement
-    joint = max(rollout.strays, key=lambda name: rollout.strays[name])
+    joint = max(rollout.deviations, key=lambda name: rollout.deviations[name])
     return replace(judgement, verdict="unknown", unexplained=replace(judgement.unexplained, joint=joint))
 
 
 _MOST, _FEWEST = 36, 6  # numbers of windows
 _STEPS = 60_000  # largest number of joint steps of one model over all windows: about a third of a second, compiled
-_HIDDEN_TRIES = 400  # largest number of short simulations for hidden states over all windows: about a second
+_HIDDEN_SIMULATIONS = 400  # largest number of short simulations for hidden states over all windows: about a second
 _CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # horizons [s] under controllers, which keep errors from growing
 
 
@@ -169,7 +169,7 @@ def rollout_of(explained: Explained) -> Rollout:
         if not has_hidden_states(model):
             return shot
         # The swing phase of a leg is too short for a fit of initial states to a part of it.
-        return (shot.pulled if robot.floating else shot.with_hidden_start)(model, torque(shot, model))
+        return (shot.with_start_by_feedback if robot.floating else shot.with_hidden_start)(model, torque(shot, model))
 
     loop = _controlled_rollout(explained, hidden_states)
     if explained.controlled and loop is not None:
@@ -181,14 +181,14 @@ def rollout_of(explained: Explained) -> Rollout:
     out = _tried(explained, shoot, HORIZONS, hidden_states, by_control=False)
     # The noise band does not include noise of the base's sensors, so legs are not tested.
     if not explained.terms and out.horizon_s is not None and not robot.floating:
-        out = replace(out, strays=_strays(explained, out.horizon_s))
+        out = replace(out, deviations=_deviations(explained, out.horizon_s))
     return replace(
         out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _loop_notes(loop)))
     )
 
 
-def _strays(explained: Explained, horizon: float) -> dict[str, float]:
-    """Errors of the joints that leave their noise bands, as `strays` gives them, for a model without findings."""
+def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
+    """`motion_deviations` of the joints that leave their noise bands, for a model without findings."""
     problem, session = explained.problem, explained.session
     operations, torque = problem.columns.operations, _torques()
     made: dict[tuple[int, int, int], Model] = {}
@@ -219,7 +219,7 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
     if not shots or len(folds) < 2 or has_hidden_states(model(shots[0].window, shots[0].window.fold)):
         return {}
     try:
-        ratios = strays(shots, model, torque, noise, folds, horizon)
+        ratios = motion_deviations(shots, model, torque, noise, folds, horizon)
     except (PhantomDynError, np.linalg.LinAlgError):
         return {}
     # A brake may hold a joint that never moves. If it moves in the simulation, errors of the other joints mean nothing.
@@ -299,7 +299,7 @@ def _rolled(
     step = min(STEP, typical.longest_step(operations[0].q[0]))
     if step < SHORTEST:
         raise RobotError(f"a transmission that was found is so stiff that steps of {step:.2g} s would be needed.")
-    shots = _shots(explained, horizons[0], step, tries(typical) if has_hidden_states(typical) else 0)
+    shots = _shots(explained, horizons[0], step, simulation_count(typical) if has_hidden_states(typical) else 0)
     if not shots:
         raise ParameterError("there is no stretch of valid samples long enough.")
     pairs: dict[tuple[int, int, int], tuple[Model, Model]] = {}
@@ -331,17 +331,17 @@ def _during(window: Window, operation: Operation) -> Operation:
     return replace(operation, temperature=np.broadcast_to(mean, operation.q.shape))
 
 
-def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:
-    """Windows to simulate; the more ``tries`` (short simulations for hidden states) each needs, the fewer they are."""
+def _shots(explained: Explained, seconds: float, step: float, simulations: int) -> tuple[Shot, ...]:
+    """Windows to simulate; the more short ``simulations`` each needs for its hidden states, the fewer they are."""
     problem, logs = explained.problem, explained.session.logs
     # Each sample needs at least one step.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))
-    lead = look_back(min(log.band.rate_hz for log in logs)) if tries else LEAD
+    lead = lead_for_hidden_states(min(log.band.rate_hz for log in logs)) if simulations else LEAD
     windows = windows_in(logs, problem.blocks, problem.grams.fold, judged_blocks(problem), seconds=seconds, lead=lead)
     swings = [(w.stop - w.start - 1) / logs[w.log].band.rate_hz for w in windows if w.joints is not None]
     seconds = min(seconds, float(np.mean(swings))) if swings else seconds
     count = int(np.clip(_STEPS * step / (seconds * explained.session.robot.nv), _FEWEST, _MOST))
-    count = min(count, max(_FEWEST, _HIDDEN_TRIES // tries)) if tries else count
+    count = min(count, max(_FEWEST, _HIDDEN_SIMULATIONS // simulations)) if simulations else count
     windows = spread(windows, count)
     states = {k: states_of(logs[k], explained.session.cutoff_hz) for k in {window.log for window in windows}}
     return tuple(Shot(logs[window.log], states[window.log], window) for window in windows)

@@ -325,7 +325,7 @@ def moved(model: Model, law: Tracking, start: Start, base: BaseMotion | None) ->
     return simulated(model.moving, model.causes, law, start, base)
 
 
-def pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
+def feedback_gains(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
     """Gains of position and velocity of the feedback that keeps readings on the recording.
 
     They are zero where the encoder is on the link behind a spring or backlash: feedback through the motor is unstable.
@@ -339,7 +339,7 @@ def pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
     return np.array([speed**2 * inertia, 2.0 * speed * inertia])
 
 
-def pulling(
+def feedback_law(
     t: Float[Array, " n"],
     torque: Float[Array, "n nv"],
     q: Float[Array, "n nv"],

@@ -21,9 +21,9 @@ from identification.rollout.rollout_starts import (
     States,
     Window,
     base_of,
+    feedback_gains,
+    feedback_law,
     moved,
-    pull,
-    pulling,
     simulated,
     true_state,
 )
@@ -67,12 +67,12 @@ def has_hidden_states(model: Model) -> bool:
     return any(part.gap > 0 or not _on_motor(model, row_of(model.robot, part.joint)) for part in model.transmissions)
 
 
-def look_back(rate_hz: float) -> float:
+def lead_for_hidden_states(rate_hz: float) -> float:
     """Length [s] of the recording before a window that the estimate of hidden states needs."""
     return LEAD + max(_THROUGH, _FEWEST / rate_hz)
 
 
-def tries(model: Model) -> int:
+def simulation_count(model: Model) -> int:
     """Approximate number of short simulations that `hidden_start` needs."""
     return len(_ELSEWHERE) + 1 + _ROUNDS * (2 * model.robot.nv + 2 * len(_hidden(model)) + 2)
 
@@ -95,7 +95,7 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
     if window.lead < fitted:
         return HiddenStart(model, window.start, true_state(model, states, window.start, 1.0 / rate))
     at = window.start - fitted
-    first_guess = _pulled(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
+    first_guess = _after_feedback(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
     spread = _uncertainty(model, states, first_guess)
     rows = slice(at, window.start + 1)
     law, base = torque_over_time(log.motion.t[rows], torque[rows]), base_of(model, log, rows)
@@ -111,13 +111,15 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
     return HiddenStart(model, at, _shifted(model, first_guess, shifts * spread))
 
 
-def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
+def hidden_start_by_feedback(
+    log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]
+) -> HiddenStart:
     """States of a model at the start of a window by feedback alone: less accurate, but one simulation is enough."""
     lead = min(round(LEAD * log.band.rate_hz), window.lead)
-    return HiddenStart(model, window.start, _pulled(log, states, model, torque, window.start, lead))
+    return HiddenStart(model, window.start, _after_feedback(log, states, model, torque, window.start, lead))
 
 
-def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
+def _after_feedback(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
     """State at a sample after feedback over the ``lead`` samples before it.
 
     It is `true_state` where an encoder is on a link behind a spring or backlash, as feedback through these is unstable.
@@ -127,9 +129,9 @@ def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead
     if lead < 2 or not all(_on_motor(model, row) for row in elastic):
         return true_state(model, states, at, 1.0 / log.band.rate_hz)
     rows = slice(at - lead, at + 1)
-    gains = pull(model, states.q[at])
+    gains = feedback_gains(model, states.q[at])
     everywhere = np.ones((lead + 1, model.robot.nv), dtype=bool)
-    law = pulling(log.motion.t[rows], torque[rows], states.q[rows], states.v[rows], gains, everywhere)
+    law = feedback_law(log.motion.t[rows], torque[rows], states.q[rows], states.v[rows], gains, everywhere)
     out = moved(model, law, start, base_of(model, log, rows))
     return Start(out.links.q[-1], out.links.v[-1], out.encoders.q[-1], out.encoders.v[-1])
 
@@ -227,13 +229,13 @@ class Shot:
         log: The recording.
         states: Its smoothed states.
         window: The samples.
-        begun: Estimated hidden states of the model before the window; None if they have not been estimated.
+        hidden_start: Estimated hidden states of the model before the window; None if they have not been estimated.
     """
 
     log: Log
     states: States
     window: Window
-    begun: HiddenStart | None = None
+    hidden_start: HiddenStart | None = None
 
     @property
     def t(self) -> Float[Array, " n"]:
@@ -248,11 +250,11 @@ class Shot:
 
     def with_hidden_start(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
         """The window with the hidden states of a model, estimated by `hidden_start`."""
-        return replace(self, begun=hidden_start(self.log, self.states, self.window, model, torque))
+        return replace(self, hidden_start=hidden_start(self.log, self.states, self.window, model, torque))
 
-    def pulled(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
-        """The window with the hidden states of a model, estimated by `pulled_to`."""
-        return replace(self, begun=pulled_to(self.log, self.states, self.window, model, torque))
+    def with_start_by_feedback(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
+        """The window with the hidden states of a model, estimated by `hidden_start_by_feedback`."""
+        return replace(self, hidden_start=hidden_start_by_feedback(self.log, self.states, self.window, model, torque))
 
 
 def under_torque(
@@ -270,10 +272,10 @@ def under_torque(
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
     if has_hidden_states(model):
-        begun = shot.begun
-        if begun is None or begun.model is not model:
-            begun = hidden_start(shot.log, shot.states, shot.window, model, torque)
-        return _from_hidden_start(shot, begun, torque, nudge)
+        hidden = shot.hidden_start
+        if hidden is None or hidden.model is not model:
+            hidden = hidden_start(shot.log, shot.states, shot.window, model, torque)
+        return _from_hidden_start(shot, hidden, torque, nudge)
     shift = np.zeros((2, model.robot.nv)) if nudge is None else nudge
     window, states = shot.window, shot.states
     lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
@@ -281,7 +283,7 @@ def under_torque(
     t, q, v = shot.log.motion.t[rows], states.q[rows] + shift[0], states.v[rows] + shift[1]
     pulled = _touched(shot.log, rows)
     pulled[:lead] = True
-    law = pulling(t, torque[rows], q, v, pull(model, states.q[window.start]), pulled)
+    law = feedback_law(t, torque[rows], q, v, feedback_gains(model, states.q[window.start]), pulled)
     start = true_state(model, states, rows.start, float(t[1] - t[0]), shift)
     return np.array(moved(model, law, start, base_of(model, shot.log, rows)).q[lead:])
 
@@ -293,15 +295,15 @@ def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
 
 
 def _from_hidden_start(
-    shot: Shot, begun: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None
+    shot: Shot, hidden: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None
 ) -> Float[Array, "n nv"]:
     """Readings of a simulation that starts at the estimated hidden states."""
-    rows, states = slice(begun.at, shot.window.stop), shot.states
-    gains = pull(begun.model, states.q[begun.at])
+    rows, states = slice(hidden.at, shot.window.stop), shot.states
+    gains = feedback_gains(hidden.model, states.q[hidden.at])
     q, v, where = states.q[rows], states.v[rows], _touched(shot.log, rows)
-    law = pulling(shot.log.motion.t[rows], torque[rows], q, v, gains, where)
-    motion = moved(begun.model, law, _nudged(begun.start, nudge), base_of(begun.model, shot.log, rows))
-    return np.array(motion.q[shot.window.start - begun.at :])
+    law = feedback_law(shot.log.motion.t[rows], torque[rows], q, v, gains, where)
+    motion = moved(hidden.model, law, _nudged(hidden.start, nudge), base_of(hidden.model, shot.log, rows))
+    return np.array(motion.q[shot.window.start - hidden.at :])
 
 
 def _nudged(start: Start, nudge: Float[Array, "2 nv"] | None) -> Start:
@@ -330,8 +332,8 @@ def under_control(
     window, states, robot = shot.window, shot.states, model.robot
     if shot.log.q_ref is None:
         raise LogError(f"{shot.log.file} has no references.")
-    if shot.begun is not None and shot.begun.model is model:
-        first, start = shot.begun.at, _nudged(shot.begun.start, nudge)
+    if shot.hidden_start is not None and shot.hidden_start.model is model:
+        first, start = shot.hidden_start.at, _nudged(shot.hidden_start.start, nudge)
     else:
         first = window.start - min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
         start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, nudge)
@@ -352,7 +354,7 @@ def _with_contact_feedback(law: Tracking, shot: Shot, model: Model, rows: slice)
     touched, states = _touched(shot.log, rows), shot.states
     if not touched.any():
         return law
-    (kp, kd), tau = pull(model, states.q[rows.start]), shot.log.tau[rows]
+    (kp, kd), tau = feedback_gains(model, states.q[rows.start]), shot.log.tau[rows]
     feedback = {"feedforward": tau, "q_ref": states.q[rows], "v_ref": states.v[rows], "kp": kp, "kd": kd}
     return replace(law, **{name: np.where(touched, value, getattr(law, name)) for name, value in feedback.items()})
 

@@ -98,7 +98,7 @@ def limited_to_motion(
         not_testable=(*others, *twins),
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),
-        notes=(*judgement.notes, *(_strays(rollout) if verdict == "no_gap" else ())),
+        notes=(*judgement.notes, *(_deviation_notes(rollout) if verdict == "no_gap" else ())),
         ledger=tuple(_limited(claim, asked) for claim in judgement.ledger),
     )
 
@@ -116,7 +116,7 @@ def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], Gate
     return replace(claim, gates=(*claim.gates, result), outcome=outcome)
 
 
-def _strays(simulated: Rollout) -> tuple[Note, ...]:
+def _deviation_notes(simulated: Rollout) -> tuple[Note, ...]:
     """A note for each joint whose simulated motion strays although its torque shows no gap."""
     rollout = simulated.json or {}
     after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})

@@ -148,7 +148,7 @@ def _read(shot: Shot, model: Model, torque: Float[Array, "N nv"], step: float | 
         torque: Behind its drives.
         step: Longest step [s] under the stated controllers; None: under the recorded torque.
     """
-    shot = shot.pulled(model, torque) if has_hidden_states(model) else shot
+    shot = shot.with_start_by_feedback(model, torque) if has_hidden_states(model) else shot
     return under_torque(shot, model, torque) if step is None else under_control(shot, model, max_step=step)
 
 

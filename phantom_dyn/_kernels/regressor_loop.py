@@ -13,7 +13,7 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, move, place, turned_back
-from phantom_dyn._kernels.rigid_body_loops import Room, set_root
+from phantom_dyn._kernels.rigid_body_loops import Workspace, set_root
 from phantom_dyn._kernels.tree_arrays import Kinematics
 from phantom_dyn.array_types import Array
 
@@ -21,7 +21,7 @@ SCATTERED, NONE = -1, -2
 """Marks in place of the first column of a body: its ten columns are not contiguous, or none of them is wanted."""
 
 
-class OwnRoom(NamedTuple):
+class BodyWorkspace(NamedTuple):
     """Working arrays of `regressor_loop` for one body.
 
     Attributes:
@@ -37,17 +37,17 @@ class OwnRoom(NamedTuple):
     moved_by: Array
 
 
-def body_room(tree: Kinematics) -> OwnRoom:
+def body_workspace(tree: Kinematics) -> BodyWorkspace:
     """Working arrays for one body of a tree."""
     nt = len(tree.parents) - 1
-    return OwnRoom(np.zeros((nt, 6)), np.zeros((6, 10)), np.zeros(10), np.zeros(nt, dtype=np.int64))
+    return BodyWorkspace(np.zeros((nt, 6)), np.zeros((6, 10)), np.zeros(10), np.zeros(nt, dtype=np.int64))
 
 
 @fused
 def regressor_loop(
     tree: Kinematics,
-    room: Room,
-    body: OwnRoom,
+    workspace: Workspace,
+    body: BodyWorkspace,
     root: Array,
     q: Array,
     v: Array,
@@ -60,8 +60,8 @@ def regressor_loop(
 
     Args:
         tree: The joints.
-        room: Working arrays of the tree, from `room_of`.
-        body: Working arrays of one body, from `body_room`.
+        workspace: Working arrays of the tree, from `workspace_of`.
+        body: Working arrays of one body, from `body_workspace`.
         root: Angular velocity and acceleration and specific force of a moving root, ``(N, 9)``; else ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
@@ -72,7 +72,7 @@ def regressor_loop(
         out: Receives the regressor, ``(N, nv, c)``; entries that are zero for every motion are not written.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    R, o, w, dw, acc, lin, ang, _, _, _ = room
+    R, o, w, dw, acc, lin, ang, _, _, _ = workspace
     J, b, ten, moved_by = body
     n, closed = len(parents), len(slope) > 0
     for k in range(len(q)):

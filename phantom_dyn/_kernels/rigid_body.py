@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, body_room, regressor_loop
-from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
-from phantom_dyn._kernels.torque_slope_loop import slope_room_of, torque_slope_loop
+from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, body_workspace, regressor_loop
+from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, torque_loop, workspace_of
+from phantom_dyn._kernels.torque_slope_loop import slope_workspace_of, torque_slope_loop
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, ParameterError
@@ -77,7 +77,7 @@ def regressor(
         # The system provides memory of zeros, and entries that are always zero are never written.
         out = np.zeros((len(q), rows, len(chosen)))
     else:
-        _require_room(out, (len(q), rows, len(chosen)))
+        _require_shape(out, (len(q), rows, len(chosen)))
     places = np.full(p, -1)
     places[chosen] = np.arange(len(chosen))
     G = np.empty((0, *v.shape[1:], rows)) if slope is None else slope
@@ -85,8 +85,8 @@ def regressor(
     samples = _rooted(root), ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
     tree = arrays.kinematics
-    room = room_of(tree, model.gravity.linear), body_room(tree)
-    regressor_loop(tree, *room, *samples, _with_first(places.reshape(-1, 10)), out)
+    workspaces = workspace_of(tree, model.gravity.linear), body_workspace(tree)
+    regressor_loop(tree, *workspaces, *samples, _with_first(places.reshape(-1, 10)), out)
     return out
 
 
@@ -115,7 +115,7 @@ def _require_motion(model: pin.Model, q: Array, *rates: Array, root: Array | Non
         )
 
 
-def _require_room(out: Array, wanted: tuple[int, int, int]) -> None:
+def _require_shape(out: Array, wanted: tuple[int, int, int]) -> None:
     """Refuse an array into which the result cannot be written."""
     fits = out.ndim == 3 and out.shape[:2] == wanted[:2] and out.shape[2] >= wanted[2]
     if not (fits and out.dtype == np.float64 and out.flags.c_contiguous and out.flags.writeable):
@@ -144,8 +144,8 @@ def weight(model: pin.Model, arrays: TreeArrays, q: Array, gravity: Array | None
 def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
     out = np.empty(v.shape)
     announce(torque_loop)
-    room = room_of(arrays.kinematics, gravity)
-    torque_loop(arrays.kinematics, arrays.inertias, room, _rooted(root), ready(q), ready(v), ready(a), out)
+    workspace = workspace_of(arrays.kinematics, gravity)
+    torque_loop(arrays.kinematics, arrays.inertias, workspace, _rooted(root), ready(q), ready(v), ready(a), out)
     return out
 
 
@@ -163,8 +163,8 @@ def torque_slopes(
         out = np.zeros((2, model.nv, model.nv, len(q)))
         announce(torque_slope_loop)
         tree, gravity = arrays.kinematics, model.gravity.linear
-        room = room_of(tree, gravity), slope_room_of(tree, gravity)
-        torque_slope_loop(tree, arrays.inertias, *room, _rooted(root), ready(q), ready(v), ready(a), out)
+        workspaces = workspace_of(tree, gravity), slope_workspace_of(tree, gravity)
+        torque_slope_loop(tree, arrays.inertias, *workspaces, _rooted(root), ready(q), ready(v), ready(a), out)
     return out[0].transpose(2, 1, 0), out[1].transpose(2, 1, 0)
 
 
@@ -198,7 +198,7 @@ def mass(model: pin.Model, arrays: TreeArrays, q: Array) -> Array:
     _require_motion(model, q)
     out = np.zeros((len(q), model.nv, model.nv))
     announce(mass_loop)
-    mass_loop(arrays.kinematics, arrays.inertias, room_of(arrays.kinematics, np.zeros(3)), ready(q), out)
+    mass_loop(arrays.kinematics, arrays.inertias, workspace_of(arrays.kinematics, np.zeros(3)), ready(q), out)
     diagonal = np.arange(model.nv)
     out[:, diagonal, diagonal] += model.armature
     return out
@@ -229,7 +229,7 @@ def _frame(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: 
         np.empty((len(q), 3, 3)), np.empty((len(q), 3)), np.zeros((len(q) if jacobian else 0, 6, model.nv))
     )
     announce(frame_loop)
-    frame_loop(arrays.kinematics, room_of(arrays.kinematics, np.zeros(3)), ready(q), given, body, out)
+    frame_loop(arrays.kinematics, workspace_of(arrays.kinematics, np.zeros(3)), ready(q), given, body, out)
     return out
 
 

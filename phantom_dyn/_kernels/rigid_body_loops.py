@@ -40,7 +40,7 @@ class FramePoses(NamedTuple):
     jacobian: Array
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Arrays in which a loop keeps one sample: made outside, as to compile that takes as long as a short loop.
 
     Attributes:
@@ -66,15 +66,15 @@ class Room(NamedTuple):
     whole: Array
 
 
-def room_of(tree: Kinematics, gravity: Array) -> Room:
-    """Room for one sample of a tree, its root where it stands and lifted against gravity [m/s2]."""
+def workspace_of(tree: Kinematics, gravity: Array) -> Workspace:
+    """Work arrays for one sample of a tree, its root where it stands and lifted against gravity [m/s2]."""
     n = len(tree.parents)
     o, w, dw, acc, f, m = np.zeros((6, n, 3))
     lin, ang = np.zeros((2, n - 1, 3))
-    room = Room(np.zeros((n, 3, 3)), o, w, dw, acc, lin, ang, f, m, np.zeros((n, 10)))
-    room.R[0] = np.eye(3)
-    room.acc[0] = -gravity
-    return room
+    workspace = Workspace(np.zeros((n, 3, 3)), o, w, dw, acc, lin, ang, f, m, np.zeros((n, 10)))
+    workspace.R[0] = np.eye(3)
+    workspace.acc[0] = -gravity
+    return workspace
 
 
 @inlined
@@ -90,14 +90,14 @@ def set_root(root: Array, k: int, w: Array, dw: Array, acc: Array, first: int) -
 
 @fused
 def torque_loop(
-    tree: Kinematics, inertias: Array, room: Room, root: Array, q: Array, v: Array, a: Array, out: Array
+    tree: Kinematics, inertias: Array, workspace: Workspace, root: Array, q: Array, v: Array, a: Array, out: Array
 ) -> None:
     """Torque that the links need, without armature: recursive Newton-Euler in the axes of the root.
 
     Args:
         tree: The joints.
         inertias: Mass, first moments and inertia of each body, from `TreeArrays`.
-        room: Working arrays of the tree, from `room_of`.
+        workspace: Working arrays of the tree, from `workspace_of`.
         root: Angular velocity, angular acceleration and specific force of a root that moves, in its own axes,
             ``(N, 9)``; of a fixed one ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.
@@ -106,7 +106,7 @@ def torque_loop(
         out: Receives the torque [N m or N], ``(N, nv)``.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    R, o, w, dw, acc, lin, ang, f, m, _ = room
+    R, o, w, dw, acc, lin, ang, f, m, _ = workspace
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
@@ -142,11 +142,11 @@ def torque_loop(
 
 
 @fused
-def mass_loop(tree: Kinematics, inertias: Array, room: Room, q: Array, out: Array) -> None:
+def mass_loop(tree: Kinematics, inertias: Array, workspace: Workspace, q: Array, out: Array) -> None:
     """Mass matrices without armature by composite bodies; as of `torque_loop`, ``out`` is ``(N, nv, nv)`` and zero."""
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
     # Mass, first moment and inertia xx, xy, yy, xz, yz, zz of all that a joint carries, about its origin, come last.
-    R, o, _, _, _, lin, ang, _, _, whole = room
+    R, o, _, _, _, lin, ang, _, _, whole = workspace
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
@@ -179,7 +179,7 @@ def mass_loop(tree: Kinematics, inertias: Array, room: Room, q: Array, out: Arra
 
 
 @fused
-def frame_loop(tree: Kinematics, room: Room, q: Array, frame: Frame, body: bool, out: FramePoses) -> None:
+def frame_loop(tree: Kinematics, workspace: Workspace, q: Array, frame: Frame, body: bool, out: FramePoses) -> None:
     """Pose and Jacobian of a frame at Pinocchio's configurations ``q``, ``(N, nq)``.
 
     The Jacobian is in the frame's own axes with ``body``, else in those of the root.
@@ -187,7 +187,7 @@ def frame_loop(tree: Kinematics, room: Room, q: Array, frame: Frame, body: bool,
     joint, turn, offset = frame
     rotation, position, jacobian = out
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    R, o, _, _, _, lin, ang, _, _, _ = room
+    R, o, _, _, _, lin, ang, _, _, _ = workspace
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         x, y, z = turned(R, joint, offset[0], offset[1], offset[2])

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn._kernels.followed_loops import FollowedLoops, follow
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.loop_closure_state import LoopClosureState, write_tree_state
 from phantom_dyn._kernels.poses import cross, dot
 from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
 from phantom_dyn.array_types import Array
@@ -91,11 +91,11 @@ class Chain(NamedTuple):
     drift: Array
     mass: Array
     bias: Array
-    loops: FollowedLoops | None
+    loops: LoopClosureState | None
 
 
 def chain_of(
-    slope: Array, offset: Array, viscous: Array, coulomb: Array, rotor: Array, loops: FollowedLoops | None = None
+    slope: Array, offset: Array, viscous: Array, coulomb: Array, rotor: Array, loops: LoopClosureState | None = None
 ) -> Chain:
     """The chain with its working arrays; the arguments are the attributes of the same names."""
     count = len(offset)
@@ -169,7 +169,7 @@ def chained_mass_and_bias(
     """
     slope, offset, viscous, coulomb, rotor, q_tree, v_tree, drift, mass_tree, bias_tree, loops = chain
     nt, nv = slope.shape
-    if not follow(loops, slope, offset, q, v, q_tree, v_tree, drift):
+    if not write_tree_state(loops, slope, offset, q, v, q_tree, v_tree, drift):
         return False
     for i in range(nt):
         for k in range(nt):

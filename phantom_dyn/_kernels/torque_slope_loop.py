@@ -16,12 +16,12 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, dot, place
-from phantom_dyn._kernels.rigid_body_loops import Room, carry, hand_over, set_root, times_inertia
+from phantom_dyn._kernels.rigid_body_loops import Workspace, carry, hand_over, set_root, times_inertia
 from phantom_dyn._kernels.tree_arrays import Kinematics
 from phantom_dyn.array_types import Array
 
 
-class SlopeRoom(NamedTuple):
+class SlopeWorkspace(NamedTuple):
     """Arrays of `torque_slope_loop` alone: motions and forces about the origin of the root, the linear part first.
 
     Attributes:
@@ -43,26 +43,34 @@ class SlopeRoom(NamedTuple):
     force: Array
 
 
-def slope_room_of(tree: Kinematics, gravity: Array) -> SlopeRoom:
-    """Room for one sample of a tree whose root is lifted against gravity [m/s2]."""
+def slope_workspace_of(tree: Kinematics, gravity: Array) -> SlopeWorkspace:
+    """Work arrays for one sample of a tree whose root is lifted against gravity [m/s2]."""
     n = len(tree.parents)
     s, once, twice = np.zeros((3, n - 1, 6))
     v, a, f = np.zeros((3, n, 6))
     a[0, :3] = -gravity
-    return SlopeRoom(s, once, twice, v, a, f, np.zeros((n, 12)), np.zeros((3, 6)))
+    return SlopeWorkspace(s, once, twice, v, a, f, np.zeros((n, 12)), np.zeros((3, 6)))
 
 
 @fused
 def torque_slope_loop(
-    tree: Kinematics, inertias: Array, room: Room, own: SlopeRoom, root: Array, q: Array, v: Array, a: Array, out: Array
+    tree: Kinematics,
+    inertias: Array,
+    workspace: Workspace,
+    slope_workspace: SlopeWorkspace,
+    root: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    out: Array,
 ) -> None:
     """Slopes of the torque of N samples for joints of one degree of freedom.
 
     Args:
         tree: The joints.
         inertias: Mass, first moments and inertia of each body, from `TreeArrays`.
-        room: Working arrays of the tree, from `room_of`.
-        own: Working arrays of the slopes, from `slope_room_of`.
+        workspace: Working arrays of the tree, from `workspace_of`.
+        slope_workspace: Working arrays of the slopes, from `slope_workspace_of`.
         root: Angular velocity and acceleration and specific force of a moving root, ``(N, 9)``; else ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nt)``.
@@ -71,8 +79,8 @@ def torque_slope_loop(
             ``[1, j, i, sample]``, ``(2, nt, nt, N)``.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    R, o, _, _, _, lin, ang, _, _, whole = room
-    s, once, twice, speed, gain, f, flow, force = own
+    R, o, _, _, _, lin, ang, _, _, whole = workspace
+    s, once, twice, speed, gain, f, flow, force = slope_workspace
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)

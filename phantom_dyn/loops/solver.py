@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels.followed_loops import FollowedLoops, followed_loops, rewind
 from phantom_dyn._kernels.loop_closing import AnchoredTree, Closed, Limits, anchors_of, close_loops, drift_loop
+from phantom_dyn._kernels.loop_closure_state import LoopClosureState, initial_loop_closure, rewind
 from phantom_dyn._kernels.rigid_body import announce, ready
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.array_types import Array, Float
@@ -146,7 +146,7 @@ def _followed(
     return z[:-1], slopes[:-1], inverses[:-1]
 
 
-def loops_to_follow(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) -> FollowedLoops | None:
+def loop_closure_of(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) -> LoopClosureState | None:
     """The loops that are closed numerically, for compiled steps through time; None if there are none.
 
     Args:
@@ -162,7 +162,7 @@ def loops_to_follow(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) ->
     if state is None:
         raise ChainError(_why(chain, at, q, z, "the start"))
     started = Closed(*(ready(part[None]) for part in (state.z, state.slope, state.inverse)))
-    return followed_loops(anchors_of(model, chain.anchors, arrays), chain.linear_map, _LIMITS, q, started)
+    return initial_loop_closure(anchors_of(model, chain.anchors, arrays), chain.linear_map, _LIMITS, q, started)
 
 
 def closed_each(
@@ -181,7 +181,7 @@ def closed_each(
     """
     rows = sum(6 if anchor.kind == "frame" else 3 for anchor in chain.anchors)
     out = np.full((len(q), len(chain.unknowns), rows), np.nan)
-    loops = loops_to_follow(model, chain, arrays)
+    loops = loop_closure_of(model, chain, arrays)
     offset = np.array(chain.offset)
     for k, posture in enumerate(q):
         if loops is not None and np.isfinite(posture).all():

@@ -11,7 +11,7 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.effects.compiled_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import ChainError
-from phantom_dyn.loops.solver import loops_to_follow
+from phantom_dyn.loops.solver import loop_closure_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.compiled.arm_steps import Arm
 from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, EffectLaws, lines_of, packed
@@ -98,4 +98,4 @@ def _chain(robot: Robot) -> Chain:
     viscous[passive], coulomb[passive] = given.viscous_friction, given.coulomb_friction
     rotor[passive] = robot.model.armature[passive]
     slope = given.linear_map[:, : robot.nv]
-    return chain_of(slope, given.offset, viscous, coulomb, rotor, loops_to_follow(robot.model, given, robot.arrays))
+    return chain_of(slope, given.offset, viscous, coulomb, rotor, loop_closure_of(robot.model, given, robot.arrays))

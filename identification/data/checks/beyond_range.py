@@ -61,5 +61,5 @@ def _outside(q: Float[Array, " N"], lower: float, upper: float) -> bool:
 
 def _inside(q: Float[Array, " N"], lower: float, upper: float) -> bool:
     """True if positions are in the range, or outside by less than a twentieth of it."""
-    room = 0.05 * (upper - lower)
-    return bool(q.min() >= lower - room and q.max() <= upper + room)
+    margin = 0.05 * (upper - lower)
+    return bool(q.min() >= lower - margin and q.max() <= upper + margin)

@@ -107,16 +107,16 @@ def best_bodies(
     """
     count = len(given)
     standard = STANDARD if count == 1 else np.kron(np.eye(count), STANDARD)
-    change, room = np.zeros(10 * count), np.zeros((10 * count + 2, 10 * count))
+    change, work = np.zeros(10 * count), np.zeros((10 * count + 2, 10 * count))
     cone = Cone(given @ ENTRIES.T, reach @ STANDARD, _PLACES)
     path = Path._make([*np.zeros((6, count, 4, 4)), *np.zeros((5, *reach.shape[:2])), np.zeros((4, 4))])
-    _minimise(standard.T @ a @ standard, standard.T @ b, cone, path, change, room)
+    _minimise(standard.T @ a @ standard, standard.T @ b, cone, path, change, work)
     # Given bodies on the edge of the cone stay as they are: no step from there stays inside.
     return standard @ change
 
 
 @fused
-def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, room: Array) -> None:
+def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array) -> None:
     """Go to the minimum by steps of bodies and multipliers.
 
     Args:
@@ -125,10 +125,10 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, room: Array)
         cone: The bodies.
         path: Zeros.
         x: Changes of the entries: zero at first, then the minimum.
-        room: Work array: rows for a matrix, one for a slope and one for a step.
+        work: Work array: rows for a matrix, one for a slope and one for a step.
     """
     n = len(x)
-    hessian, slope, step = room[:n], room[n], room[n + 1]
+    hessian, slope, step = work[:n], work[n], work[n + 1]
     numbers = float(len(cone.start) * (4 + cone.reach.shape[1]))
     # How much lower the loss could be than that of the given bodies without the cone: this gives the first multipliers.
     most = 0.0

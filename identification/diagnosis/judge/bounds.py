@@ -199,8 +199,8 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
     # Computed with shares, as the square of a very small information is below the smallest number.
     shares = by_block / whole
     # The variance of a gain ``u`` over blocks is ``4 u`` by noise, plus a part with ``u^2`` by its uneven distribution.
-    room = 1.0 - over_blocks.SIGNIFICANT_ERRORS**2 * len(shares) * float(shares.var())
-    from_block_to_block = 4.0 * over_blocks.SIGNIFICANT_ERRORS**2 / room if room > 0 else np.inf
+    remaining = 1.0 - over_blocks.SIGNIFICANT_ERRORS**2 * len(shares) * float(shares.var())
+    from_block_to_block = 4.0 * over_blocks.SIGNIFICANT_ERRORS**2 / remaining if remaining > 0 else np.inf
     share_without_best = float(np.sort(shares)[: -over_blocks.BEST_BLOCKS].sum())
     without_the_best = needed / share_without_best if share_without_best > 0 else np.inf
     return min(from_block_to_block, without_the_best, over_blocks.LARGE_GAIN * needed)

@@ -60,7 +60,7 @@ class Coarse:
     coarser: GateResult
 
 
-def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], rng: np.random.Generator) -> Log:
+def simulated_log(log: Log, operation: Operation, steps: tuple[float | None, ...], rng: np.random.Generator) -> Log:
     """A simulated log: the same motion read with new encoder noise, and the torque that the model needs for it.
 
     Args:
@@ -114,7 +114,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
 
 def _rounding_torque(log: Log, operation: Operation, steps: tuple[float | None, ...]) -> Float[Array, "n nv"]:
     """Change of the modelled in-band torque if the motion of a log is read with such steps."""
-    rounded = read_again(log, operation, steps, random_stream("coarse readings")).motion
+    rounded = simulated_log(log, operation, steps, random_stream("coarse readings")).motion
     return log.band(inverse_dynamics(operation.robot, rounded) - inverse_dynamics(operation.robot, log.motion))
 
 
@@ -126,7 +126,7 @@ def _step_of_others(robot: Robot, steps: tuple[float | None, ...], j: int) -> fl
 
 
 @dataclass(frozen=True)
-class ReadAgain:
+class SimulatedRecordings:
     """Simulated recordings of a robot that moves like its model, and whose encoders are as noisy as the recorded ones.
 
     Attributes:
@@ -144,7 +144,7 @@ class ReadAgain:
         return columns_by_log(self.session, self.like)
 
 
-def recordings_read_again(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> ReadAgain:
+def simulated_recordings(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> SimulatedRecordings:
     """Simulated recordings of a robot that moves like its model, and whose encoders are as noisy as the recorded ones.
 
     Args:
@@ -153,15 +153,15 @@ def recordings_read_again(session: Session, columns: Columns, steps: tuple[float
         steps: Step of each joint's readings, see `coarsest_steps`.
     """
     rng = random_stream("readings with fresh noise")
-    logs = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
+    logs = tuple(simulated_log(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
     differences = Differences(tuple(operation.robot for operation in columns.operations))
-    again = replace(session, logs=logs, differences=differences)
+    simulated = replace(session, logs=logs, differences=differences)
     # The measured torque is the model's torque for the true motion; the modelled torque is computed from the readings.
     residual = [
         log.band(log.tau - operate(operation.robot, log, session.known, k, session.cutoff_hz).tau)
         for k, (log, operation) in enumerate(zip(logs, columns.operations, strict=True))
     ]
-    return ReadAgain(again, columns, tuple(residual))
+    return SimulatedRecordings(simulated, columns, tuple(residual))
 
 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
@@ -187,22 +187,24 @@ def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Boo
     return tuple(out)
 
 
-def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tuple[str, str | None], float]:
+def spurious_gains(
+    search: Search, simulated: SimulatedRecordings, noise: Series
+) -> dict[tuple[str, str | None], float]:
     """In-sample gain of each effect from encoder noise alone; zero if this noise is too small for any claim.
 
     Args:
         search: Problem and candidate effects of the recordings.
-        again: The simulated recordings with new encoder noise.
+        simulated: The simulated recordings with new encoder noise.
         noise: Noise from which the whitening filters are computed.
     """
     problem = search.problem
-    encoders = whitened_noise(problem.columns, again.residual, like=noise)
+    encoders = whitened_noise(problem.columns, simulated.residual, like=noise)
     each = [np.where(use, part, 0.0) ** 2 for use, part in zip(problem.columns.usable, encoders, strict=True)]
     energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
     # No effect can gain more than the energy of all noise.
     if energy < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.effect_joint for term in search.terms), 0.0)
-    null = _null_problem(problem, again, noise)
+    null = _null_problem(problem, simulated, noise)
     gains = gains_beside(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:
@@ -210,13 +212,13 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
     return out
 
 
-def _null_problem(problem: Problem, again: ReadAgain, noise: Series) -> Problem:
+def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Series) -> Problem:
     """The fitting problem of the simulated recordings, for fits that hold out no blocks.
 
     Columns are computed for one log at a time. Those of all logs together would take as much memory as the columns of
     the original recordings.
     """
-    columns, values = again.columns()
+    columns, values = simulated.columns()
     filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
     session = replace(problem.session, folds=np.minimum(problem.session.folds, 0))
     rows: tuple[RowGrams, ...] = ()

@@ -154,7 +154,7 @@ def repetitions(session: Session) -> list[tuple[int, int, int]]:
         for second in range(first, len(logs)):
             same_rate = np.isclose(log.band.output_rate_hz, logs[second].band.output_rate_hz)
             if first == second or (session.differences == ALIKE and same_rate):
-                found += [(first, second, lag) for lag in _lags(log, logs[second], again=first == second)]
+                found += [(first, second, lag) for lag in _lags(log, logs[second], same_recording=first == second)]
     return found
 
 
@@ -162,7 +162,7 @@ def _velocity(log: Log) -> Float[Array, "n nv"]:
     return log.motion.v[log.samples]
 
 
-def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
+def _lags(first: Log, second: Log, *, same_recording: bool) -> list[int]:
     """Shifts in samples at which a motion repeats, the best matches first."""
     v, w = _velocity(first), _velocity(second)
     scale = np.maximum(np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0)), 1e-12)
@@ -175,7 +175,7 @@ def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
     energy = np.sum([p[s + length] - p[s] for p, s in zip(power, starts, strict=True)], axis=0)
     enough = energy > 2.0 * _LEAST_OVERLAP * min(p[-1] for p in power)
     unlike = np.where(enough, 1.0 - 2.0 * common / np.maximum(energy, 1e-300), 1.0)
-    if again:
+    if same_recording:
         # A recording also resembles itself at a small shift.
         apart = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
         unlike = np.where(lags < (lags[apart[0]] if len(apart) else np.inf), 1.0, unlike)

@@ -78,8 +78,8 @@ def _minima_of(a: Array, b: Array, less_a: Array, less_b: Array, ends: Array) ->
     out = np.empty((max(len(less_a), 1), k))
     a, b, less_a, less_b = (np.ascontiguousarray(array, dtype=float) for array in (a, b, less_a, less_b))
     # Two matrices and some vectors to work in: compiling the allocation of each takes longer than compiling a loop.
-    room = np.empty((2, k, k)), np.empty((8, k)), np.empty((2, k), dtype=bool), np.empty(k, dtype=np.int64)
-    _minima(a, b, less_a, less_b, ends, out, room)
+    work = np.empty((2, k, k)), np.empty((8, k)), np.empty((2, k), dtype=bool), np.empty(k, dtype=np.int64)
+    _minima(a, b, less_a, less_b, ends, out, work)
     return out
 
 
@@ -91,7 +91,7 @@ def _minima(
     less_b: Array,
     ends: Array,
     out: Array,
-    room: tuple[Array, Array, Array, Array],
+    work: tuple[Array, Array, Array, Array],
 ) -> None:
     """Fill each row of ``out`` with a minimum within bounds, from the bounds that bind where it begins.
 
@@ -104,10 +104,10 @@ def _minima(
         less_b: The same of ``b``.
         ends: Lower bounds, upper bounds, and where to begin, ``(3, k)``.
         out: One row a minimum.
-        room: Arrays that the loop works in, from `_minima_of`.
+        work: Arrays that the loop works in, from `_minima_of`.
     """
     k = len(b)
-    matrices, vectors, flags, free = room
+    matrices, vectors, flags, free = work
     lower, upper, near = ends[0], ends[1], ends[2]
     fixed, outside = flags[0], flags[1]
     right, x, trial, end, gradient = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]

@@ -12,8 +12,8 @@ import numpy as np
 
 from identification.estimators.closed_loop.plant import Plant
 from phantom_dyn._kernels.dry_friction import FrictionPlaces, apply_dry_friction
-from phantom_dyn._kernels.followed_loops import rewind
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.loop_closure_state import rewind
 from phantom_dyn._kernels.single_state import chained_mass_and_bias, invert
 from phantom_dyn.array_types import Array
 

@@ -13,7 +13,7 @@ from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, jo
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.loops.solver import loops_to_follow
+from phantom_dyn.loops.solver import loop_closure_of
 from phantom_dyn.model.robot import Robot
 
 
@@ -152,7 +152,7 @@ def _followed(robot: Robot) -> Chain:
         return chain_of(np.eye(nt), none, none, none, rotor)
     passive = list(chain.passive)
     rotor[passive] = robot.model.armature[passive]
-    loops = loops_to_follow(robot.model, chain, robot.arrays)
+    loops = loop_closure_of(robot.model, chain, robot.arrays)
     return chain_of(chain.linear_map[:, : chain.nv], chain.offset, none, none, rotor, loops)
 
 

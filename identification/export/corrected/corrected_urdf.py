@@ -129,47 +129,47 @@ _OTHER_TURNS = ("euler", "axisangle", "xyaxes", "zaxis")
 
 
 @dataclass(frozen=True)
-class JointMove:
+class JointCorrection:
     """The true placement of a joint, ``placement @ exp(twist)``, and the offset of its encoder [rad or m]."""
 
     twist: Float[Array, " 6"]
     zero: float = 0.0
 
 
-def joint_moves(
+def joint_corrections(
     found: GeometryResult | None, known_zeros: Collection[str], known: tuple[KnownEffect, ...] = ()
-) -> dict[str, JointMove]:
-    """Moves of the joints, by name, that the findings and the known effects state.
+) -> dict[str, JointCorrection]:
+    """Corrections of the joints, by name, that the findings and the known effects state.
 
     Args:
         found: Findings of measured poses; None without poses.
         known_zeros: Joints whose zeros were found from the torques, so that the model has them already.
-        known: Known effects, whose moves come before those of the findings.
+        known: Known effects, whose corrections come before those of the findings.
     """
-    out = {joint: JointMove(twist) for joint, twist in known_twists(known).items()}
+    out = {joint: JointCorrection(twist) for joint, twist in known_twists(known).items()}
     for finding in () if found is None else found.findings:
         if finding.joint is None or finding.effect not in (LINK, ZERO):
             continue
-        move = out.get(finding.joint, JointMove(np.zeros(6)))
+        correction = out.get(finding.joint, JointCorrection(np.zeros(6)))
         if finding.effect == LINK:
             twist = np.array([finding.parameters[x].value if x in finding.parameters else 0.0 for x in PARTS])
-            out[finding.joint] = JointMove(moved_on(move.twist, twist), move.zero)
+            out[finding.joint] = JointCorrection(moved_on(correction.twist, twist), correction.zero)
         elif finding.effect == ZERO and finding.joint not in known_zeros:
-            out[finding.joint] = JointMove(move.twist, finding.parameters["offset"].value)
+            out[finding.joint] = JointCorrection(correction.twist, finding.parameters["offset"].value)
     return out
 
 
 @dataclass(frozen=True)
-class FileMoves:
-    """Moves that each model file can contain, and notes on those that it cannot."""
+class FileCorrections:
+    """Corrections that each model file can contain, and notes on those that it cannot."""
 
-    urdf: Mapping[str, JointMove]
-    mjcf: Mapping[str, JointMove]
+    urdf: Mapping[str, JointCorrection]
+    mjcf: Mapping[str, JointCorrection]
     notes: tuple[Note, ...] = ()
 
 
-def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
-    """Moves for model files: all of an open chain; of a closed one those that do not change how loops close.
+def corrections_in_files(robot: Robot, corrections: Mapping[str, JointCorrection]) -> FileCorrections:
+    """Corrections for model files: all of an open chain; of a closed one those that do not change how loops close.
 
     A joint that follows others by a formula is turned by their zeros, too, so that the formula holds for readings.
     Links of a parallelogram are not moved, as moved links would not follow its formula. In the MJCF of a robot with
@@ -177,28 +177,28 @@ def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
 
     Args:
         robot: The given model.
-        moves: Moves by joint, or pin of a loop.
+        corrections: Corrections by joint, or pin of a loop.
     """
     loops = loops_of(robot)
-    if loops is None or robot.chain is None or not moves:
-        return FileMoves(moves, moves)
+    if loops is None or robot.chain is None or not corrections:
+        return FileCorrections(corrections, corrections)
     bound: set[str] = set()
     for anchor in loops.chain.anchors[len(robot.chain.anchors) :]:
         bound |= {loops.model.names[index] for index in around(loops.model, anchor)}
         bound |= {loops.model.frames[frame].name for frame in (anchor.frame_a, anchor.frame_b)}
-    held = {name: JointMove(np.zeros(6), own.zero) if name in bound else own for name, own in moves.items()}
-    zeros = np.array([moves[name].zero if name in moves else 0.0 for name in robot.joint_names])
+    held = {name: JointCorrection(np.zeros(6), own.zero) if name in bound else own for name, own in corrections.items()}
+    zeros = np.array([corrections[name].zero if name in corrections else 0.0 for name in robot.joint_names])
     for row, name in zip(robot.chain.passive, robot.passive_names, strict=True):
         zero = float(robot.chain.linear_map[row, : robot.nv] @ zeros)
         if zero and row not in robot.chain.unknowns:
-            held[name] = JointMove(held[name].twist if name in held else np.zeros(6), zero)
+            held[name] = JointCorrection(held[name].twist if name in held else np.zeros(6), zero)
     notes = []
-    lost = [name for name, own in moves.items() if name in bound and np.any(own.twist)]
+    lost = [name for name, own in corrections.items() if name in bound and np.any(own.twist)]
     if lost:
         notes.append(Note(Code.NO_PLACE_FOR_LINKS, None, {"files": (URDF, MJCF), "names": tuple(lost)}))
     if robot.chain.anchors:
         notes.append(Note(Code.LOOPS_AS_DRAWN, None, {"files": (MJCF,)}))
-    return FileMoves(held, {} if robot.chain.anchors else held, tuple(notes))
+    return FileCorrections(held, {} if robot.chain.anchors else held, tuple(notes))
 
 
 def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[Note, ...]:
@@ -220,14 +220,14 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
     return tuple(Note(Code.NO_PLACE_FOR_POSES, None, one) for one in numbers)
 
 
-def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
-    """The text of a URDF with its joints moved, and the names of moves that it has no joint for.
+def urdf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrection]) -> tuple[str, tuple[str, ...]]:
+    """The text of a URDF with its joints moved, and the names of corrections that it has no joint for.
 
     Args:
         text: Text of the file.
-        moves: Moves by joint, or by link on a fixed joint at which a loop closes.
+        corrections: Corrections by joint, or by link on a fixed joint at which a loop closes.
     """
-    left = set(moves)
+    left = set(corrections)
 
     def move(root: Element) -> None:
         for joint in root.findall("joint"):
@@ -235,10 +235,10 @@ def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[st
             names = [str(joint.get("name"))]
             if joint.get("type") == "fixed" and child is not None:
                 names.append(str(child.get("link")))
-            name = next((name for name in names if name in moves), None)
+            name = next((name for name in names if name in corrections), None)
             if name is None:
                 continue
-            own = moves[name]
+            own = corrections[name]
             left.discard(name)
             origin = child_of(joint, "origin")
             place = placement(origin) * pin.exp6(own.twist)
@@ -247,10 +247,10 @@ def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[st
             if own.zero:
                 move_zero(joint, own.zero)
 
-    return _edited(text, move), tuple(name for name in moves if name in left)
+    return _edited(text, move), tuple(name for name in corrections if name in left)
 
 
-def moved_mjcf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
+def mjcf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrection]) -> tuple[str, tuple[str, ...]]:
     """The text of an MJCF with its bodies moved, and the names of joints whose bodies are not moved.
 
     Only a body that is placed by ``pos`` and ``quat``, with one joint at its origin, is moved. Zeros turn it, too, so
@@ -258,14 +258,14 @@ def moved_mjcf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[st
 
     Args:
         text: Text of the file.
-        moves: Moves by joint.
+        corrections: Corrections by joint.
     """
     left: list[str] = []
 
     def move(root: Element) -> None:
         owners = {child: owner for owner in root.iter("body") for child in owner.findall("joint")}
         named = {str(joint.get("name")): joint for joint in owners}
-        for name, own in moves.items():
+        for name, own in corrections.items():
             joint = named.get(name)
             body = None if joint is None else owners[joint]
             if joint is None or body is None or not _is_simple(joint, body):

@@ -294,14 +294,14 @@ def _named(effect: KnownEffect) -> str:
 
 
 def proved(
-    texts: dict[str, str], proof: Proof | None, *, moved_mjcf: bool = False
+    texts: dict[str, str], proof: Proof | None, *, mjcf_has_moved_joints: bool = False
 ) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
     """Texts of the files that passed their check, with their residuals in the header.
 
     Args:
         texts: Texts by file name.
         proof: Reference for the check; None if there is none, so that all files pass.
-        moved_mjcf: True if measured poses have moved joints of the MJCF: its residual is then not known.
+        mjcf_has_moved_joints: True if measured poses have moved joints of the MJCF: its residual is then not known.
 
     Returns:
         The texts, a record of each check, and a note on each file that is left out.
@@ -322,7 +322,7 @@ def proved(
         if name not in texts:
             continue
         record = check(texts[name])
-        if name == MJCF and moved_mjcf:
+        if name == MJCF and mjcf_has_moved_joints:
             record = replace(record, rms_left={}, rms_given={})
         records.append(record)
         if record.refused:

@@ -99,8 +99,8 @@ def chart(
     legend = [curve for curve in panels[0].curves if curve.label]
     top = _TOP if any(panel.title for panel in panels) else _LEGEND if legend else TICK + SMALL
     between = _BETWEEN if any(panel.title for panel in panels[1:]) else TICK + SMALL
-    room = height - _BOTTOM - top - between * (len(panels) - 1)
-    heights = [room * panel.height / sum(other.height for other in panels) for panel in panels]
+    free_height = height - _BOTTOM - top - between * (len(panels) - 1)
+    heights = [free_height * panel.height / sum(other.height for other in panels) for panel in panels]
     starts = accumulate((each + between for each in heights), initial=top)
     x_range = _padded(_range([x for panel in panels for x, _ in _drawn(panel)]))
     if x_names:

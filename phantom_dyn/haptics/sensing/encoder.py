@@ -117,9 +117,9 @@ def record_motion(
             f"The motion passes {passed:.3g} edges of {encoder.step:g} each, more than the {_MOST_EDGES:.0g} that are "
             "kept: give a coarser encoder or a shorter motion."
         )
-    room = int(2 * passed) + x.size + 8
+    capacity = int(2 * passed) + x.size + 8
     counts = np.zeros((x.size - 1) // samples_apart + 1, dtype=np.int64)
-    times, directions = np.zeros(room), np.zeros(room)
+    times, directions = np.zeros(capacity), np.zeros(capacity)
     used = follow_motion(x, interval, samples_apart, encoder.step, spacing, counts, times, directions)
     return EncoderRecord(interval * samples_apart, encoder.step, counts, times[:used], directions[:used])
 

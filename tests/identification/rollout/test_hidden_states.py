@@ -93,8 +93,8 @@ def test_a_link_in_its_play_is_found(in_play):
     torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
     errors = []
     for shot in in_play.shots():
-        begun = shot.with_hidden_start(model, torque).begun
-        errors.append(abs(begun.start.q - in_play.truth.links.q[begun.at])[1])
+        hidden = shot.with_hidden_start(model, torque).hidden_start
+        errors.append(abs(hidden.start.q - in_play.truth.links.q[hidden.at])[1])
     # Of 15 mrad to either side.
     assert np.median(errors) < 1e-3
 
@@ -136,7 +136,10 @@ def test_no_sample_behind_the_start_is_used(in_play):
     raw[shot.window.start + 1 :] += 1.0
     late[shot.window.start + 1 :] += 10.0
     other = replace(shot, states=replace(shot.states, raw=raw))
-    ours, theirs = shot.with_hidden_start(model, torque).begun.start, other.with_hidden_start(model, late).begun.start
+    ours, theirs = (
+        shot.with_hidden_start(model, torque).hidden_start.start,
+        other.with_hidden_start(model, late).hidden_start.start,
+    )
     np.testing.assert_array_equal(ours.q, theirs.q)
     np.testing.assert_array_equal(ours.motor_v, theirs.motor_v)
 
@@ -146,9 +149,9 @@ def test_without_samples_before_a_window_the_smoothed_state_is_taken(in_play):
     torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
     shot = in_play.shots()[3]
     bare = replace(shot, window=replace(shot.window, lead=0))
-    begun = bare.with_hidden_start(model, torque).begun
-    assert begun.at == shot.window.start
-    np.testing.assert_array_equal(begun.start.q, true_state(model, shot.states, begun.at, 1 / 250.0).q)
+    hidden = bare.with_hidden_start(model, torque).hidden_start
+    assert hidden.at == shot.window.start
+    np.testing.assert_array_equal(hidden.start.q, true_state(model, shot.states, hidden.at, 1 / 250.0).q)
 
 
 def test_a_rigid_joint_and_a_spring_behind_its_motor_hide_nothing(planar):

@@ -14,7 +14,7 @@ from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion, horizon_of
 from identification.rollout.followed import with_followed
 from identification.rollout.joint_limits import Engaged, Simulated, limit_notes, limits_engaged, recorded_past
-from identification.rollout.rollout import _everywhere, borne_out_by_motion, strays
+from identification.rollout.rollout import _everywhere, motion_deviations, unknown_if_motion_deviates
 from identification.rollout.rollout_starts import States, Window, given_torque, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import loaded, model_of
@@ -275,7 +275,7 @@ def over(record, planar):
         model = model_of(planar, causes)
         shots = tuple(replace(shot, window=replace(shot.window, fold=k % 4)) for k, shot in enumerate(made.shots()))
         wave = noise * np.sin(2.0 * np.pi * np.outer(t, [0.31, 0.37]))
-        return strays(
+        return motion_deviations(
             shots,
             lambda window, fold: model,
             lambda shot, known: given_torque(known, t, tau),
@@ -303,12 +303,12 @@ def test_the_more_torque_counts_as_noise_the_less_is_beyond_it(over):
 def test_a_model_whose_torque_shows_no_gap_but_which_strays_is_off_by_something_unknown(made_up):
     left = Unexplained(0.0, False, None, None)
     judgement = Judgement("no_gap", (), (), (), left, (), (), made_up().evidence)
-    message = borne_out_by_motion(judgement, Rollout(0.5, {}, {}, strays={"j1": 1.2, "j2": 2.1}))
+    message = unknown_if_motion_deviates(judgement, Rollout(0.5, {}, {}, deviations={"j1": 1.2, "j2": 2.1}))
     assert (message.verdict, message.unexplained.joint) == ("unknown", "j2")
-    assert borne_out_by_motion(judgement, Rollout(0.5, {}, {})) == judgement
-    assert borne_out_by_motion(judgement, Rollout(0.5, {}, {}, strays={"j2": 1.9})) == judgement
+    assert unknown_if_motion_deviates(judgement, Rollout(0.5, {}, {})) == judgement
+    assert unknown_if_motion_deviates(judgement, Rollout(0.5, {}, {}, deviations={"j2": 1.9})) == judgement
     explained = replace(judgement, verdict="explained")
-    assert borne_out_by_motion(explained, Rollout(0.5, {}, {}, strays={"j1": 2.2})) == explained
+    assert unknown_if_motion_deviates(explained, Rollout(0.5, {}, {}, deviations={"j1": 2.2})) == explained
 
 
 def evidence(samples: int) -> Evidence:

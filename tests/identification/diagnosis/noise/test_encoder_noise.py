@@ -19,8 +19,8 @@ from identification.diagnosis.noise.encoder_noise import (
     at_least_encoder_noise,
     coarse_joints,
     coarsest_steps,
-    read_again,
-    recordings_read_again,
+    simulated_log,
+    simulated_recordings,
     spurious_gains,
 )
 from identification.diagnosis.noise.noise_floor import rms
@@ -41,10 +41,10 @@ def stating(prepared, step: float | None):
 
 def test_an_encoder_with_steps_is_read_on_a_lattice_about_the_motion(quiet, rng):
     log = quiet.logs[0]
-    again = read_again(log, quiet.columns.operations[0], (STEP, STEP), rng)
-    levels = again.raw_q / STEP
+    simulated = simulated_log(log, quiet.columns.operations[0], (STEP, STEP), rng)
+    levels = simulated.raw_q / STEP
     np.testing.assert_allclose(levels - levels[0], np.round(levels - levels[0]), atol=1e-6)
-    off = again.raw_q - log.motion.q
+    off = simulated.raw_q - log.motion.q
     assert np.abs(off).max() <= 0.5 * STEP + 1e-12
     # Closed form: rounding to a step is uniform over it.
     assert off.std(axis=0) == pytest.approx(STEP / np.sqrt(12.0), rel=0.05)
@@ -52,8 +52,8 @@ def test_an_encoder_with_steps_is_read_on_a_lattice_about_the_motion(quiet, rng)
 
 def test_an_encoder_without_steps_has_the_noise_that_smoothing_took_off_at_another_time(quiet, rng):
     log = quiet.logs[0]
-    again = read_again(log, quiet.columns.operations[0], (None, None), rng)
-    old, new = log.raw_q - log.motion.q, again.raw_q - log.motion.q
+    simulated = simulated_log(log, quiet.columns.operations[0], (None, None), rng)
+    old, new = log.raw_q - log.motion.q, simulated.raw_q - log.motion.q
     np.testing.assert_allclose(np.sort(new, axis=0), np.sort(old, axis=0), atol=1e-15)
     for j in range(2):
         count = len(old)
@@ -61,10 +61,10 @@ def test_an_encoder_without_steps_has_the_noise_that_smoothing_took_off_at_anoth
         assert len(found) == 1
 
 
-def test_a_recording_that_is_read_again_is_driven_by_the_torque_of_the_model(quiet, rng):
+def test_a_simulated_recording_is_driven_by_the_torque_of_the_model(quiet, rng):
     operation = quiet.columns.operations[0]
-    again = read_again(quiet.logs[0], operation, (None, None), rng)
-    np.testing.assert_array_equal(again.tau, operation.tau)
+    simulated = simulated_log(quiet.logs[0], operation, (None, None), rng)
+    np.testing.assert_array_equal(simulated.tau, operation.tau)
 
 
 @pytest.mark.parametrize("times", [1.0, 3.0])
@@ -133,16 +133,16 @@ def test_noise_below_that_of_the_encoders_is_taken_for_theirs(quiet, rng):
     np.testing.assert_array_equal(out[:, 1], noise[0][:, 1])
 
 
-def test_what_is_read_again_has_no_gap_but_the_noise_of_its_encoders(quiet):
+def test_a_simulated_recording_has_no_gap_but_the_noise_of_its_encoders(quiet):
     # Known truth: the model drives it, so that nothing is left where nothing is rounded; three times the step leaves
     # three times as much.
     left = []
     for step in (1e-12, STEP, 3 * STEP):
-        again = recordings_read_again(quiet.session, quiet.columns, (step, step))
-        left.append(rms([again.residual[0][:, 1][quiet.columns.usable[0][:, 1]]]))
-        columns = columns_like(again.session, again.like)
+        simulated = simulated_recordings(quiet.session, quiet.columns, (step, step))
+        left.append(rms([simulated.residual[0][:, 1][quiet.columns.usable[0][:, 1]]]))
+        columns = columns_like(simulated.session, simulated.like)
         assert columns.terms == quiet.columns.terms
-        np.testing.assert_allclose(again.residual[0], columns.residual[0], atol=1e-12)
+        np.testing.assert_allclose(simulated.residual[0], columns.residual[0], atol=1e-12)
     assert left[0] < 0.05 * left[1]
     assert left[2] / left[1] == pytest.approx(3.0, rel=0.3)
 
@@ -150,9 +150,9 @@ def test_what_is_read_again_has_no_gap_but_the_noise_of_its_encoders(quiet):
 def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(quiet):
     # The fits of the search on the readings with fresh noise; effects that have one shape and no bounds, so that the
     # gain is a square.
-    again = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
-    found = spurious_gains(quiet.search, again, quiet.noise)
-    columns = columns_like(again.session, again.like)
+    simulated = simulated_recordings(quiet.session, quiet.columns, (STEP, STEP))
+    found = spurious_gains(quiet.search, simulated, quiet.noise)
+    columns = columns_like(simulated.session, simulated.like)
     null = set_up(quiet.session, columns, whitened(columns, quiet.noise)[0], quiet.weights)
     base = fit(null, (), held_out=False).objective
     for joint in ("shoulder", "elbow"):
@@ -164,9 +164,9 @@ def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(
 def test_products_that_are_made_log_by_log_are_those_of_all_logs_together(lab, planar2):
     # Oracle: the columns of both recordings at once.
     both = lab.prepared(planar2, tuple(lab.recording(planar2, lab.motion(2, seed), seed=seed) for seed in range(2)))
-    again = recordings_read_again(both.session, both.columns, (STEP, STEP))
-    found = _null_problem(both.problem, again, both.noise)
-    columns = columns_like(again.session, again.like)
+    simulated = simulated_recordings(both.session, both.columns, (STEP, STEP))
+    found = _null_problem(both.problem, simulated, both.noise)
+    columns = columns_like(simulated.session, simulated.like)
     expected = set_up(both.session, columns, whitened(columns, both.noise)[0], both.weights)
     scale = np.sqrt(np.outer(*2 * (np.diag(expected.total_a),))) + 1e-12
     np.testing.assert_allclose(found.total_a / scale, expected.total_a / scale, atol=1e-12)
@@ -175,22 +175,22 @@ def test_products_that_are_made_log_by_log_are_those_of_all_logs_together(lab, p
 
 
 def test_an_effect_of_many_shapes_gains_what_the_best_of_them_gains(quiet):
-    again = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
+    simulated = simulated_recordings(quiet.session, quiet.columns, (STEP, STEP))
     place = ("stribeck_friction", "elbow")
     shapes = [term for term in quiet.search.terms if term.effect_joint == place]
-    alone = [spurious_gains(replace(quiet.search, terms=(term,)), again, quiet.noise)[place] for term in shapes]
+    alone = [spurious_gains(replace(quiet.search, terms=(term,)), simulated, quiet.noise)[place] for term in shapes]
     assert len(shapes) > 3
-    assert spurious_gains(quiet.search, again, quiet.noise)[place] == pytest.approx(max(alone), rel=1e-12)
+    assert spurious_gains(quiet.search, simulated, quiet.noise)[place] == pytest.approx(max(alone), rel=1e-12)
     assert max(alone) > min(alone)
 
 
 def test_encoders_whose_noise_is_no_matter_let_no_effect_gain(quiet):
     # Oracle: the gains themselves, which are there where they are computed.
-    fine = recordings_read_again(quiet.session, quiet.columns, (1e-9, 1e-9))
+    fine = simulated_recordings(quiet.session, quiet.columns, (1e-9, 1e-9))
     found = spurious_gains(quiet.search, fine, quiet.noise)
     assert set(found) == {term.effect_joint for term in quiet.search.terms}
     assert not any(found.values())
-    coarse = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
+    coarse = simulated_recordings(quiet.session, quiet.columns, (STEP, STEP))
     assert max(spurious_gains(quiet.search, coarse, quiet.noise).values()) > 0.0
 
 

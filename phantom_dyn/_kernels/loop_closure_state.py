@@ -14,7 +14,7 @@ from phantom_dyn._kernels.loop_closing import AnchoredTree, Closed, Limits, clos
 from phantom_dyn.array_types import Array
 
 
-class FollowedLoops(NamedTuple):
+class LoopClosureState(NamedTuple):
     """Loops that are closed numerically, the solution where the chain starts and the last one.
 
     Attributes:
@@ -25,10 +25,10 @@ class FollowedLoops(NamedTuple):
         start: Active positions where the chain starts, ``(nv,)``.
         started: The solution there, one row of each.
         q: Active positions of the last solution, ``(nv,)``; moves on with every state.
-        wanted: Room for those of the next one, ``(1, nv)``; where loops were not closed it holds these.
-        last: Room for the next solution, then the last one, two rows of each.
-        speed: Room for the velocities of the tree, ``(1, nt)``.
-        away: Room for its accelerations, ``(1, nt)``.
+        wanted: Work array for those of the next one, ``(1, nv)``; where loops were not closed it holds these.
+        last: Work arrays for the next solution, then the last one, two rows of each.
+        speed: Work array for the velocities of the tree, ``(1, nt)``.
+        away: Work array for its accelerations, ``(1, nt)``.
     """
 
     tree: AnchoredTree
@@ -44,8 +44,10 @@ class FollowedLoops(NamedTuple):
     away: Array
 
 
-def followed_loops(tree: AnchoredTree, linear_map: Array, limits: Limits, q: Array, started: Closed) -> FollowedLoops:
-    """Loops at the start of their chain, with room to follow them.
+def initial_loop_closure(
+    tree: AnchoredTree, linear_map: Array, limits: Limits, q: Array, started: Closed
+) -> LoopClosureState:
+    """Loops at the start of their chain, with work arrays for the states that follow.
 
     Args:
         tree: Joints and anchors.
@@ -55,13 +57,13 @@ def followed_loops(tree: AnchoredTree, linear_map: Array, limits: Limits, q: Arr
         started: The solution there, one row of each.
     """
     last = Closed(*(np.repeat(np.array(part, dtype=float), 2, axis=0) for part in started))
-    at, S, room = np.array(q, dtype=float), np.array(linear_map, dtype=float), np.zeros((2, 1, len(linear_map)))
+    at, S, work = np.array(q, dtype=float), np.array(linear_map, dtype=float), np.zeros((2, 1, len(linear_map)))
     to_tree = np.ascontiguousarray(S[:, len(at) :])
-    return FollowedLoops(tree, S, to_tree, limits, at, started, at.copy(), at[None].copy(), last, room[0], room[1])
+    return LoopClosureState(tree, S, to_tree, limits, at, started, at.copy(), at[None].copy(), last, work[0], work[1])
 
 
 @jit
-def rewind(loops: FollowedLoops | None) -> None:
+def rewind(loops: LoopClosureState | None) -> None:
     """Go back to where the chain starts, so that what follows does not depend on what was before."""
     if loops is None:
         return
@@ -74,8 +76,8 @@ def rewind(loops: FollowedLoops | None) -> None:
 
 
 @jit
-def follow(
-    loops: FollowedLoops | None, slope: Array, offset: Array, q: Array, v: Array, x: Array, u: Array, away: Array
+def write_tree_state(
+    loops: LoopClosureState | None, slope: Array, offset: Array, q: Array, v: Array, x: Array, u: Array, away: Array
 ) -> bool:
     """Write positions, velocities and drift of the tree at one state of the active joints.
 
