@@ -86,7 +86,7 @@ def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
         "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),
         *_gives_way(diagnosis.joints),
-        *_may_be_noise(diagnosis.joints),
+        *_may_be_noise(diagnosis),
     ]
 
 
@@ -195,8 +195,12 @@ def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
     ]
 
 
-def _may_be_noise(joints: tuple[JointGap, ...]) -> list[str]:
-    """Why a joint with several noise floors left may have no gap; empty if there is no such joint."""
+def _may_be_noise(diagnosis: Diagnosis) -> list[str]:
+    """Why a joint with several noise floors left may have no gap; empty if there is no such joint.
+
+    Noise has no structure, so that the joint where structure is left is not among them.
+    """
+    joints = [joint for joint in diagnosis.joints if joint.joint != diagnosis.unexplained.joint]
     doubtful = [joint for joint in joints if _explained_by_noise(joint)]
     if not doubtful:
         return []

@@ -116,7 +116,8 @@ def stand(
     for swapped, others in names.items():
         # The same two sets have the same odds, whichever of them holds the finding.
         if effects[swapped] and all(contains(term, other) for other in others):
-            odds = min(odds_of_richer(search, swapped, chosen), 1.0)
+            same_sum = _has_parts(term, {other.effect.name for other in others})
+            odds = 1.0 if same_sum else min(odds_of_richer(search, swapped, chosen), 1.0)
             shares[()] = max(shares[()], odds * shares[effects[swapped]])
     own = shares[()]
     listed = min(contract_levels.LISTED, max(shares.values()))
@@ -319,6 +320,11 @@ def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, sw
     )
 
 
+def _has_parts(rich: Term, names: set[str]) -> bool:
+    """True if effects with these names, or some of them, add up to a special case of a law, under another name."""
+    return bool(rich.effect.same_as_sum) and names.issuperset(rich.effect.same_as_sum)
+
+
 def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """``chosen`` with findings replaced by rivals that lead, see `Standing`.
 
@@ -375,8 +381,7 @@ def _twins(search: Search, chosen: frozenset[Term], term: Term) -> list[tuple[fr
     """
     here = {other.effect.name for other in chosen if other.joint == term.joint}
     for rich in search.terms:
-        parts = set(rich.effect.same_as_sum)
-        if rich.joint == term.joint and term.effect.name in parts and parts <= here:
+        if contains(rich, term) and _has_parts(rich, here):
             return [(frozenset([rich]), replaced(chosen, term, frozenset([rich])))]
     for bodies in search.terms:
         if scales_all_bodies(term, bodies):

@@ -57,7 +57,7 @@ _NEARBY_DAMPING = (0.4, 0.7, 1.4, 2.5)
 # The load is followed up to an edge [Hz]: where the noise of the stated encoder has half its amplitude, within the
 # first and third number; the second where no step is stated.
 Edges = tuple[float, float, float]
-_EDGES: Edges = (8.0, 12.0, 20.0)
+_EDGES: Edges = (8.0, 12.0, np.inf)
 # Frequency [Hz] below which nobody would take a transmission for rigid.
 _SLOWEST = 1.0
 # Smallest compliance [rad/(N m) or m/N]: a stiffer transmission is rigid.

@@ -103,6 +103,8 @@ def test_what_is_left_within_the_interval_of_the_noise_may_be_no_gap(made_up):
     assert "may be no gap" not in summary(made)
     closed = dataclasses.replace(first, closed=0.95)
     assert "may be no gap" not in summary(dataclasses.replace(made, joints=(closed, made.joints[1])))
+    left = dataclasses.replace(made.unexplained, structured=True, joint="j1")
+    assert "may be no gap" not in summary(dataclasses.replace(made, joints=(first, made.joints[1]), unexplained=left))
 
 
 @pytest.mark.parametrize("verdict", ["explained", "partly_explained", "unknown"])

@@ -155,6 +155,25 @@ def test_a_law_has_at_least_the_odds_that_its_parts_give_it(lab, pendulum):
     assert standing.probability >= odds * of_parts.probability > 0.0
 
 
+@pytest.mark.parametrize("names", [("coulomb_friction",), ("torque_offset",), ("viscous_friction",), ()])
+def test_direction_dependent_friction_of_equal_slopes_is_as_likely_as_its_parts_together(lab, pendulum, names):
+    # Closed form: steps of 0.5 and 0.2 are a Coulomb torque of 0.35 and an offset of 0.15, beside one slope.
+    motion = lab.motion(1, 3)
+    torque = np.where(motion.v > 0, -0.5, 0.2) - 0.3 * motion.v
+    prepared = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque, noise=0.02),))
+    parts = frozenset(prepared.term(name, "pin") for name in ("coulomb_friction", "torque_offset", "viscous_friction"))
+    whole = prepared.term("direction_dependent_friction", "pin")
+    term = next((one for one in parts if (one.effect.name,) == names), whole)
+    standing = stand(prepared.search, parts if names else frozenset([whole]), term)
+    instead = {one.effects: one.probability for one in standing.rivals}
+    other = next(
+        share
+        for effects, share in instead.items()
+        if {one.effect for one in effects} == ({whole.effect.name} if names else {one.effect.name for one in parts})
+    )
+    assert standing.probability == pytest.approx(other)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(lab, pendulum, seed):
     # A weak difference of the directions, which several laws explain; those that win seldom are not listed.

@@ -273,6 +273,20 @@ def test_a_compliance_may_be_off_its_shape_as_far_as_to_the_next_frequency(plana
     assert (low, high) == pytest.approx((0.4e-3, 2.5e-3))
 
 
+def test_a_link_on_a_soft_spring_hardly_follows_a_jerk_of_its_motor(planar):
+    # Closed form: a jerk within 5 ms is over before a link that swings five times a second has begun to move.
+    fine = replace(planar, actuators=tuple(replace(one, encoder_counts=2**24) for one in planar.actuators))
+    t = np.arange(4000) / 2000.0
+    x = (t - 1.0) / 0.005
+    jerk = 1e-3 * np.exp(-(x**2))[:, None] * [0.0, 1.0]
+    v, a = -2.0 * x[:, None] / 0.005 * jerk, (4.0 * x[:, None] ** 2 - 2.0) / 0.005**2 * jerk
+    operation = Operation.of(fine, Motion(t, jerk, v, a))
+    inertia = operation.inertia[:, 1] - fine.rotor_inertia[1]
+    stiffness = float(np.median(inertia)) * (2.0 * np.pi * 5.0) ** 2
+    torque = COMPLIANCE.torque(fine, operation, "elbow", np.array([stiffness]))[:, 1]
+    np.testing.assert_allclose(torque, inertia * a[:, 1], atol=0.05 * np.abs(inertia * a[:, 1]).max())
+
+
 def test_without_a_stated_step_the_load_ends_at_the_middle_edge():
     assert _edge(np.arange(100) / RATE, np.ones(100), 0.1, None, EDGES) == 12.0
 
