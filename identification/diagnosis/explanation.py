@@ -240,7 +240,7 @@ def _searched(
             least = null_threshold(search, filters, filters.series(quiet), above_chance.LEAST_GAIN)
             lower = replace(search, threshold=search.threshold.lowered(least))
             if passes_gates(lower, tried, chosen):
-                lower.record.kept(tried - chosen, *gate_results(lower, tried, chosen))
+                lower.record.add_passed(tried - chosen, *gate_results(lower, tried, chosen))
                 search, chosen, left = lower, explain(lower, progress, tried), quiet
                 continue
         quiet, gain = noise_without(search, tried, chosen, left)
@@ -251,6 +251,6 @@ def _searched(
         quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
         if not passes_gates(quieter, tried, chosen):
             break
-        quieter.record.kept(tried - chosen, *gate_results(quieter, tried, chosen))
+        quieter.record.add_passed(tried - chosen, *gate_results(quieter, tried, chosen))
         search, chosen, noise, left = quieter, explain(quieter, progress, tried), quiet, quiet
     return Explanation(search, chosen, noise)

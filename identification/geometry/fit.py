@@ -100,22 +100,22 @@ def fitted(
         weights: By series, one over its noise.
         kept: True for rows that count; None: all.
     """
-    here = equations(problem, estimate)
-    cost = _cost(here, weights, kept)
+    current = equations(problem, estimate)
+    cost = _cost(current, weights, kept)
     for _ in range(_STEPS):
-        step = _step(here, chosen, weights, kept)
+        step = _step(current, chosen, weights, kept)
         for halving in range(_HALVINGS):
-            trial = moved(here.kinds, estimate, chosen, step * 0.5**halving)
-            there = equations(problem, trial)
-            lower = _cost(there, weights, kept)
+            trial = moved(current.kinds, estimate, chosen, step * 0.5**halving)
+            at_trial = equations(problem, trial)
+            lower = _cost(at_trial, weights, kept)
             if lower <= cost:
                 break
         else:
-            return estimate, here
-        gained, estimate, here, cost = cost - lower, trial, there, lower
+            return estimate, current
+        gained, estimate, current, cost = cost - lower, trial, at_trial, lower
         if gained <= _SMALL * max(cost, 1e-300):
             break
-    return estimate, here
+    return estimate, current
 
 
 def _cost(found: Equations, weights: Array, kept: Array | None) -> float:

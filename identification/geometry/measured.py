@@ -131,11 +131,11 @@ def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bo
     rows = _spread(np.flatnonzero(inside))
     at = t[rows]
 
-    def there(values: Array) -> Array:
+    def at_rows(values: Array) -> Array:
         return interpolated(at, smooth.t, values)
 
-    v = there(smooth.v)
-    load = link_torque(robot, Motion(at, recording.q[rows], v, there(smooth.a)))
+    v = at_rows(smooth.v)
+    load = link_torque(robot, Motion(at, recording.q[rows], v, at_rows(smooth.a)))
     return rows, v, load, bool(np.abs(v).max(initial=0.0) > _MOVES)
 
 

@@ -52,10 +52,10 @@ def problem_of(
         terms += pose_terms(TOOL_POSE, frame, count)
     near = replace(free, terms=terms, in_root=True, on_frame=tuple(parts))
     weights = np.ones(2 * len(sets))
-    estimate, here = fitted(near, start_of(near), range(len(terms)), weights)
-    _, there = fitted(free, start_of(free), (), weights)
+    estimate, with_stated = fitted(near, start_of(near), range(len(terms)), weights)
+    _, with_free = fitted(free, start_of(free), (), weights)
     far = {term.effect_joint for term, value in zip(terms, estimate.values, strict=True) if abs(value) > term.largest}
-    if (BASE_POSE, None) in far or not _as_good(here, len(terms), there):
+    if (BASE_POSE, None) in far or not _as_good(with_stated, len(terms), with_free):
         return free
     frames = tuple(frame for frame in parts if (TOOL_POSE, frame) not in far)
     kept = tuple(term for term in terms if term.effect == BASE_POSE or term.joint in frames)

@@ -194,11 +194,11 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
     made: dict[tuple[int, int, int], Model] = {}
 
     def model(window: Window, fold: int) -> Model:
-        here = operations[window.log]
-        key = (window.log, fold, _moment(window, here))
+        operation = operations[window.log]
+        key = (window.log, fold, _moment(window, operation))
         if key not in made:
-            here = _during(window, here)
-            made[key] = corrected_model(session.robot, session.known, (), explained.theta(fold), here)
+            operation = _during(window, operation)
+            made[key] = corrected_model(session.robot, session.known, (), explained.theta(fold), operation)
         return made[key]
 
     left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))

@@ -255,12 +255,12 @@ def read_changed(
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
-    there = robot_in(robot, change)
-    by_controllers = bool(change.controllers) and states_controllers(there)
+    changed = robot_in(robot, change)
+    by_controllers = bool(change.controllers) and states_controllers(changed)
     left_out = (*excluded, *change.exclude)
     found = read_recording(
         (path, *change.beside),
-        there,
+        changed,
         columns=columns,
         topic=topic,
         ref_topic=ref_topic,
@@ -268,4 +268,4 @@ def read_changed(
         torque_needed=not by_controllers,
         anyway=anyway,
     )
-    return with_controller_torque(found, there) if by_controllers else found
+    return with_controller_torque(found, changed) if by_controllers else found

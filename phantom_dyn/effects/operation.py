@@ -124,7 +124,7 @@ class Operation(Motion):
         plain = cls(*state, robot, tau, tau, tau if logged is None else logged, base=motion.base)
         return plain if temperature is None else replace(plain, temperature=temperature)
 
-    def again(
+    def after_fit(
         self,
         expected: Float[Array, "N nv"],
         residual_of_fit: Float[Array, "N nv"] | None = None,
@@ -140,12 +140,12 @@ class Operation(Motion):
         out.__dict__["kept"] = self.kept
         return out
 
-    def for_a_while(self) -> Operation:
+    def short_lived_copy(self) -> Operation:
         """A copy for a short use: its `partials`, and the arrays that effects store in it, are freed with it.
 
         Those of all recordings together would fill most of the memory.
         """
-        out = self.again(self.expected, self.residual_of_fit)
+        out = self.after_fit(self.expected, self.residual_of_fit)
         out.__dict__["kept"] = dict(self.kept)
         return out
 

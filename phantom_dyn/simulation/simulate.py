@@ -191,12 +191,12 @@ def _compiled(
         return rows
     none, one, scratch = np.zeros(1, np.int64), np.ones(1, np.int64), rows_for(1, robot.nv, len(moving.x))
     for k in range(len(plan.t)):
-        here = slice(k, k + 1)
-        t, h, out = plan.t[here], plan.steps[here], Rows(*(part[here] for part in rows))
+        sample = slice(k, k + 1)
+        t, h, out = plan.t[sample], plan.steps[sample], Rows(*(part[sample] for part in rows))
         base = plan.base[k : k + 2]
         moving.asked[:] = channels.ask(float(t[0]), moving.x, moving.v)
         if _is_held(robot):
-            run(Plan(t, h, plan.counts[here], plan.far, base), out)
+            run(Plan(t, h, plan.counts[sample], plan.far, base), out)
             continue
         run(Plan(t, h, none, plan.far, base), out)
         for i in range(plan.counts[k]):

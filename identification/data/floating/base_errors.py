@@ -87,14 +87,14 @@ def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Arra
 
     out = {}
     for k, axis in enumerate("xyz"):
-        own, there = np.tile(gyroscope[:, k], (len(w), 1)), np.tile(accelerometer[:, k], (len(w), 1))
+        own, accelerations = np.tile(gyroscope[:, k], (len(w), 1)), np.tile(accelerometer[:, k], (len(w), 1))
         unit = np.tile(np.eye(3)[k], (len(w), 1))
 
         def along(x: Array, direction: Array) -> Array:
             return (x @ direction[0])[:, None] * direction
 
-        out[f"accelerometer offset {axis}"] = root(none, none, there)
-        out[f"accelerometer scale {axis}"] = root(none, none, along(felt, there))
+        out[f"accelerometer offset {axis}"] = root(none, none, accelerations)
+        out[f"accelerometer scale {axis}"] = root(none, none, along(felt, accelerations))
         out[f"gyroscope offset {axis}"] = root(own, none, none)
         out[f"gyroscope scale {axis}"] = root(along(w, own), along(dw, own), none)
         out[f"turn of the base's sensors {axis}"] = root(np.cross(unit, w), np.cross(unit, dw), np.cross(unit, felt))

@@ -44,7 +44,7 @@ def reaching_beyond(session: Session, columns: Columns) -> Columns:
     values = []
     blocks = [block for block in columns.local if block.effect.uses_acceleration]
     for k, own in enumerate(columns.values):
-        operation = columns.operations[k].for_a_while()
+        operation = columns.operations[k].short_lived_copy()
         plain = (np.column_stack(row) for row in plain_columns(session, k, operation, beyond=_PASSES_WHOLE))
         rows = [np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True)]
         for block in blocks:

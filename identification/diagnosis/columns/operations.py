@@ -88,25 +88,25 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
         known: The effects.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
-    there, motion = robot, operation.at(slice(None))
+    true_robot, motion = robot, operation.at(slice(None))
     for effect, one in effects:
-        there, motion = effect.true_motion(there, motion, one.joint, np.array(one.theta))
+        true_robot, motion = effect.true_motion(true_robot, motion, one.joint, np.array(one.theta))
     tau, found_load, in_drive = operation.tau, np.zeros_like(operation.tau), np.zeros_like(operation.tau)
     displacing = [pair for pair in effects if pair[0].displaces]
     if len(displacing) > 1:
         # Together their torque is not the sum of their single torques.
-        tau = tau + inverse_dynamics(there, motion) - inverse_dynamics(robot, operation)
+        tau = tau + inverse_dynamics(true_robot, motion) - inverse_dynamics(robot, operation)
         effects = [pair for pair in effects if not pair[0].displaces]
     for stage in range(4):
-        here = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
+        staged = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
         for effect, one in effects:
             if _stage_of(effect) == stage:
                 # The drive gives the torque that the model needs, less that of the effect.
                 if effect.inertial is not None and displacing:
-                    truly = replace(here, robot=there, q=motion.q, v=motion.v, a=motion.a)
-                    torque = effect.torque(there, truly, one.joint, np.array(one.theta))
+                    truly = replace(staged, robot=true_robot, q=motion.q, v=motion.v, a=motion.a)
+                    torque = effect.torque(true_robot, truly, one.joint, np.array(one.theta))
                 else:
-                    torque = effect.torque(robot, here, one.joint, np.array(one.theta))
+                    torque = effect.torque(robot, staged, one.joint, np.array(one.theta))
                 tau = tau - torque
                 if effect.on_link:
                     found_load = found_load - torque
@@ -152,16 +152,16 @@ def _stage_of(effect: Rival) -> int:
 
 def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
     """The operation with the torque of the effects of the last fit."""
-    plain = operation.again(operation.tau)
+    plain = operation.after_fit(operation.tau)
     found_load = np.zeros_like(operation.tau)
     for point in found:
         if point.effect.on_link:
             found_load += _torque_of(robot, plain, point)
-    plain, expected = plain.again(operation.tau, found_load=found_load), operation.tau
+    plain, expected = plain.after_fit(operation.tau, found_load=found_load), operation.tau
     for point in found:
         if not (point.effect.follows_torque or point.effect.scales_joint):
             expected = expected + _torque_of(robot, plain, point)
-    return plain.again(expected)
+    return plain.after_fit(expected)
 
 
 def _torque_of(robot: Robot, operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:

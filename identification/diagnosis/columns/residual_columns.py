@@ -379,7 +379,7 @@ def _values(
     kept: dict[ColumnKey, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row; cached ones are reused."""
-    operation = operation.for_a_while()
+    operation = operation.short_lived_copy()
 
     def computed(block: Local) -> tuple[Array, ...]:
         known = kept.get((block.effect.name, block.joint, block.shape))

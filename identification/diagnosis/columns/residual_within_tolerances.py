@@ -53,4 +53,4 @@ def with_residual_of_fit(log: Log, operation: Operation, residual: Float[Array, 
     """The operation with the residual of a fit, interpolated to the full rate."""
     t = operation.t
     full = interpolated(t, t[log.samples], residual)
-    return operation.again(operation.expected, full)
+    return operation.after_fit(operation.expected, full)

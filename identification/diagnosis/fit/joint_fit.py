@@ -280,10 +280,10 @@ def _descended(
         loss = c.sum() + precision @ x**2
         for shorter in (1.0, 0.3):
             candidate = x + shorter * step
-            there = linearised(layout, candidate)
-            again = _products(layout, there)
-            if again[2].sum() + precision @ candidate**2 < loss:
-                x, model, products = candidate, there, again
+            at_candidate = linearised(layout, candidate)
+            new_products = _products(layout, at_candidate)
+            if new_products[2].sum() + precision @ candidate**2 < loss:
+                x, model, products = candidate, at_candidate, new_products
                 break
         else:
             break

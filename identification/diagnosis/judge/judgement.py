@@ -169,10 +169,10 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     torque = torque_is_there(_torque_over_noise(left))
     if not torque.passed:
         # The measured torque is noise, so that no model can be tested with it.
-        bench.record.lost(explanation.chosen, torque)
+        bench.record.add_failed(explanation.chosen, torque)
         shown = shown_effects(bench, State.of(frozenset()))
         return shown, replace(left_by_all(shown.chosen), floor=left.floor, judge=left.judge)
-    bench.record.kept(state.shown, torque)
+    bench.record.add_passed(state.shown, torque)
     if not state.shown and _above_noise(left) and not explanation.endless:
         # Disturbances above the judged band may hide effects inside it from the search.
         state = State.of(explain(plain, lambda _: None))

@@ -71,29 +71,29 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Effec
     near = _best_gains(search, shown.beside)
     ranked = sorted(near, key=lambda cause: -near[cause].most)
     never = [cause for cause in ranked if cause not in record.claimed and cause not in named][:NEVER_CLAIMED]
-    gates, instead = {}, {}
+    gates, replacements = {}, {}
     for cause in (*record.claimed, *never):
-        met = sorted(record.met(cause), key=lambda result: ORDER[result.gate])
-        gates[cause] = until_failed(met)
-        instead[cause] = record.instead(cause)
-        failed = next((result for result in met if not result.passed), None)
+        results = sorted(record.results_of(cause), key=lambda result: ORDER[result.gate])
+        gates[cause] = until_failed(results)
+        replacements[cause] = record.replacements_of(cause)
+        failed = next((result for result in results if not result.passed), None)
         if cause in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
             continue
         if cause in near:
             # The search decided with another set of effects: its gates are applied once more beside the final set.
-            again, others = _results_beside(search, shown.beside, near[cause])
-            if not again[-1].passed or failed is None:
-                gates[cause], instead[cause] = again, others
+            results_beside, others = _results_beside(search, shown.beside, near[cause])
+            if not results_beside[-1].passed or failed is None:
+                gates[cause], replacements[cause] = results_beside, others
     terms = {cause: near[cause].term for cause in gates if cause in near}
     terms |= {term.effect_joint: term for term in shown.beside if term.effect_joint in gates}
     terms |= {term.effect_joint: term for term in shown.named}
-    figures = _figures(shown, judge, terms, instead)
+    figures = _figures(shown, judge, terms, replacements)
     entries = [
         Claim(
             (EffectAt(*cause),),
             gates[cause],
-            _outcome(cause, named, minor, instead[cause]),
-            tuple(EffectAt(*other) for other in instead[cause]),
+            _outcome(cause, named, minor, replacements[cause]),
+            tuple(EffectAt(*other) for other in replacements[cause]),
             figures.get(cause, {}),
         )
         for cause in gates
@@ -102,11 +102,11 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Effec
 
 
 def _outcome(
-    cause: EffectJoint, named: set[EffectJoint], minor: frozenset[EffectJoint], instead: tuple[EffectJoint, ...]
+    cause: EffectJoint, named: set[EffectJoint], minor: frozenset[EffectJoint], replacements: tuple[EffectJoint, ...]
 ) -> Outcome:
     if cause in named:
         return "minor" if cause in minor else "claimed"
-    return "displaced" if instead else "not_claimed"
+    return "displaced" if replacements else "not_claimed"
 
 
 def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _BestGains]:
@@ -159,7 +159,7 @@ def _results_beside(
 
 
 def _figures(
-    shown: Shown, judge: Judge, terms: dict[EffectJoint, Term], instead: dict[EffectJoint, tuple[EffectJoint, ...]]
+    shown: Shown, judge: Judge, terms: dict[EffectJoint, Term], replacements: dict[EffectJoint, tuple[EffectJoint, ...]]
 ) -> dict[EffectJoint, dict[str, float]]:
     """For each effect ``closes``, the share of the gap that it closes alone, and ``floors_more``.
 
@@ -176,7 +176,7 @@ def _figures(
     for cause, term in measured.items():
         alone = float(left(frozenset([term])).loss(judge.floor, once)[0])
         out[cause] = {"closes": (base - alone) / gap}
-        others = frozenset(one for one in shown.named if one.effect_joint in instead.get(cause, ()))
+        others = frozenset(one for one in shown.named if one.effect_joint in replacements.get(cause, ()))
         if others:
             swapped = left(with_term(shown.named - others, term))
             out[cause]["floors_more"] = float(np.max((swapped.rms() - after.rms()) / judge.floor))

@@ -33,16 +33,18 @@ from phantom_dyn.signals.spectra import power_density
 _SEGMENT = 256
 
 
-def motion_results(loud: Search, there: Mapping[Term, Term], chosen: frozenset[Term]) -> dict[Term, GateResult]:
+def motion_results(loud: Search, loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> dict[Term, GateResult]:
     """Results of the gate of motion for those effects that depend on the motion, see `loud_search`.
 
     Args:
         loud: A search at frequencies where the torque of the motion is far above the noise.
-        there: The term of each effect in that search.
+        loud_terms: The term of each effect in that search.
         chosen: The set of effects.
     """
     motion = [term for term in ordered(chosen) if accelerates(term)]
-    return {term: _in_motion(loud, _of(there, chosen), _of(there, chosen - {term})) for term in motion}
+    return {
+        term: _in_motion(loud, _loud_set(loud_terms, chosen), _loud_set(loud_terms, chosen - {term})) for term in motion
+    }
 
 
 def accelerates(term: Term) -> bool:
@@ -70,9 +72,9 @@ def foreseen_noise(
     if not above:
         return out
     with_motion = {row: kept | _going_with_motion(search, joints[row]) for row in above}
-    loud, there = loud_search(search, kept, frozenset().union(*with_motion.values()), noise)
+    loud, loud_terms = loud_search(search, kept, frozenset().union(*with_motion.values()), noise)
     for row, every in with_motion.items():
-        if not _in_motion(loud, _of(there, every), _of(there, kept)).passed:
+        if not _in_motion(loud, _loud_set(loud_terms, every), _loud_set(loud_terms, kept)).passed:
             squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, every)]
             out[row] = max(squares[0] - squares[1], 0.0)
     return np.minimum(out, most_foreseen(judge))
@@ -95,9 +97,9 @@ def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
     return frozenset(alike.values())
 
 
-def _of(there: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
+def _loud_set(loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
     """Terms of the same effects in the search with fewer columns."""
-    return frozenset(there[term] for term in chosen)
+    return frozenset(loud_terms[term] for term in chosen)
 
 
 def noise_may_make(term: Term) -> bool:
@@ -147,10 +149,10 @@ def loud_search(
             for row in range(len(columns.rows))
         ]
     )
-    few, there = columns_for(columns, tested)
+    few, loud_terms = columns_for(columns, tested)
     loud = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
     # Weights and band differ from those of the other search.
-    return replace(loud, rows=row_gaps(loud.problem, loud.evaluate(frozenset()))), there
+    return replace(loud, rows=row_gaps(loud.problem, loud.evaluate(frozenset()))), loud_terms
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:

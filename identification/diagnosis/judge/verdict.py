@@ -139,8 +139,8 @@ def unexplained(
         row = int(np.argmax(gains.sum(axis=0)))
         joint = judge.problem.session.robot.joint_names[row]
         _, regime = regime_shares(judge.problem, predicted, row)
-        here = [term.effect.regime for term in ordered(nameless) if term.joint == joint]
-        regime = here[0] if here else regime
+        regimes = [term.effect.regime for term in ordered(nameless) if term.joint == joint]
+        regime = regimes[0] if regimes else regime
     return Unexplained(fraction, structured, joint, regime)
 
 

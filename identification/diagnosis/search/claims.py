@@ -132,7 +132,7 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             if rows.isdisjoint(touched):
                 results = gate_results(search, chosen, chosen - {term})
                 if not results[-1].passed:
-                    search.record.lost([term], *results)
+                    search.record.add_failed([term], *results)
                     chosen, touched = chosen - {term}, touched | rows
             if not touched or not search.many_joints:
                 break

@@ -18,47 +18,47 @@ class Record:
     """
 
     def __init__(self) -> None:
-        self._met: dict[EffectJoint, dict[str, GateResult]] = {}
-        self._instead: dict[EffectJoint, tuple[EffectJoint, ...]] = {}
+        self._results: dict[EffectJoint, dict[str, GateResult]] = {}
+        self._replacements: dict[EffectJoint, tuple[EffectJoint, ...]] = {}
 
-    def kept(self, terms: Iterable[Term], *results: GateResult) -> None:
+    def add_passed(self, terms: Iterable[Term], *results: GateResult) -> None:
         """Record that effects have passed gates; earlier failures are cancelled."""
         for term in terms:
             if term.named:
-                before = self._met.get(term.effect_joint, {})
+                before = self._results.get(term.effect_joint, {})
                 passed = {name: result for name, result in before.items() if result.passed}
-                self._met[term.effect_joint] = passed | {result.gate: result for result in results}
-                self._instead.pop(term.effect_joint, None)
+                self._results[term.effect_joint] = passed | {result.gate: result for result in results}
+                self._replacements.pop(term.effect_joint, None)
 
-    def lost(self, terms: Iterable[Term], *results: GateResult, instead: Iterable[Term] = ()) -> None:
+    def add_failed(self, terms: Iterable[Term], *results: GateResult, replaced_by: Iterable[Term] = ()) -> None:
         """Record that effects have failed a gate, the last of some results, and what replaced them."""
-        others = tuple(dict.fromkeys(term.effect_joint for term in instead))
+        others = tuple(dict.fromkeys(term.effect_joint for term in replaced_by))
         for term in terms:
             if term.named:
-                before = self._met.get(term.effect_joint, {})
-                self._met[term.effect_joint] = before | {result.gate: result for result in results}
-                self._instead[term.effect_joint] = others
+                before = self._results.get(term.effect_joint, {})
+                self._results[term.effect_joint] = before | {result.gate: result for result in results}
+                self._replacements[term.effect_joint] = others
 
-    def forked(self) -> Record:
+    def copy_for_trial(self) -> Record:
         """A copy for a trial whose decisions may be discarded."""
         out = Record()
-        out._met = {cause: dict(results) for cause, results in self._met.items()}
-        out._instead = dict(self._instead)
+        out._results = {cause: dict(results) for cause, results in self._results.items()}
+        out._replacements = dict(self._replacements)
         return out
 
-    def take(self, other: Record) -> None:
+    def take_over(self, other: Record) -> None:
         """Take over the decisions of a trial."""
-        self._met, self._instead = other._met, other._instead
+        self._results, self._replacements = other._results, other._replacements
 
     @property
     def claimed(self) -> tuple[EffectJoint, ...]:
         """All effects and joints that were claimed at any time, in the order of their first claim."""
-        return tuple(self._met)
+        return tuple(self._results)
 
-    def met(self, cause: EffectJoint) -> tuple[GateResult, ...]:
+    def results_of(self, cause: EffectJoint) -> tuple[GateResult, ...]:
         """Last result of each gate that an effect met."""
-        return tuple(self._met.get(cause, {}).values())
+        return tuple(self._results.get(cause, {}).values())
 
-    def instead(self, cause: EffectJoint) -> tuple[EffectJoint, ...]:
+    def replacements_of(self, cause: EffectJoint) -> tuple[EffectJoint, ...]:
         """Effects that replaced an effect; empty if none did."""
-        return self._instead.get(cause, ())
+        return self._replacements.get(cause, ())

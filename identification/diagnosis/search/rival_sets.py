@@ -339,8 +339,8 @@ def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Te
                 continue
             standing = stand(search, chosen, term)
             if standing.instead is not None and standing.instead not in seen:
-                search.record.lost([term], *standing.gates, instead=standing.instead - chosen)
-                search.record.kept(standing.instead - chosen)
+                search.record.add_failed([term], *standing.gates, replaced_by=standing.instead - chosen)
+                search.record.add_passed(standing.instead - chosen)
                 chosen = standing.instead
                 seen.append(chosen)
         if chosen == before:

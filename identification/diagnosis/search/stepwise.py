@@ -54,8 +54,8 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
         if search.quick(alone) + search.price_of(alone) < search.quick(chosen) + search.price_of(chosen):
             stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
             if not stays.passed:
-                search.record.lost(chosen, stays, instead=[whole])
-                search.record.kept([whole])
+                search.record.add_failed(chosen, stays, replaced_by=[whole])
+                search.record.add_passed([whole])
                 chosen = alone
     if whole is not None and gains:
         chosen = _improved_without(search, gains, chosen, progress)
@@ -103,12 +103,12 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
     for term in [*first.values()][:_FEW_JUDGED]:
         if term in chosen:
             continue
-        trial = replace(search, record=search.record.forked())
+        trial = replace(search, record=search.record.copy_for_trial())
         tried = dropped(trial, forward(trial, search.alone[term], progress))
         stays = explains_more_than_others(search.score(tried) - search.score(best), -exchange.ROUNDING)
         if not stays.passed:
-            search.record.take(trial.record)
-            search.record.lost(best - tried, stays, instead=tried - best)
+            search.record.take_over(trial.record)
+            search.record.add_failed(best - tried, stays, replaced_by=tried - best)
             best = tried
     return best
 
@@ -183,8 +183,8 @@ def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Ter
     """The set with a claimed effect, without those that it replaces; both are recorded."""
     together = with_term(chosen, term)
     margin = search.score(chosen) - search.score(together)
-    search.record.lost(chosen - together, explains_more_than_others(-margin), instead=[term])
-    search.record.kept([term], *gate_results(search, together, chosen), explains_more_than_others(margin))
+    search.record.add_failed(chosen - together, explains_more_than_others(-margin), replaced_by=[term])
+    search.record.add_passed([term], *gate_results(search, together, chosen), explains_more_than_others(margin))
     return together
 
 
@@ -199,19 +199,19 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
         if search.sizes[term] <= len(search.problem.columns.rows):
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
-        without = replace(search, terms=others, record=search.record.forked())
+        without = replace(search, terms=others, record=search.record.copy_for_trial())
         tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
         margin = search.score(tried) - search.score(chosen)
         # Many sets were tried, so that a small margin is chance.
         stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
         if not stays.passed:
-            search.record.take(without.record)
-            search.record.lost([term], stays, instead=tried - chosen)
+            search.record.take_over(without.record)
+            search.record.add_failed([term], stays, replaced_by=tried - chosen)
             chosen = tried
         else:
             # Effects of the trial fail the gate of exchanges: they explain no more than the law.
             explains = explains_more_than_others(-margin, above_chance.PARAMETER_PRICE)
-            search.record.lost(tried - chosen, explains, instead=[term])
+            search.record.add_failed(tried - chosen, explains, replaced_by=[term])
     return chosen
 
 
@@ -245,7 +245,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
         if not better:
             return chosen
         before, chosen = chosen, min(better, key=search.score)
-        search.record.lost(before - chosen, better[chosen], instead=chosen - before)
+        search.record.add_failed(before - chosen, better[chosen], replaced_by=chosen - before)
     return chosen
 
 

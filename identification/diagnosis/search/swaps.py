@@ -67,8 +67,8 @@ def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -
 
 def _record_swap(search: Search, before: frozenset[Term], after: frozenset[Term]) -> None:
     """Record the effects that a swap has removed and those that replaced them."""
-    search.record.lost(before - after, _exchange(search, after, before), instead=after - before)
-    search.record.kept(after - before, _exchange(search, before, after))
+    search.record.add_failed(before - after, _exchange(search, after, before), replaced_by=after - before)
+    search.record.add_passed(after - before, _exchange(search, before, after))
 
 
 def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
@@ -107,8 +107,8 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         best = min(simpler, key=lambda other: (search.score(other), _key(other)), default=chosen)
         worth = worth_its_numbers(search.score(best) - search.score(chosen), accuracy)
         if not worth.passed:
-            search.record.lost(chosen - best, worth, instead=best - chosen)
-            search.record.kept(best - chosen)
+            search.record.add_failed(chosen - best, worth, replaced_by=best - chosen)
+            search.record.add_passed(best - chosen)
             chosen = best
     return _with_one_number(search, chosen)
 
@@ -124,8 +124,8 @@ def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]
         allowed = fair_part.ACCURACY * sum(explained(search, chosen, one) for one in own)
         worth = worth_its_numbers(search.score(other) - search.score(chosen), allowed)
         if not worth.passed:
-            search.record.lost(chosen - other, worth, instead=[term])
-            search.record.kept([term])
+            search.record.add_failed(chosen - other, worth, replaced_by=[term])
+            search.record.add_passed([term])
             chosen = other
     return chosen
 

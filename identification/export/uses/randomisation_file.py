@@ -117,13 +117,13 @@ def mjcf_ranges(
         # The upper end comes last, and its changes show below whether there is a number for this effect.
         for size in unseen_sizes(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
-            there = None if effect is None else _written(corrected, (effect,))
-            changes = _changes(there, base)
+            changed = None if effect is None else _written(corrected, (effect,))
+            changes = _changes(changed, base)
             for at, change in changes.items():
                 low[at] = min(low.get(at, 0.0), change)
                 high[at] = max(high.get(at, 0.0), change)
-                if there is not None:
-                    needs.setdefault(at, {}).update(_needs(at, there.root, base.root))
+                if changed is not None:
+                    needs.setdefault(at, {}).update(_needs(at, changed.root, base.root))
         if not changes:
             without.append(bound)
     out = []
@@ -157,25 +157,25 @@ class _File:
         return cls(root, _numbers(root, ""), sum(1 for _ in root.iter()))
 
 
-def _changes(there: _File | None, base: _File) -> dict[Field, float]:
+def _changes(changed: _File | None, base: _File) -> dict[Field, float]:
     """Changes of the numbers of a file from those of another; none if the robot cannot be written or elements differ.
 
     An added element has no range: a joint for a play or a spring, for example, is either in the file or not.
     """
-    if there is None or there.elements != base.elements:
+    if changed is None or changed.elements != base.elements:
         return {}
     out = {}
-    for at in dict.fromkeys((*base.numbers, *there.numbers)):
+    for at in dict.fromkeys((*base.numbers, *changed.numbers)):
         usual = _DEFAULT.get((at[0], at[2]), 0.0)
-        change = there.numbers.get(at, usual) - base.numbers.get(at, usual)
+        change = changed.numbers.get(at, usual) - base.numbers.get(at, usual)
         if change:
             out[at] = change
     return out
 
 
-def _needs(at: Field, there: ElementTree.Element, root: ElementTree.Element) -> dict[str, str]:
+def _needs(at: Field, changed: ElementTree.Element, root: ElementTree.Element) -> dict[str, str]:
     """Attributes that a number needs, as ``biasprm`` needs ``biastype`` and a delay needs ``nsample``."""
-    one, other = (_element(tree, at) for tree in (there, root))
+    one, other = (_element(tree, at) for tree in (changed, root))
     if one is None or other is None or at[2] in other.attrib:
         return {}
     words = {key: text for key, text in one.attrib.items() if other.get(key) != text and key != at[2]}

@@ -176,10 +176,10 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     changes = np.flatnonzero(np.diff(np.signbit(np.imag(gains))))
     where = _roots(loop, grid[changes], grid[changes + 1])
     ends = np.append(where, math.pi / period)
-    there = loop.gain_on_axis(ends)
+    at_ends = loop.gain_on_axis(ends)
     # Where the filter passes nothing, the gain changes sign through infinity, which is no crossing.
-    near = np.append(np.abs(there[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
-    found = zip(np.real(there)[near], ends[near], strict=True)
+    near = np.append(np.abs(at_ends[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
+    found = zip(np.real(at_ends)[near], ends[near], strict=True)
     crossing = np.array(sorted(pair for pair in found if np.isfinite(pair[0]) and pair[0] > 0)).reshape(-1, 2)
     between = _between(crossing[:, 0])
     stable = np.array([loop.is_stable(gain) for gain in between])

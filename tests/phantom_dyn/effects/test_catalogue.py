@@ -214,7 +214,7 @@ def test_columns_move_with_the_inertias_of_the_model_where_the_effect_says_so(ar
 
 
 def test_columns_move_with_the_findings_only_where_the_effect_says_so(arm, smooth):
-    moved = moves_with(arm, smooth, smooth.again(1.4 * smooth.expected), ())
+    moved = moves_with(arm, smooth, smooth.after_fit(1.4 * smooth.expected), ())
     assert [name for name, moves in moved.items() if moves > effect_named(name).follows_torque] == []
 
 

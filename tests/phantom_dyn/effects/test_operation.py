@@ -33,12 +33,12 @@ def test_transmissions_pass_what_the_links_take(planar, moving):
 def test_the_residual_is_that_of_the_model_until_a_fit_leaves_another(planar, moving):
     recorded = Operation.of(planar, moving, moving.tau + 3.0)
     np.testing.assert_allclose(recorded.residual, 3.0)
-    np.testing.assert_array_equal(recorded.again(recorded.tau, 0.1 * recorded.q).residual, 0.1 * recorded.q)
+    np.testing.assert_array_equal(recorded.after_fit(recorded.tau, 0.1 * recorded.q).residual, 0.1 * recorded.q)
 
 
 def test_another_fit_keeps_what_is_known_of_the_motion(moving):
     known = moving.transmitted, moving.inertia, moving.own_friction
-    again = moving.again(2.0 * moving.expected)
+    again = moving.after_fit(2.0 * moving.expected)
     assert all(
         one is other for one, other in zip((again.transmitted, again.inertia, again.own_friction), known, strict=True)
     )
@@ -74,9 +74,9 @@ def test_the_time_step_of_two_samples_is_what_lies_between_them(planar, moving):
     assert two.dt == pytest.approx(0.05)
 
 
-def test_what_effects_keep_in_a_copy_for_a_while_is_not_kept_in_the_operation(moving):
+def test_what_effects_keep_in_a_copy_short_lived_copy_is_not_kept_in_the_operation(moving):
     moving.kept["before", 0] = moving.tau
-    short = moving.for_a_while()
+    short = moving.short_lived_copy()
     short.kept["after", 0] = moving.tau
     assert short.kept["before", 0] is moving.kept["before", 0]
     assert ("after", 0) not in moving.kept
@@ -84,6 +84,6 @@ def test_what_effects_keep_in_a_copy_for_a_while_is_not_kept_in_the_operation(mo
 
 def test_the_rate_of_the_expected_torque_is_that_of_the_last_fit(moving):
     # Oracle: a torque that rises evenly.
-    rising = moving.again(np.outer(moving.t, np.arange(1.0, moving.tau.shape[1] + 1)))
+    rising = moving.after_fit(np.outer(moving.t, np.arange(1.0, moving.tau.shape[1] + 1)))
     assert moving.expected_rate is not rising.expected_rate
     np.testing.assert_allclose(rising.expected_rate, np.arange(1.0, moving.tau.shape[1] + 1) * np.ones_like(moving.tau))

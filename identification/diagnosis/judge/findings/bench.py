@@ -67,7 +67,7 @@ class State:
         barred: Effects and joints that may not be rivals.
         nothing: Effects whose size does not differ from zero.
         searched_again: Whether effects were searched for in the place of these.
-        outdone: Effects and joints that a rival replaced; they do not come back while it is there.
+        displaced: Effects and joints that a rival replaced; they do not come back while it is there.
         compared: Effects and joints that did not close the gap for sure, so that a rival was looked for.
         exchanged: Pairs of replaced effects and the rivals that replaced them.
         looked_at: Sets whose rivals were compared.
@@ -79,7 +79,7 @@ class State:
     barred: frozenset[EffectJoint] = NONE_BARRED
     nothing: frozenset[Term] = frozenset()
     searched_again: bool = False
-    outdone: frozenset[EffectJoint] = frozenset()
+    displaced: frozenset[EffectJoint] = frozenset()
     compared: frozenset[EffectJoint] = frozenset()
     exchanged: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
     looked_at: tuple[Shown, ...] = ()
@@ -134,7 +134,7 @@ class Bench:
         return self.search.record
 
     @cached_property
-    def again(self) -> tuple[Search, ...]:
+    def other_conditions(self) -> tuple[Search, ...]:
         """The search under conditions that should not change the answer: another band, and other tolerances."""
         return self.plain, with_wide_tolerances(self.search)
 

@@ -143,7 +143,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
         )
         more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
         large = large_enough(finding.gap_closed, float(np.max(more / floor)))
-        plain.record.kept([term], large)
+        plain.record.add_passed([term], large)
         if others != chosen - {term}:
             torque = held_out_torque(problem, others, plain.evaluate(others))
         out.append(FindingWithout(finding, torque, minor=not large.passed))

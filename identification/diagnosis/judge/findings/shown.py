@@ -86,12 +86,12 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
             found = with_term(found, term) if possible(found, term) else found
         causes = frozenset(term.effect_joint for term in rivals & fallen)
         for term in ordered(rivals & fallen) if rivals - fallen else ():
-            bench.record.lost(rivals - fallen, *bench.record.met(term.effect_joint)[-1:], instead=gone)
-        outdone = after.outdone - {term.effect_joint for term in gone}
+            bench.record.add_failed(rivals - fallen, *bench.record.results_of(term.effect_joint)[-1:], replaced_by=gone)
+        displaced = after.displaced - {term.effect_joint for term in gone}
         return replace(
             after.with_others(found),
             barred=after.barred if single else after.barred | causes,
-            outdone=outdone | causes if single else outdone,
+            displaced=displaced | causes if single else displaced,
             exchanged=tuple(pair for pair in after.exchanged if pair[1] != rivals),
         )
     return after
@@ -112,12 +112,12 @@ def _take_away(bench: Bench, state: State, results: dict[Term, GateResult], with
     """The state without the effect that fails a gate worst; the same state if all pass. Results are recorded."""
     for term, result in results.items():
         if result.passed:
-            bench.record.kept([term], result)
+            bench.record.add_passed([term], result)
     worst = fails_worst(results)
     if worst is None:
         return state
-    after, instead = without(state, worst)
-    bench.record.lost([worst], results[worst], instead=instead)
+    after, replacements = without(state, worst)
+    bench.record.add_failed([worst], results[worst], replaced_by=replacements)
     return after
 
 
@@ -129,8 +129,8 @@ def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
 def _motion(bench: Bench, state: State) -> State:
     if not any(accelerates(term) for term in state.shown):
         return state
-    loud, there = bench.loud(state.found | state.shown)
-    return _take_away(bench, state, motion_results(loud, there, state.shown), _hide)
+    loud, loud_terms = bench.loud(state.found | state.shown)
+    return _take_away(bench, state, motion_results(loud, loud_terms, state.shown), _hide)
 
 
 def _sure(bench: Bench, state: State) -> State:
@@ -155,18 +155,18 @@ def _sure(bench: Bench, state: State) -> State:
         if instead is None:
             return _hide(state, term)
         rivals = instead - state.found
-        shown, outdone = (state.shown & instead) | rivals, state.outdone | {term.effect_joint}
-        return replace(state, found=instead, shown=shown, outdone=outdone), rivals
+        shown, displaced = (state.shown & instead) | rivals, state.displaced | {term.effect_joint}
+        return replace(state, found=instead, shown=shown, displaced=displaced), rivals
 
     return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, without)
 
 
 def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term] | None:
     """The set with the most probable rival of an effect that closes the gap for sure; None if there is none."""
-    standing = stand(bench.search, state.found, term, state.barred, bench.again)
+    standing = stand(bench.search, state.found, term, state.barred, bench.other_conditions)
     for found, _ in sorted(standing.elsewhere, key=lambda one: -one[1]):
         rivals = found - state.found
-        if not state.outdone.isdisjoint(one.effect_joint for one in rivals):
+        if not state.displaced.isdisjoint(one.effect_joint for one in rivals):
             continue
         sound = bench.residuals.judge_of(found).sound
         least = least_closed(bench.left(found), found, sound)
@@ -230,10 +230,10 @@ def _simpler(bench: Bench, state: State) -> State:
             and simplest_effects(robot, term, white) == (term.effect_joint,)
         )
         if not results[term].passed and differs:
-            elsewhere = nearest_case_of(robot, term, white, case[1])
+            nearest = nearest_case_of(robot, term, white, case[1])
             # None where the simpler law has another shape: this fit has held it, and cannot say whether it differs.
-            if elsewhere is not None:
-                results[term] = differs_from_simpler(elsewhere[0])
+            if nearest is not None:
+                results[term] = differs_from_simpler(nearest[0])
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         case = cases[term]
@@ -241,9 +241,9 @@ def _simpler(bench: Bench, state: State) -> State:
         shown = state.shown - {term}
         if not case[1]:
             return replace(state, shown=shown, nothing=state.nothing | {term}), ()
-        instead = [one for one in bench.plain.terms if one.effect.name in case[1] and one.joint == term.joint]
-        found = replaced(state.found, term, frozenset(instead))
-        for one in instead:
+        simpler = [one for one in bench.plain.terms if one.effect.name in case[1] and one.joint == term.joint]
+        found = replaced(state.found, term, frozenset(simpler))
+        for one in simpler:
             shown = with_term(shown, one) if possible(shown, one) else shown
         return replace(state, found=found, shown=shown, barred=state.barred | {term.effect_joint}), shown - state.shown
 
@@ -291,56 +291,62 @@ def instead_of(
 def _rivals(bench: Bench, state: State) -> State:
     """The state with findings replaced by more probable rivals, as long as that leads to new sets."""
     named = [term for term in ordered(state.shown) if term.named]
-    standings = {term: stand(bench.search, state.found, term, state.barred, bench.again) for term in named}
+    standings = {term: stand(bench.search, state.found, term, state.barred, bench.other_conditions) for term in named}
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), standings, state.found)
     looked_at = (*state.looked_at, shown)
-    ways = {term: one.instead for term, one in standings.items() if one.instead is not None}
-    found = together(state.found, list(ways.values()), set(state.outdone)) if ways else state.found
-    over = not ways or found == state.found or len(looked_at) == _MOST_LEADERS
-    if over and ways:
-        least = min(looked_at, key=lambda one: max(map(_outdone, one.standings.values()), default=0.0))
+    replacements = {term: one.instead for term, one in standings.items() if one.instead is not None}
+    found = (
+        with_replacements(state.found, list(replacements.values()), set(state.displaced))
+        if replacements
+        else state.found
+    )
+    over = not replacements or found == state.found or len(looked_at) == _MOST_LEADERS
+    if over and replacements:
+        least = min(looked_at, key=lambda one: max(map(_lead_of_rival, one.standings.values()), default=0.0))
         for term in ordered(state.shown - least.chosen):
             if term.named:
                 own, rivals = standings[term].probability, standings[term].rivals
                 ahead = max((rival.probability for rival in rivals), default=0.0)
                 result = likelier_than_rivals(own, ahead, leads=False)
-                bench.record.lost([term], result, instead=least.chosen - state.shown)
+                bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
         standings, looked_at = least.standings, (*looked_at, least)
     if over:
-        standings = {term: evened(one) for term, one in standings.items()}
+        standings = {term: with_equal_probabilities(one) for term, one in standings.items()}
     for term, standing in standings.items():
         if over or term in found:
-            bench.record.kept([term], *standing.gates)
+            bench.record.add_passed([term], *standing.gates)
         else:
-            bench.record.lost([term], *standing.gates, instead=found - state.found)
+            bench.record.add_failed([term], *standing.gates, replaced_by=found - state.found)
     if over:
         last = replace(looked_at[-1], standings=standings)
         return replace(state, shown=last.chosen, looked_at=(*looked_at, last), done=True)
-    outdone = state.outdone | {term.effect_joint for term in state.found - found}
+    displaced = state.displaced | {term.effect_joint for term in state.found - found}
     exchanged = (*state.exchanged, (state.found - found, found - state.found))
-    return replace(state.with_others(found), outdone=outdone, exchanged=exchanged, looked_at=looked_at)
+    return replace(state.with_others(found), displaced=displaced, exchanged=exchanged, looked_at=looked_at)
 
 
-def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[EffectJoint]) -> frozenset[Term]:
+def with_replacements(
+    chosen: frozenset[Term], replacements: list[frozenset[Term]], displaced: set[EffectJoint]
+) -> frozenset[Term]:
     """The set with all replacements at once that are on different joints and bring back no replaced effect.
 
     Of two replacements on one joint only the first is made; the second is compared again beside it.
     """
     out, moved = chosen, set[str | None]()
-    for way in ways:
+    for way in replacements:
         joints = {term.joint for term in chosen ^ way}
         alone = joints.isdisjoint(moved) and None not in moved and (None not in joints or not moved)
-        if alone and outdone.isdisjoint(term.effect_joint for term in way - chosen):
+        if alone and displaced.isdisjoint(term.effect_joint for term in way - chosen):
             out, moved = (out - (chosen - way)) | (way - chosen), moved | joints
     return out
 
 
-def _outdone(standing: Standing) -> float:
+def _lead_of_rival(standing: Standing) -> float:
     """Probability of the best rival less that of the finding; zero if the rival is not more probable."""
     return standing.rivals[0].probability - standing.probability if standing.instead is not None else 0.0
 
 
-def evened(standing: Standing) -> Standing:
+def with_equal_probabilities(standing: Standing) -> Standing:
     """The standing with equal probabilities of a finding and of rivals that are more probable and cannot lead.
 
     They would lead to a set that was seen before, or their sizes are not plausible.

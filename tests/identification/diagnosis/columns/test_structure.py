@@ -148,7 +148,7 @@ def test_a_drive_that_changes_is_no_other_name_for_what_was_found(planar2, lab, 
     # Built on the torque of the findings, where the model itself asks for little, a structure would be the findings.
     motion = lab.motion(2, 3)
     plain = Operation.of(planar2, motion)
-    later = plain.again(plain.tau + np.sin(7 * motion.q))
+    later = plain.after_fit(plain.tau + np.sin(7 * motion.q))
     structure = next(rival for rival in STRUCTURES if rival.name == name)
     (shape, *_) = structure.shapes(planar2, plain, "elbow")
     before, after = (structure.signature(planar2, one, "elbow", shape).columns for one in (plain, later))

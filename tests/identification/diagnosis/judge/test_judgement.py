@@ -167,7 +167,7 @@ def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatc
     search = quiet.search
     shown, _ = judgement._shown_above_noise(SimpleNamespace(search=search, chosen=frozenset([offset])), search, ())
     assert shown.chosen == frozenset()
-    (result,) = search.record.met(offset.effect_joint)
+    (result,) = search.record.results_of(offset.effect_joint)
     assert (result.gate, result.value, result.needed, result.passed) == ("torque is there", 0.9, 1.0, False)
 
 

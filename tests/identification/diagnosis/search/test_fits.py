@@ -239,33 +239,33 @@ LASTING = GateResult("lasting", 5.0, 2.0, "1", True)
 
 def test_the_last_result_of_a_gate_counts(quiet):
     record, term = Record(), quiet.term("coulomb_friction", "elbow")
-    record.kept([term], HIGH, LASTING)
-    record.lost([term], LOW)
-    assert record.met(term.effect_joint) == (LOW, LASTING)
+    record.add_passed([term], HIGH, LASTING)
+    record.add_failed([term], LOW)
+    assert record.results_of(term.effect_joint) == (LOW, LASTING)
 
 
 def test_what_comes_back_has_failed_nothing_and_nothing_is_in_its_place(quiet):
     record = Record()
     term, other = quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")
-    record.lost([term], LOW, instead=[other])
-    assert record.instead(term.effect_joint) == (other.effect_joint,)
-    record.kept([term], LASTING)
-    assert record.met(term.effect_joint) == (LASTING,)
-    assert record.instead(term.effect_joint) == ()
+    record.add_failed([term], LOW, replaced_by=[other])
+    assert record.replacements_of(term.effect_joint) == (other.effect_joint,)
+    record.add_passed([term], LASTING)
+    assert record.results_of(term.effect_joint) == (LASTING,)
+    assert record.replacements_of(term.effect_joint) == ()
 
 
 def test_a_trial_changes_nothing_before_it_is_taken(quiet):
     record, term = Record(), quiet.term("coulomb_friction", "elbow")
-    trial = record.forked()
-    trial.kept([term], HIGH)
+    trial = record.copy_for_trial()
+    trial.add_passed([term], HIGH)
     assert record.claimed == ()
-    record.take(trial)
+    record.take_over(trial)
     assert record.claimed == (term.effect_joint,)
 
 
 def test_a_structure_without_a_name_is_no_claim(quiet):
     record, nameless = Record(), next(term for term in quiet.search.terms if not term.named)
-    record.kept([nameless], HIGH)
+    record.add_passed([nameless], HIGH)
     assert record.claimed == ()
 
 

@@ -114,7 +114,7 @@ def test_a_wave_that_lies_above_the_judged_band_most_of_the_time_is_tried(arm, w
     order = float(np.ceil(1.3 * 2 * np.pi * 2.0 / np.percentile(np.abs(wide.v[:, 1]), 25)))
     left = np.zeros_like(wide.q)
     left[:, 1] = 0.2 * np.sin(order * wide.q[:, 1])
-    operation = replace(wide, band_hz=2.0).again(wide.expected, left)
+    operation = replace(wide, band_hz=2.0).after_fit(wide.expected, left)
     assert comes_back(operation, 1, order)
     assert EFFECT.shapes(arm, operation, "tilt")[0] == (order,)
 

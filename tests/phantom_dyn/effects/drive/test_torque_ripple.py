@@ -84,7 +84,7 @@ def test_noise_alone_offers_no_order(arm, wide, rng):
 def test_an_order_that_another_finding_has_taken_is_offered_all_the_same(arm, wide):
     # Known truth: a fit with waves has left nothing; what they made is in the torque that is expected.
     operation = recorded(wide, planted(wide, 17.0, 0.05, 1.0))
-    taken = operation.again(operation.logged, np.zeros_like(operation.tau))
+    taken = operation.after_fit(operation.logged, np.zeros_like(operation.tau))
     assert EFFECT.shapes(arm, taken, "tilt")[0] == (17.0,)
 
 

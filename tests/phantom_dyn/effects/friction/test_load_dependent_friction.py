@@ -32,7 +32,7 @@ def test_the_torque_follows_the_contract(arm, geared, smooth):
 def test_a_load_that_was_found_is_carried_too(arm, geared, smooth):
     # Closed form: twice the load rubs twice as much.
     operation = Operation.of(geared, smooth)
-    found = operation.again(operation.tau, found_load=operation.transmitted)
+    found = operation.after_fit(operation.tau, found_load=operation.transmitted)
     one, two = (EFFECT.signature(geared, o, "tilt", ()).columns for o in (operation, found))
     np.testing.assert_allclose(two, 2.0 * one, atol=1e-12)
 

@@ -78,7 +78,7 @@ def test_what_is_no_friction_over_position_does_not_ask_for_it(arm, wide, rng, b
 def test_what_another_finding_has_taken_is_asked_for_all_the_same(arm, wide):
     # Known truth: a fit with other friction has left nothing; what it made is in the torque that is expected.
     operation = recorded(wide, bump(wide))
-    assert EFFECT.shapes(arm, operation.again(operation.logged, np.zeros_like(operation.tau)), "tilt")
+    assert EFFECT.shapes(arm, operation.after_fit(operation.logged, np.zeros_like(operation.tau)), "tilt")
 
 
 def test_a_joint_at_rest_or_in_one_direction_cannot_show_it(arm, wide):

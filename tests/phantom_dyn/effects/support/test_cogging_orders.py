@@ -31,7 +31,7 @@ def turning(arm, q: np.ndarray, v: np.ndarray, dt: float, residual: np.ndarray |
     operation = Operation.of(arm, Motion(dt * np.arange(len(q)), *states))
     left = np.zeros_like(operation.q)
     left[:, 1] = 0.0 if residual is None else residual
-    return operation.again(operation.expected, left)
+    return operation.after_fit(operation.expected, left)
 
 
 def test_orders_begin_with_one_period_over_99_per_cent_of_the_positions(arm):

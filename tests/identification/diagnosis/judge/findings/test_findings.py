@@ -22,10 +22,10 @@ from identification.diagnosis.judge.findings.bench import Bench, Residuals, Show
 from identification.diagnosis.judge.findings.findings import one_sided
 from identification.diagnosis.judge.findings.shown import (
     _without_exchanges,
-    evened,
     instead_of,
     shown_effects,
-    together,
+    with_equal_probabilities,
+    with_replacements,
 )
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.result import EffectAt, Rival
@@ -68,7 +68,7 @@ def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_sure):
     shown = shown_effects(bench, State.of(frozenset([friction, offset])))
     assert shown.chosen == {friction}
     assert [slices.term for slices in shown.joint_fit.term_slices] == [friction]
-    results = {result.gate: result for result in bench.record.met(offset.effect_joint)}
+    results = {result.gate: result for result in bench.record.results_of(offset.effect_joint)}
     assert not results["differs from simpler"].passed
 
 
@@ -88,7 +88,7 @@ def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
 
 
 def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing, monkeypatch):
-    # By hand: each of the first sets has the next term lead in its place; the rival of the third is outdone least.
+    # By hand: each of the first sets has the next term lead in its place; the rival of the third is ahead by least.
     terms = tuple({term.effect_joint: term for term in rubbing.search.terms if term.named}.values())
     asked: list[Term] = []
 
@@ -108,7 +108,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
     assert shown.chosen == {terms[2]}
     assert shown.standings[terms[2]].probability == pytest.approx(0.35)
     # What was looked at last had to give way to it.
-    assert bench.record.instead(terms[7].effect_joint) == (terms[2].effect_joint,)
+    assert bench.record.replacements_of(terms[7].effect_joint) == (terms[2].effect_joint,)
 
 
 @pytest.mark.parametrize(("of_rival", "in_its_place"), [(0.5, True), (-0.5, False)])
@@ -124,7 +124,7 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
     bench = bench_of(rubbing)
     after = shown_module._sure(bench, State.of(frozenset([viscous])))
     assert after.shown == (elsewhere[0][0] if in_its_place else frozenset())
-    assert bench.record.instead(viscous.effect_joint) == ((coulomb.effect_joint,) if in_its_place else ())
+    assert bench.record.replacements_of(viscous.effect_joint) == ((coulomb.effect_joint,) if in_its_place else ())
 
 
 def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbing, monkeypatch):
@@ -152,7 +152,7 @@ def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):
     stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
     bench = bench_of(rubbing)
     assert shown_effects(bench, State.of(frozenset([stribeck]))).chosen == {coulomb}
-    assert bench.record.instead(stribeck.effect_joint) == (coulomb.effect_joint,)
+    assert bench.record.replacements_of(stribeck.effect_joint) == (coulomb.effect_joint,)
 
 
 def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):
@@ -185,19 +185,19 @@ def test_an_effect_that_is_the_whole_gap_closes_all_of_it_however_small_the_gap(
 def test_a_finding_and_the_rivals_that_outdo_it_share_what_they_have(own, rivals, even):
     # By hand: those above the mean of all before them join it.
     named = tuple(Rival((EffectAt(f"law_{k}", "j1"),), share) for k, share in enumerate(rivals))
-    out = evened(Standing(own, named, frozenset()))
+    out = with_equal_probabilities(Standing(own, named, frozenset()))
     shown = (out.probability, *(rival.probability for rival in out.rivals))
     assert shown == pytest.approx(even)
 
 
 def test_a_finding_that_leads_keeps_its_share():
     rival = Rival((EffectAt("viscous_friction", "j1"),), 0.4)
-    assert evened(Standing(0.6, (rival,))) == Standing(0.6, (rival,))
+    assert with_equal_probabilities(Standing(0.6, (rival,))) == Standing(0.6, (rival,))
 
 
 def test_a_rival_that_cannot_lead_is_no_more_probable_than_the_finding():
     # By hand: no set is given that has the rival in the place of the finding.
-    out = evened(Standing(0.2, (Rival((EffectAt("actuator_lag", "j1"),), 0.6),)))
+    out = with_equal_probabilities(Standing(0.2, (Rival((EffectAt("actuator_lag", "j1"),), 0.6),)))
     assert (out.probability, out.rivals[0].probability) == pytest.approx((0.4, 0.4))
 
 
@@ -214,7 +214,7 @@ class Named:
 
 
 @pytest.mark.parametrize(
-    ("ways", "outdone", "expected"),
+    ("replacements", "displaced", "expected"),
     [
         # By hand: one change on each joint at once; the second on a joint waits, one of the whole robot stands alone.
         ([("coulomb", "viscous", "elbow"), ("offset", "spring", "shoulder")], (), {"viscous", "spring"}),
@@ -224,11 +224,13 @@ class Named:
         ([("coulomb", "viscous", "elbow")], (("viscous", "elbow"),), {"coulomb", "offset"}),
     ],
 )
-def test_rivals_on_different_joints_take_their_places_at_once(ways, outdone, expected):
-    gone = {old: joint or "elbow" for old, _, joint in ways}
+def test_rivals_on_different_joints_take_their_places_at_once(replacements, displaced, expected):
+    gone = {old: joint or "elbow" for old, _, joint in replacements}
     chosen = frozenset(Named(name, gone.get(name, "elbow")) for name in ("coulomb", "offset"))
-    sets = [frozenset(one for one in chosen if one.name != old) | {Named(new, joint)} for old, new, joint in ways]
-    assert {one.name for one in together(chosen, sets, set(outdone))} == expected
+    sets = [
+        frozenset(one for one in chosen if one.name != old) | {Named(new, joint)} for old, new, joint in replacements
+    ]
+    assert {one.name for one in with_replacements(chosen, sets, set(displaced))} == expected
 
 
 @pytest.fixture
@@ -244,8 +246,8 @@ def exchanged(place, quiet):
     """Viscous friction gave way to a coupling and a spring together."""
     gone = frozenset([place("viscous_friction", "elbow")])
     rivals = frozenset([place("joint_coupling", "shoulder+elbow"), place("parasitic_spring", "elbow")])
-    state = State(rivals, rivals, outdone=frozenset(term.effect_joint for term in gone), exchanged=((gone, rivals),))
-    return SimpleNamespace(record=quiet.search.record.forked()), state, gone, rivals
+    state = State(rivals, rivals, displaced=frozenset(term.effect_joint for term in gone), exchanged=((gone, rivals),))
+    return SimpleNamespace(record=quiet.search.record.copy_for_trial()), state, gone, rivals
 
 
 def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
@@ -254,7 +256,7 @@ def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
     after = _without_exchanges(bench, before, replace(before, shown=rivals - {fallen}))
     assert (after.found, after.shown) == (gone, gone)
     assert after.barred == {fallen.effect_joint}
-    assert after.outdone == frozenset()
+    assert after.displaced == frozenset()
 
 
 def test_it_stays_away_while_all_of_them_are_there(exchanged):
@@ -285,7 +287,7 @@ def test_it_is_back_beside_the_only_rival_that_falls_if_no_other_is_likelier(exc
     assert after.shown == (gone if back else frozenset())
     assert after.barred == frozenset()
     # It may not take the place of what is back once more.
-    assert ({term.effect_joint for term in rival} <= after.outdone) is back
+    assert ({term.effect_joint for term in rival} <= after.displaced) is back
 
 
 def shown_on(lab, robot, torque_of) -> Shown:
