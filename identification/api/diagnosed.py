@@ -25,7 +25,7 @@ def diagnosis_of_recordings(
     *,
     motion_only: bool,
 ) -> Diagnosis:
-    """The diagnosis by recorded torques; without torques, by those of the controllers or by positions at rest.
+    """The diagnosis from recorded torques; without them from torques of the controllers, or from positions at rest.
 
     Args:
         robot: The model.
@@ -84,7 +84,7 @@ def diagnosis_of_changes(
 
 
 def paths_of(given: object, name: str) -> tuple[str | Path, ...]:
-    """Paths in an argument that takes nothing else.
+    """The paths in an argument; anything else is refused.
 
     Args:
         given: Value of the argument.

@@ -25,7 +25,7 @@ _NAME_WIDTH, _SHOWN = 32, 3
 
 
 def table(result: DiagnosedRecordings) -> str:
-    """One line a recording: log, verdict, causes or why there are none; then how many there are of each verdict."""
+    """One line for each recording (log, verdict, and causes or why there are none), then the count of each verdict."""
     names = [shortened(name, _NAME_WIDTH) for name in _names(result)]
     width = max(len("recording"), *map(len, names))
     verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
@@ -39,14 +39,14 @@ def table(result: DiagnosedRecordings) -> str:
 
 
 def _names(result: DiagnosedRecordings) -> list[str]:
-    """Names of the recordings, behind their folder where that is one of several."""
+    """Names of the recordings, preceded by their folder if they are in several folders."""
     logs = [Path(row.log) for row in result.rows]
     several = len({log.parent for log in logs}) > 1
     return [f"{log.parent.name}/{log.name}" if several else log.name for log in logs]
 
 
 def counts(result: DiagnosedRecordings) -> str:
-    """How many recordings have each verdict, in a line."""
+    """One line with the number of recordings of each verdict."""
     number = Counter(row.verdict for row in result.rows)
     counted = ", ".join(f"{count} {verdict}" for verdict, count in number.most_common())
     return f"{len(result.rows)} {'recording' if len(result.rows) == 1 else 'recordings'}: {counted}"
@@ -82,7 +82,9 @@ def json_text(result: DiagnosedRecordings) -> str:
 def write_tables(
     result: DiagnosedRecordings, *, out: str | Path | None = None, json_file: str | Path | None = None
 ) -> tuple[Path, ...]:
-    """Write the tables as JSON and CSV and ``fleet.html`` into a folder, and the JSON to a file; both may be None.
+    """Write the tables as JSON and CSV and ``fleet.html`` into a folder, and the JSON to a file.
+
+    Folder and file are optional.
 
     Returns:
         The files written.

@@ -16,7 +16,7 @@ from typing import Protocol, cast
 
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from identification.cli.terminal.interrupts import Interrupted, interruptible
-from identification.cli.terminal.printed import complain, forget, open_streams
+from identification.cli.terminal.printed import complain, discard_output, open_streams
 from identification.files import full_words, is_full, unreachable_words
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
@@ -87,7 +87,7 @@ def main(argv: list[str] | None = None) -> int:
         return INTERRUPTED
     except BrokenPipeError:
         # The reader of the output (head, less) has ended.
-        forget(sys.stdout)
+        discard_output(sys.stdout)
         return DONE
     except OSError as error:
         message = full_words(error) if is_full(error) else unreachable_words(error)

@@ -18,9 +18,9 @@ from phantom_dyn.model.robot import Controller, Robot
 
 @dataclass(frozen=True)
 class KnownPayload:
-    """A point mass [kg] and its centre [m], counted from the ``payload_frame`` that ``robot.yaml`` states.
+    """A point mass [kg] and its centre [m] in the ``payload_frame`` that ``robot.yaml`` states.
 
-    Where it states none, the centre counts from the joint that moves the link, as that of a finding does.
+    If ``robot.yaml`` states none, the centre is in the frame of the joint that moves the link, as in a finding.
     """
 
     mass: float
@@ -29,7 +29,7 @@ class KnownPayload:
 
 @dataclass(frozen=True)
 class Change:
-    """One recording as it differs from the others.
+    """How one recording differs from the others.
 
     Attributes:
         file: Name of the recording, for messages.
@@ -37,7 +37,7 @@ class Change:
         controllers: Position controllers by joint, where they differ from those of the robot.
         changed: Kinds of change whose size is unknown.
         exclude: Stretches of its time [s] to leave out of every fit.
-        beside: Further files of the recording, row by row.
+        beside: Further files with columns of the same rows.
     """
 
     file: str
@@ -49,13 +49,13 @@ class Change:
 
     @property
     def unknown(self) -> tuple[Kind, ...]:
-        """Changes of unknown amount in a recording."""
+        """Kinds of change whose size is unknown."""
         known = {"payload": self.payload is not None, "controller": bool(self.controllers)}
         return tuple(kind for kind in self.changed if not known.get(kind, False))
 
 
 def robot_in(robot: Robot, change: Change) -> Robot:
-    """The given robot as it was in one recording; the very same object if nothing is known of it."""
+    """The given robot as it was in one recording; the same object if it has no known change."""
     loaded = robot if change.payload is None or change.payload.mass == 0 else with_payload(robot, change.payload)
     if not change.controllers:
         return loaded
@@ -70,7 +70,7 @@ def robot_in(robot: Robot, change: Change) -> Robot:
 
 
 def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
-    """``robot`` with a point mass on the link that `phantom_dyn.model.inertia.payload_body` says."""
+    """``robot`` with a point mass on the link that `phantom_dyn.model.inertia.payload_body` chooses."""
     body = payload_body(robot)
     added = np.zeros_like(standard_parameters(robot))
     added[10 * (body - 1) : 10 * body] = point_mass_parameters(payload.mass, payload_center(robot, payload))
@@ -80,7 +80,7 @@ def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
 def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
     """Centre of the mass [m] in the frame of the joint that moves its link, as findings state it."""
     center = np.array(payload.center, dtype=float)
-    # A frame named tip only selects the link that carries the mass; its origin is not stated as the payload's origin.
+    # Without a payload frame, a frame named tip selects the link that carries the mass, but is not the centre's frame.
     if robot.payload_frame is None:
         return center
     frame = robot.model.frames[robot.model.getFrameId(robot.payload_frame)]

@@ -1,8 +1,8 @@
-"""Velocity and acceleration from positions: low-passed far above the band, or as low as coarse readings ask for.
+"""Velocity and acceleration from positions after a low pass, whose edge is lower where the encoder is coarse.
 
-A joint that passes few steps of its encoder in a period of the low pass keeps stairs as its motion: velocities of zero
-between the steps and bursts at them, so that friction has no sign and accelerations are many times too large. All that
-its readings say is that the true motion is within half a step of them. The smoothest such motion is taken.
+If a joint passes only few steps of its encoder in a period of the low pass, the filtered motion still has stairs: its
+velocity is zero between the steps and large at them. Friction then has no sign, and accelerations are many times too
+large. The readings only say that the true motion is within half a step of them. The smoothest such motion is taken.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from phantom_dyn.signals.splines import quintic_derivatives
 
 # Ratio of the cut-off of the positions' low pass to the edge of the band: attenuation at the edge is 0.1 %.
 MOTION_BAND = 2.5
-# Lower edges that are tried, each as a part of the one before, from that of the band on.
+# Ratio of each lower edge that is tried to the one before; the first one before is the edge of the band.
 _FINER = 2.0**-0.25
-# Share by which a low pass may take away more than rounding of the remaining motion explains, and times as much from
-# which on no lower edge is tried.
+# The signal that a low pass removes is compared with what it would remove of rounding alone. An edge is accepted if it
+# exceeds this by at most the first share; from the second ratio on no lower edge is tried.
 _MORE, _FAR_MORE = 0.01, 1.5
-# Steps by which a motion may differ from its readings at most; rounding alone makes half a step.
+# Largest difference of motion and readings, in steps; rounding alone makes half a step.
 _FARTHEST = 1.0
-# Steps of rounding errors below which the motion is not rounded at all.
+# Rounding errors below this many steps count as none.
 _LEAST = 1e-6
 # Periods in a recording of the slowest motion that is looked for.
 _SLOWEST = 4.0
@@ -56,19 +56,20 @@ def motion_edge(band: Band) -> float:
 
 
 def position_edges(log: Log) -> float | Float[Array, " nv"]:
-    """Edge [Hz] of the low pass of each joint's positions: that of its band, or what coarse readings ask for."""
+    """Edge [Hz] of the low pass of each joint's positions: the usual one, or a lower one for coarse readings."""
     return motion_edge(log.band) if log.position_edges is None else log.position_edges
 
 
 def edges_of_readings(
     q: Float[Array, "N nv"], steps: tuple[float | None, ...], valid: Bool[Array, " N"], band: Band
 ) -> Float[Array, " nv"]:
-    """Edge [Hz] of each joint's low pass: that of the band, and lower where it leaves stairs of the encoder's steps.
+    """Edge [Hz] of each joint's low pass: that of the band, and lower where the steps of the encoder would remain.
 
-    Of the edges below that of the band, whose own filter takes away the stairs above it, the lowest is taken that fits
-    the readings (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167, 1966): the low pass takes away no more
-    than it takes from the remaining motion once that is rounded to the same steps, and no reading is more than a step
-    away from the motion. Readings with noise of many steps keep their edge.
+    Edges below the edge of the band are tried: stairs above the band are removed by the band's own filter. The lowest
+    edge that fits the readings is taken (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167, 1966). An edge
+    fits if two conditions hold. The low pass removes no more from the readings than from its own result, rounded to the
+    same steps. And no reading is more than a step away from the result. Readings with noise of many steps keep the
+    usual edge.
 
     Args:
         q: Positions at a uniform rate.
@@ -82,10 +83,10 @@ def edges_of_readings(
             continue
         lower = band.cutoff_hz * _FINER
         while lower > _SLOWEST * rate / len(q):
-            away = _taken_away(q[:, j], rate, lower)
-            lattice = q[0, j] + step * np.round((q[:, j] - away - q[0, j]) / step)
-            times = away[valid].std() / max(_taken_away(lattice, rate, lower)[valid].std(), _LEAST * step)
-            if times > _FAR_MORE or np.abs(away[valid]).max() > _FARTHEST * step:
+            removed = _removed(q[:, j], rate, lower)
+            lattice = q[0, j] + step * np.round((q[:, j] - removed - q[0, j]) / step)
+            times = removed[valid].std() / max(_removed(lattice, rate, lower)[valid].std(), _LEAST * step)
+            if times > _FAR_MORE or np.abs(removed[valid]).max() > _FARTHEST * step:
                 break
             if times <= 1.0 + _MORE:
                 edges[j] = lower
@@ -93,8 +94,8 @@ def edges_of_readings(
     return edges
 
 
-def _taken_away(q: Float[Array, " N"], rate_hz: float, cutoff_hz: float) -> Float[Array, " N"]:
-    """What a low pass takes away from the positions of a joint."""
+def _removed(q: Float[Array, " N"], rate_hz: float, cutoff_hz: float) -> Float[Array, " N"]:
+    """The part of a joint's positions that a low pass removes."""
     if cutoff_hz >= 0.4 * rate_hz:
         return np.zeros_like(q)
     return q - low_passed(q, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))

@@ -59,7 +59,7 @@ class ReadOptions:
         topic: Topic of joint states in a bag that has several.
         ref_topic: Topic of a bag that has the references, where another one has them.
         excluded: Stretches of time [s] to leave out of every fit.
-        anyway: Judge a recording although it is certainly wrong.
+        anyway: True to judge a recording although it is certainly wrong.
     """
 
     columns: str | Path | None = None
@@ -137,7 +137,7 @@ def _poses(table: Table, robot: Robot) -> tuple[dict[str, Array], dict[str, Arra
 
 
 def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Stretches of time inside the log, as floats; enough is left beside them."""
+    """The excluded stretches of time, checked: they lie inside the log, and leave enough rows."""
     t = table.columns["t"]
     for start, stop in excluded:
         if not start < stop:
@@ -159,9 +159,9 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
 
 
 def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) -> Table:
-    """The table without what is left out at its ends; in between, values far beyond all others are bridged.
+    """The table without excluded rows at its ends; excluded values in between that are far too large are interpolated.
 
-    Excluded values, as of a diverged simulation, then do not set the scale of all.
+    Excluded values, such as those of a diverged simulation, then do not set the scale of the signal.
     """
     if not excluded:
         return table
@@ -188,7 +188,7 @@ def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) ->
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     """Refuse a column of an unknown joint and a joint without position; returns warnings about unused columns."""
     locked: dict[str, None] = {}
-    elsewhere: list[str] = []
+    unused: list[str] = []
     for name in table.columns:
         column = column_of(name)
         if (
@@ -201,7 +201,7 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
             locked[column.of] = None
             continue
         if column.quantity == "temp":
-            elsewhere.append(name)
+            unused.append(name)
             continue
         known = known_names(column.of, [*robot.joint_names, *robot.passive_names], "joints")
         # Where none of the robot's joints is absent, the log holds more of a machine than the robot's file.
@@ -225,8 +225,8 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     out = ()
     if locked:
         out += (f"{table.file}: the columns of {', '.join(locked)} are not used, as the robot holds it fixed.",)
-    if elsewhere:
-        out += (f"{table.file}: {', '.join(elsewhere)} not used: a temperature of something that is no joint.",)
+    if unused:
+        out += (f"{table.file}: {', '.join(unused)} not used: a temperature of something that is no joint.",)
     return out
 
 
@@ -337,7 +337,7 @@ def read_recording(
         ref_topic: Topic of a bag that has the references, where another one has them.
         excluded: Stretches of time [s] to leave out of every fit.
         torque_needed: False for work on motion alone.
-        anyway: Let it be judged although it is certainly wrong.
+        anyway: True to judge it although it is certainly wrong.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
@@ -350,12 +350,12 @@ def read_recording(
 
 
 def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) -> Recording:
-    """A recording mended where that takes no guess, with what may be wrong with it and what certainly is.
+    """A recording with certain errors of its values repaired, and with sentences on what is or may be wrong.
 
     Args:
         found: Table read from the file.
         robot: The robot that was recorded.
-        anyway: Let it be judged although it is certainly wrong.
+        anyway: True to judge it although it is certainly wrong.
     """
     if found.poses_alone:
         # Poses that are seconds or minutes apart are no motion, and are neither corrected nor compared with a model.
@@ -372,7 +372,7 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
 
 
 def unassigned_recording(table: Table) -> Recording:
-    """The joints of a table as they stand there, for checks without a robot; torque and speed if all joints have it."""
+    """A recording of all joints of a table, for checks without a robot; torque and speed if all joints have them."""
     joints = _joints_of(table, "q")
     q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
     if q is None:

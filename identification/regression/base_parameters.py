@@ -1,8 +1,8 @@
 """Base parameters: the independent columns of a regressor, and how the others regroup into them.
 
-The choice of columns is deterministic: they are taken in the order of their names, and one is kept if it is not a
-combination of those kept before it. It rests on the triangular factor of the regressor, which the order of the rows
-does not change, and not on a pivoting order, which small noise does change.
+The choice of columns is deterministic: they are tested in the order of their names, and one is kept if it is not a
+combination of those kept before it. The test uses the triangular factor of the regressor, which does not depend on the
+order of the rows. It does not use pivoting, whose order changes with small noise.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class BaseParameters:
 
     def _shown(self) -> Array:
         size = np.abs(self.grouping) * self.norms[list(self.independent)][:, None]
-        # A column that produces no torque but by rounding is a combination of anything, to no purpose.
+        # A column with no torque but rounding errors could be written as any combination of others: it is not shown.
         torque = np.array([k not in self.zero for k in self.dependent], dtype=bool)
         return (size > _SHOWN * self.norms[list(self.dependent)][None, :]) & torque[None, :]
 
@@ -123,7 +123,7 @@ def base_parameters_of_matrix(
     Args:
         W: Rows of torque, shape ``(m, p)``.
         names: One per column.
-        units: One per column; columns are weighed against those of the same unit. None: against all.
+        units: One per column; the size of a column is compared with columns of the same unit. None: with all columns.
         tolerance: Relative, see `RANK_TOLERANCE`.
 
     Raises:

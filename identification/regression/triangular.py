@@ -1,4 +1,4 @@
-"""Triangular (QR) factors that take rows in as they come, and the columns of a factor that depend on the others."""
+"""Triangular (QR) factors, updated with blocks of rows, and the columns of a factor that depend on the others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import ParameterError
 
 ROWS = 1024
-"""Rows taken in at once: with 70 columns they are 0.6 MB, which stays in the second cache."""
+"""Number of rows that are added at once: with 70 columns they take 0.6 MB, which fits into the second cache."""
 
 _PANEL = 8  # columns that are eliminated together before the others follow as one product of matrices
 
@@ -20,7 +20,7 @@ _PANEL = 8  # columns that are eliminated together before the others follow as o
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """One thread in the linear algebra: sums come in one order, and at 50 columns threads cost more than they save."""
-    # It has a linear algebra of its own, which is limited only if it is loaded by now.
+    # SciPy has a linear algebra library of its own. Its threads are limited only if it is loaded before.
     import scipy.linalg  # noqa: F401
 
     with ThreadpoolController().limit(limits=1, user_api="blas"):
@@ -49,7 +49,7 @@ def triangular(rows: Float[Array, "m p"]) -> Float[Array, "p p"]:
     """Upper triangular ``R`` with ``R^T R = W^T W`` for rows ``W``, ``(p, p)`` also where there are fewer rows.
 
     Args:
-        rows: Left as they are.
+        rows: Rows ``W``; they are not changed.
     """
     factor = np.zeros((rows.shape[1], rows.shape[1]), order="F")
     for start in range(0, len(rows), ROWS):
@@ -70,7 +70,7 @@ def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
         ParameterError: If there is no block.
     """
     factor: Array | None = None
-    first: list[Array] = []  # fewer rows than columns have a factor of as few rows
+    first: list[Array] = []  # rows so far; while these are fewer than the columns, the factor has as few rows
     for block in blocks:
         rows = np.asarray(block).reshape(-1, block.shape[-1])
         if factor is None:
@@ -94,7 +94,8 @@ def dependent_columns(
 ) -> tuple[Int[Array, " r"], Int[Array, " d"], Float[Array, "r d"], Float[Array, " p"]]:
     """Independent and dependent columns, the grouping, and the scale of each column.
 
-    Columns are taken in their order, and one is kept if it adds more than ``tolerance`` of its scale to those before.
+    Columns are tested in their order. One is kept if its part outside the span of the kept columns is larger than
+    ``tolerance`` times its scale.
 
     Args:
         factor: Triangular factor of a regressor, or the regressor itself.
@@ -114,7 +115,7 @@ def dependent_columns(
         if len(kept) == basis.shape[1]:
             break
         rest, so_far = factor[:, k], basis[:, : len(kept)]
-        for _ in range(2):  # once more, so that rounding does not leave a part along the basis
+        for _ in range(2):  # twice, as after one pass rounding errors leave a part along the basis
             rest = rest - so_far @ (so_far.T @ rest)
         size = np.linalg.norm(rest)
         if size > tolerance * scale[k]:

@@ -9,22 +9,22 @@ from phantom_dyn.model.robot_config import ControllerConfig, JointConfig
 from phantom_dyn.model.robot_xml import Drive
 
 
-def actuator_of(stated: JointConfig, armature: float, own: Drive) -> Actuator:
+def actuator_of(stated: JointConfig, armature: float, from_file: Drive) -> Actuator:
     """The drive of a joint.
 
     Args:
         stated: What ``robot.yaml`` states of the joint.
         armature: Rotor inertia in the URDF or MJCF [kg m^2 or kg].
-        own: What else the URDF or MJCF states of the drive.
+        from_file: What else the URDF or MJCF states about the drive.
     """
     controller = _controller(stated, stated.controller) if stated.controller else None
-    if controller is None and own.kp is not None:
-        controller = Controller("pd", own.kp, own.kd or 0.0)
+    if controller is None and from_file.kp is not None:
+        controller = Controller("pd", from_file.kp, from_file.kd or 0.0)
     return Actuator(
         rotor_inertia=armature if stated.rotor_inertia is None else stated.rotor_inertia,
-        gear_ratio=stated.gear_ratio if stated.gear_ratio != 1.0 else own.gear_ratio or 1.0,
+        gear_ratio=stated.gear_ratio if stated.gear_ratio != 1.0 else from_file.gear_ratio or 1.0,
         torque_constant=stated.torque_constant,
-        torque_limit=own.torque_limit if stated.torque_limit is None else stated.torque_limit,
+        torque_limit=from_file.torque_limit if stated.torque_limit is None else stated.torque_limit,
         encoder_counts=stated.encoder_counts,
         encoder_side=stated.encoder_side,
         actuated=stated.actuated,

@@ -1,8 +1,8 @@
 """Power density of sampled signals by Welch's method: the mean spectrum of segments that overlap by a half.
 
-`scipy.signal` has the same; importing it loads all of `scipy.stats` and takes half a second, as long as the rest of a
-command's imports. It is the oracle of the tests. Source: Welch, IEEE Transactions on Audio and Electroacoustics 15
-(1967) 70-73.
+`scipy.signal` has the same function, and tests compare with it. It is not used here: its import loads all of
+`scipy.stats` and takes half a second, as long as all other imports of a command. Source: Welch, IEEE Transactions on
+Audio and Electroacoustics 15 (1967) 70-73.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def power_density(
 def cross_density(
     x: Float[Array, " N"], y: Float[Array, " N"], rate_hz: float, length: int
 ) -> tuple[Float[Array, " F"], Float[Array, " F"]]:
-    """Frequencies [Hz] and one-sided cross density of two series, complex, as `power_density` of one."""
+    """Frequencies [Hz] and complex one-sided cross power density of two series; arguments as in `power_density`."""
     return np.fft.rfftfreq(length, 1 / rate_hz), _density(x, y, rate_hz, length, "hann", False)
 
 
@@ -80,6 +80,6 @@ def _transformed(segments: Float[Array, "s length"], shape: Float[Array, " lengt
 
 
 def _window(name: Window, length: int) -> Float[Array, " length"]:
-    """A sum of cosines, of which the last sample would be the first of the next period."""
+    """A window of cosines that is periodic: the sample after the last one would equal the first."""
     phase = 2 * np.pi * np.arange(length) / length
     return np.sum([(-1) ** k * a * np.cos(k * phase) for k, a in enumerate(_COSINES[name])], axis=0)

@@ -21,29 +21,32 @@ def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) 
 
 
 def complain(words: str) -> None:
-    """Print a line on standard error. If nobody can read it, the exit code has to be enough."""
+    """Print a line on standard error. If it cannot be written, only the exit code tells of the error."""
     try:
         say(f"phantom-dyn: {words}", file=sys.stderr, flush=True)
     except OSError:
-        forget(sys.stderr)
+        discard_output(sys.stderr)
 
 
-def forget(stream: TextIO) -> None:
-    """Redirect a broken stream to nowhere, as Python flushes it once more at its end."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+def discard_output(stream: TextIO) -> None:
+    """Send all further output of a broken stream to the null device.
+
+    Python flushes the stream once more when it exits, and would fail there again.
+    """
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)
 
 
 def open_streams() -> None:
-    """Open standard output and error to nowhere if the caller has closed them (``>&-``).
+    """Open standard output and error on the null device if the caller has closed them (``>&-``).
 
     Python has no object for them then, and the next opened file would receive what C++ code prints.
     """
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, number)
-            if nowhere != number:
-                os.close(nowhere)
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, number)
+            if null != number:
+                os.close(null)
             setattr(sys, name, os.fdopen(number, "w", encoding="utf-8"))

@@ -17,12 +17,13 @@ _GAP = 2.5
 
 # A torque counts as clipped from this share of the samples, or this many in a row, at its extreme value.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
-# Zeros in at least this share of the rows, and in at least so many stretches, are looked at; in so many more stretches
-# they are no drive that was switched off.
+# Torques of zero are checked if they make this share of the rows, in at least the second number of stretches. From the
+# third number of stretches on, a drive that was switched off cannot be their cause.
 _MOSTLY, _FEW, _OFTEN = 0.5, 4, 20
-# Passages of a joint from one end of its way to the other during which a step of a test would not keep its torque.
+# A joint that passes this often from one end of its range to the other needs a changing torque: no test would hold one.
 _PASSAGES = 4
-# Smallest over largest torque from which on small torques are missing, and from which on all are of one size.
+# Ratio of the smallest to the largest torque: above the first number small torques are missing, above the second all
+# torques have one size.
 _GAP_BELOW, _ALIKE = 0.1, 0.9
 # Fewer samples in a row at the extreme value are the peak of a repeated motion without noise.
 _SHORTEST_RUN = 2
@@ -79,7 +80,7 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
 
 
 def check_zeros(recording: Recording) -> tuple[str, ...]:
-    """Torques that are exactly zero in most rows, now and again: a drive that reports none below some size."""
+    """Sentences about torques that are exactly zero in many stretches: their drive does not report small torques."""
     if recording.tau is None:
         return ()
     out, kept = [], included(recording)
@@ -101,7 +102,7 @@ def check_zeros(recording: Recording) -> tuple[str, ...]:
 
 
 def check_flat(recording: Recording) -> tuple[str, ...]:
-    """Torques that stay the same in most rows of a stretch in which their joint goes to and fro."""
+    """Sentences about torques that stay constant for a long time while their joint moves to and fro."""
     if recording.tau is None:
         return ()
     out, kept = [], included(recording)
@@ -124,15 +125,15 @@ def check_flat(recording: Recording) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _passages(q: Float[Array, " n"], way: float) -> int:
-    """How often a joint goes from the lower to the upper third of its way, or back."""
-    thirds = np.digitize(q, q.min() + way * np.array([1 / 3, 2 / 3]))
+def _passages(q: Float[Array, " n"], travel: float) -> int:
+    """Number of times that a joint goes from the lower to the upper third of its range, or back."""
+    thirds = np.digitize(q, q.min() + travel * np.array([1 / 3, 2 / 3]))
     ends = thirds[thirds != 1]
     return int(np.count_nonzero(np.diff(ends)))
 
 
 def check_clipping(recording: Recording) -> tuple[str, ...]:
-    """Torques that sit at their extreme value."""
+    """Sentences about torques that stay at their extreme value, as a clipped signal does."""
     if recording.tau is None:
         return ()
     out = []

@@ -1,9 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
 """LeRobot datasets, formats v2.1 and v3: a folder with ``meta/info.json`` and Parquet files of whole episodes.
 
-An episode is a recording; its path is that of the folder with ``episode_000003`` behind it, whether a file of that name
-is there (v2.1 keeps one a file, below ``data/chunk-000``) or not (v3 joins them). ``observation.state`` becomes the
-measured position and ``action`` the reference. No file says in which unit the joints are: that is asked for.
+An episode is a recording. Its path is the folder's path followed by ``episode_000003``. Such a file need not exist:
+v2.1 has one file for each episode, below ``data/chunk-000``, and v3 has several episodes in one file.
+``observation.state`` becomes the measured position and ``action`` the reference. No file states the unit of the joints,
+so the user is asked.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from phantom_dyn.errors import LogError, UsageError, listed, shortened
 from phantom_dyn.model.files.plain_file import require_plain_file
 
 _LARGEST_INFO = 5_000_000
-"""Of ``meta/info.json`` [bytes]: a thousand times what a robot with many cameras needs."""
+"""Largest size of ``meta/info.json`` [bytes]: a thousand times what a robot with many cameras needs."""
 _MOST_EPISODES = 1_000_000
 _STATE, _ACTION = "observation.state", "action"
 # Suffixes of names in a feature, and the quantity that each one is in the state.
@@ -34,7 +35,7 @@ def read_info(folder: Path) -> Mapping[str, Any]:
     """Contents of a dataset's ``meta/info.json``.
 
     Raises:
-        LogError: If it cannot be read, or is none.
+        LogError: If it cannot be read, or is not the file of a dataset.
     """
     path = folder / LEROBOT_INFO
     require_plain_file(path, LogError, "the meta/info.json of a LeRobot dataset")
@@ -62,14 +63,14 @@ def episode_count(folder: Path) -> int:
 
 
 def with_episodes(logs: Sequence[str], episodes: str | None) -> list[str]:
-    """Recordings that are meant, each dataset replaced by its episodes.
+    """The given recordings, with each dataset replaced by its episodes.
 
     Args:
         logs: Paths as they were given.
         episodes: Which episodes, as in ``0:5`` (the end is left out) or ``3``; None: all.
 
     Raises:
-        UsageError: If the choice is none, or there is no dataset to choose from.
+        UsageError: If the choice is not valid, or there is no dataset to choose from.
         LogError: If a dataset cannot be used.
     """
     if episodes is not None and not any(is_lerobot(Path(log)) for log in logs):
@@ -191,7 +192,7 @@ def _may_hold(group: Any, episode: int) -> bool:
 
 
 def _named(columns: Mapping[str, Array], features: Mapping[str, Any]) -> dict[str, Array]:
-    """Columns ``action[0]`` under the names that ``meta/info.json`` gives them, where it does."""
+    """Columns such as ``action[0]``, renamed as ``meta/info.json`` names them if it does."""
     out: dict[str, Array] = {}
     for column, values in columns.items():
         feature, bracket, place = column.partition("[")
@@ -249,7 +250,7 @@ def _lines(names: Sequence[str], joints: Sequence[str] | None) -> list[str]:
 
 
 def _joint_and_kind(rest: str, quantity: str) -> tuple[str, str | None]:
-    """Joint and quantity of ``.elbow_flex.pos`` or ``[3]``; a quantity of None where the action has no such thing."""
+    """Joint and quantity of ``.elbow_flex.pos`` or ``[3]``; None if the action has no such quantity."""
     if rest.startswith("["):
         return rest[1:-1], quantity
     name = rest[1:]

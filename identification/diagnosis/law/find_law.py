@@ -42,7 +42,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
 
 _FORMULA_FORESEES = 0.4  # share of the residual's squares that a formula has to predict
-_MOSTLY = 0.5  # share of the replicates that have to choose an input, where no formula is stated
+_MOSTLY = 0.5  # if no formula is stated, inputs are named that more than this share of the replicates choose
 # Kinds of terms, the most specific first, and the law in the literature that a formula with one resembles.
 _LIKE: tuple[tuple[str, str], ...] = (
     ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
@@ -67,9 +67,9 @@ _LIKE: tuple[tuple[str, str], ...] = (
     ("friction that grows with load", "friction that grows with load"),
 )
 _HEATED = "friction that changes with temperature"
-_MOST = 6  # terms of a model that predicts and need not be read: more than of a formula
+_MOST = 6  # largest number of terms of a model that only predicts: more than in a formula, which people read
 _MODEL_FORESEES = 0.3  # share of the residual's squares that a model has to predict to be worth using
-_SLOW = 0.01  # speed, as a share of the fast end of the speeds, below which a change of direction is smoothed
+_SLOW = 0.01  # changes of direction are smoothed below this share of the speed that 90 % of the samples stay below
 _NUMBER = r"[-+0-9.eE]+"
 
 
@@ -141,7 +141,7 @@ def _judged(residual: JointResidual) -> Array:
 
 
 def _voted(residual: JointResidual, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
-    """Inputs that most replicates choose; else those of the best smooth function that gains more than chance."""
+    """Inputs that more than half of the replicates choose; if none, those of the best significant smooth function."""
     voted = residual.named({name for name, votes in choice.input_votes.items() if votes > _MOSTLY})
     if voted:
         return voted
@@ -243,7 +243,7 @@ def model_of(residual: JointResidual, columns: LibraryColumns, choice: Choice, *
         residual: Residual of the joint.
         columns: Columns of the library.
         choice: The formula that was chosen together with the corrected model's coefficients.
-        lawful: True if it is shown as the law.
+        lawful: True if the formula is shown as the law.
     """
     count = len(columns.size)
     prior = NuisancePrior(np.zeros((0, 0)), np.zeros(0))

@@ -19,7 +19,8 @@ from identification.engine.numerics.two_threads import in_two_threads
 from identification.engine.products.grams import Weights
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-# Times that a flexible fit is made with the weights that its own error gives, and least weight that makes none needed.
+# A flexible fit is made this many times, each time with weights from the error of the last fit. It is made only once if
+# all weights are above the second number.
 _WEIGHED, _SURE = 2, 0.95
 
 
@@ -109,7 +110,7 @@ def _inside(
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
     """Order of a row's columns from plain to rich, and the numbers of columns in the first two of three steps.
 
-    First come laws whose columns depend on the recorded motion alone, as friction and couplings; then the
+    First come laws whose columns depend only on the recorded motion, such as friction and couplings; then the
     tolerance parameters and the other laws without a shape; then all others.
     """
     step = dict.fromkeys(range(len(columns.tolerance_parameters)), 1)
@@ -189,7 +190,7 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
 def noise_without(
     search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: Series
 ) -> tuple[Series, float]:
-    """Noise after subtraction of what it contains of the effects that are in ``tried`` but not in ``chosen``.
+    """Noise without the trace of effects that are in ``tried`` but not in ``chosen``.
 
     Flexible fits with many columns do not predict an effect in full on held-out blocks, and the remainder counts as
     noise. The remainder is estimated as a share of the held-out prediction of the effect, by least squares on the

@@ -20,10 +20,11 @@ _MOST = 6  # largest number of repetitions compared for a pair of recordings
 _UNLIKE = 0.5
 _LEAST_OVERLAP = 0.1  # smallest energy of a common stretch, as a share of the shorter recording's
 _WINDOW = 0.5  # time [s] over which two stretches have to agree
-_STANDS = 0.01  # share of the largest joint velocity: a joint with less is not compared
-_LEAST = 20.0  # independent differences: with fewer a deviation is uncertain by more than a sixth
-# A drive with a loose controller repeats its motion to some per cent only. Two motions may differ by the first share if
-# the model's error changes between them by less than the second share of the difference that does not repeat.
+_STANDS = 0.01  # a joint whose velocity is below this share of the fastest joint's is not compared
+_LEAST = 20.0  # smallest number of independent differences: with fewer the noise is uncertain by more than a sixth
+# A drive with a loose controller repeats its motion to some per cent only. Two such motions are compared if their
+# velocities differ by less than the first share. The model's error then differs between them too: the comparison counts
+# only if that difference is less than the second share of the estimated noise.
 _LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
 _PLACES = 41  # number of offsets within two samples that are tried
 
@@ -57,14 +58,14 @@ def repeated_noise(
         counts: Weight of each sample where motions repeat loosely; None if such motions are not compared.
     """
     rows = len(session.robot.joint_names)
-    apart: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
+    differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     for first, second, lag in repetitions(session):
         a, b = _overlap(len(residual[first]), len(residual[second]), lag)
         agree = _agree(session.logs[first], a, session.logs[second], b)
         for j in range(rows):
             use = agree & usable[first][a, j] & usable[second][b, j]
-            apart[j].append((residual[first][a, j] - residual[second][b, j], use.astype(float)))
-    strictly = [_spread(parts) for parts in apart]
+            differences[j].append((residual[first][a, j] - residual[second][b, j], use.astype(float)))
+    strictly = [_spread(parts) for parts in differences]
     if counts is None or all(one is not None for one in strictly):
         return tuple(strictly)
     loosely = _loosely_repeated(session, residual, counts)
@@ -74,29 +75,29 @@ def repeated_noise(
 def _loosely_repeated(session: Session, residual: Series, counts: Series) -> list[Repeated | None]:
     """Noise of each joint from recordings of one reference whose motions agree to some per cent."""
     rows, logs = len(session.robot.joint_names), session.logs
-    apart: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
+    differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     of_model = np.zeros(rows)
     left = np.sqrt(np.mean(np.concatenate(residual) ** 2, axis=0))
     for first in range(len(logs) if session.differences == ALIKE else 0):
         for second in range(first + 1, len(logs)):
-            found = _beside(logs[first], logs[second])
+            found = _aligned(logs[first], logs[second])
             if found is None:
                 continue
             mine, theirs, agree, unlike = found
-            other = _between(residual[second], theirs)
-            weight = agree[:, None] * counts[first][mine] * _between(counts[second], theirs)
+            other = _interpolated(residual[second], theirs)
+            weight = agree[:, None] * counts[first][mine] * _interpolated(counts[second], theirs)
             of_model = np.maximum(of_model, unlike * left)
             for j in range(rows):
-                apart[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
-    out = [_spread(parts) for parts in apart]
+                differences[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
+    out = [_spread(parts) for parts in differences]
     return [
         one if one is not None and most < _OF_MODEL * one.value else None
         for one, most in zip(out, of_model, strict=True)
     ]
 
 
-def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None:
-    """Samples of one log, their places in another one, True where both agree, and the difference of the motions.
+def _aligned(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None:
+    """Two logs aligned: samples of the first, their places in the second, where both agree, and how they differ.
 
     The logs begin at about the same time, but between two samples and with another clock. None if the motions differ.
     """
@@ -108,19 +109,21 @@ def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None
     at = np.arange(len(v)) * rates[1] / rates[0]
     for shift in np.linspace(-1.0, 1.0, _PLACES):
         inside = (at + shift >= 0) & (at + shift <= len(w) - 1)
-        other = _between(w, (at + shift)[inside])
+        other = _interpolated(w, (at + shift)[inside])
         unlike = float(np.sqrt(np.mean(((v[inside] - other)[:, moves] / usual[moves]) ** 2)))
         best = min(best, (unlike, float(shift)))
     if best[0] > _LOOSELY:
         return None
     inside = (at + best[1] >= 0) & (at + best[1] <= len(w) - 1)
     mine, theirs = np.flatnonzero(inside), (at + best[1])[inside]
-    q, p = first.motion.q[first.samples][mine], _between(second.motion.q[second.samples], theirs)
-    apart = _apart((q[:, moves], p[:, moves]), (v[mine] - _between(w, theirs))[:, moves] / usual[moves], rates[0])
-    return mine, theirs, apart < _LOOSELY**2, best[0]
+    q, p = first.motion.q[first.samples][mine], _interpolated(second.motion.q[second.samples], theirs)
+    difference = _difference(
+        (q[:, moves], p[:, moves]), (v[mine] - _interpolated(w, theirs))[:, moves] / usual[moves], rates[0]
+    )
+    return mine, theirs, difference < _LOOSELY**2, best[0]
 
 
-def _between(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m k"]:
+def _interpolated(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m k"]:
     """A series at times between its samples, by the cubic through four of them."""
     k = np.clip(np.floor(at).astype(int), 1, len(x) - 3)
     u = (at - k)[:, None]
@@ -136,19 +139,19 @@ def _between(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m 
 def _spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
     """Standard deviation of one repetition, from differences of two and their weights; None with too few of them."""
     independent, squares, count = 0.0, 0.0, 0.0
-    for apart, weight in parts:
+    for difference, weight in parts:
         used = weight > 0
         if used.sum() > 1:
             own = weight[used]
-            independent += float(own.sum() ** 2 / np.sum(own**2)) / autocorrelation_time(apart[used])
-            squares, count = squares + float(own @ apart[used] ** 2), count + float(own.sum())
+            independent += float(own.sum() ** 2 / np.sum(own**2)) / autocorrelation_time(difference[used])
+            squares, count = squares + float(own @ difference[used] ** 2), count + float(own.sum())
     if independent < _LEAST:
         return None
     return Repeated(float(np.sqrt(0.5 * squares / count)), float(np.sqrt(0.5 / independent)))
 
 
 def repetitions(session: Session) -> list[tuple[int, int, int]]:
-    """Repetitions: two logs (or one log twice), and by how many samples the motion is later in the second one."""
+    """Repetitions: indices of two logs (or of one log twice), and the lag of the second motion in samples."""
     found, logs = [], session.logs
     for first, log in enumerate(logs):
         for second in range(first, len(logs)):
@@ -177,8 +180,8 @@ def _lags(first: Log, second: Log, *, same_recording: bool) -> list[int]:
     unlike = np.where(enough, 1.0 - 2.0 * common / np.maximum(energy, 1e-300), 1.0)
     if same_recording:
         # A recording also resembles itself at a small shift.
-        apart = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
-        unlike = np.where(lags < (lags[apart[0]] if len(apart) else np.inf), 1.0, unlike)
+        far = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
+        unlike = np.where(lags < (lags[far[0]] if len(far) else np.inf), 1.0, unlike)
     around = np.pad(unlike, 1, constant_values=1.0)
     best = np.flatnonzero((unlike < around[:-2]) & (unlike <= around[2:]) & (unlike <= _UNLIKE))
     best = sorted(best, key=lambda k: unlike[k])[:_MOST]
@@ -205,19 +208,21 @@ def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
     q, p = first.motion.q[first.samples][a], second.motion.q[second.samples][b]
     usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
     moves = usual > _STANDS * usual.max()
-    apart = _apart((q[:, moves], p[:, moves]), (v[a] - w[b])[:, moves] / usual[moves], first.band.output_rate_hz)
-    return apart < rules.REPEATED**2
+    difference = _difference(
+        (q[:, moves], p[:, moves]), (v[a] - w[b])[:, moves] / usual[moves], first.band.output_rate_hz
+    )
+    return difference < rules.REPEATED**2
 
 
-def _apart(positions: tuple[Array, Array], velocities: Array, rate: float) -> Float[Array, " n"]:
+def _difference(positions: tuple[Array, Array], velocities: Array, rate: float) -> Float[Array, " n"]:
     """Squared difference of two stretches of the joint that differs most, averaged over a window.
 
     Args:
-        positions: Of both, ``(n, k)``; their difference counts relative to the way of the first.
+        positions: Of both, ``(n, k)``; their difference counts relative to the travel of the first.
         velocities: Their difference, relative to the usual velocity, ``(n, k)``.
         rate: Samples per second [Hz].
     """
     q, p = positions
-    way = np.maximum(np.ptp(q, axis=0), 1e-12)
-    largest = np.maximum(velocities**2, ((q - p) / way) ** 2).max(axis=1)
+    travel = np.maximum(np.ptp(q, axis=0), 1e-12)
+    largest = np.maximum(velocities**2, ((q - p) / travel) ** 2).max(axis=1)
     return ndimage.uniform_filter1d(largest, max(1, round(_WINDOW * rate)), mode="nearest")

@@ -208,7 +208,7 @@ def _reach(residual: Float[Array, " N"]) -> float:
 
 SAMPLES = 30_000
 """Samples of all joints together, ten bytes each, so that the page stays small."""
-_OF_ONE = 6_000
+_MOST_OF_A_JOINT = 6_000
 """Largest number of samples of one joint: several times the points of a screen."""
 _STEPS = 32_767
 """Steps of a curve from zero to its largest value: finer than a screen shows, even after zooming in."""
@@ -227,12 +227,14 @@ def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
         A list with one entry per joint: its place on the page, axis labels, noise band, the stretch that is shown at
         first, and the curves as little-endian numbers in base64.
     """
-    most = min(_OF_ONE, SAMPLES // max(len(joints), 1))
-    moved = [] if diagnosis.evidence.followed is None else [_moved(diagnosis, joint, most) for joint in joints]
-    return json.dumps([*moved, *(_curves(diagnosis, joint, most) for joint in joints)])
+    most = min(_MOST_OF_A_JOINT, SAMPLES // max(len(joints), 1))
+    positions = (
+        [] if diagnosis.evidence.followed is None else [_position_curves(diagnosis, joint, most) for joint in joints]
+    )
+    return json.dumps([*positions, *(_curves(diagnosis, joint, most) for joint in joints)])
 
 
-def _moved(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
+def _position_curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     """Position that was measured and its errors in simulation by both models; the stretch with the largest error.
 
     Nothing is simulated between windows, where the curves of the models have gaps.
@@ -240,32 +242,32 @@ def _moved(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
     assert followed is not None
     before, after = (evidence.q[:, joint] - q[:, joint] for q in (followed.before, followed.after))
-    rows = _kept((evidence.q[:, joint],), (before, after), most)
+    rows = _kept_rows((evidence.q[:, joint],), (before, after), most)
     stretch, unit = evidence.t[shown_motion(evidence, joint)], position_unit(diagnosis, joint)
-    said = {"id": f"positions-{joint}", "torque": f"position [{unit}]", "residual": f"error [{unit}]", "unit": unit}
-    return {**said, "floor": 0, **_numbers(evidence.t, stretch, rows, (evidence.q[:, joint], before, after))}
+    labels = {"id": f"positions-{joint}", "torque": f"position [{unit}]", "residual": f"error [{unit}]", "unit": unit}
+    return {**labels, "floor": 0, **_numbers(evidence.t, stretch, rows, (evidence.q[:, joint], before, after))}
 
 
 def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     before, after = (residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after))
     measured = np.where(np.isfinite(before), evidence.tau_measured[:, joint], np.nan)
-    rows = _kept((measured, before, after), (), most)
+    rows = _kept_rows((measured, before, after), (), most)
     # At rest there are few samples, far apart: all of them are shown.
     stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
-    said = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
+    labels = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
     floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
     curves = measured, before, after
     numbers = _numbers(evidence.t, stretch, rows, curves)
-    return {**said, "unit": gap.unit, "floor": floor, "touched": _stands(evidence, joint), **numbers}
+    return {**labels, "unit": gap.unit, "floor": floor, "touched": _stance_times(evidence, joint), **numbers}
 
 
-def _stands(evidence: Evidence, joint: int) -> list[list[float]]:
+def _stance_times(evidence: Evidence, joint: int) -> list[list[float]]:
     """First and last time of every stretch in which a joint is not judged because its leg stands."""
     if evidence.touched is None:
         return []
-    t, there = evidence.t, evidence.touched[:, joint]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
+    t, stance = evidence.t, evidence.touched[:, joint]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], stance, [False]])))
     return np.round(np.column_stack([t[edges[::2]], t[edges[1::2] - 1]]), 4).tolist()
 
 
@@ -275,10 +277,10 @@ def _numbers(
     """The kept samples of a measured curve and of two errors, and the stretch that is shown at first."""
     view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
     kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
-    return {"view": view, "t": packed(t[rows], "<f4"), "starts": _starts(t, rows, curves[0]), **kept}
+    return {"view": view, "t": packed(t[rows], "<f4"), "starts": _curve_starts(t, rows, curves[0]), **kept}
 
 
-def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:
+def _kept_rows(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:
     """Indices of about ``most`` samples, with the extremes of every curve and the ends of curves with gaps.
 
     Args:
@@ -291,23 +293,26 @@ def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[
         return finite
     curves = (*whole, *parts)
     chosen = [thinned(curve[finite], most // len(curves)) for curve in curves]
-    there = [np.isfinite(part[finite]).astype(int) for part in parts]
-    ends = [np.flatnonzero(np.diff(one))[:, None] + np.array([0, 1]) for one in there]
-    within = [np.flatnonzero(one) for one in there]
+    finite_parts = [np.isfinite(part[finite]).astype(int) for part in parts]
+    ends = [np.flatnonzero(np.diff(one))[:, None] + np.array([0, 1]) for one in finite_parts]
+    within = [np.flatnonzero(one) for one in finite_parts]
     # If little was simulated, as in a few short swings, all of it is drawn.
     ends += [one for one in within if len(one) <= most // len(curves)]
     return finite[np.unique(np.concatenate([*chosen, *(one.ravel() for one in ends)]))]
 
 
-def _starts(t: Float[Array, " N"], rows: Int[Array, " n"], measured: Float[Array, " N"]) -> list[int]:
-    """Indices of the kept samples that follow a gap, which is found among all samples, as kept ones are uneven."""
-    there = np.isfinite(measured)
-    begins = [gap_starts(t), np.flatnonzero(there[1:] & ~there[:-1]) + 1]
+def _curve_starts(t: Float[Array, " N"], rows: Int[Array, " n"], measured: Float[Array, " N"]) -> list[int]:
+    """Indices of the kept samples that follow a gap.
+
+    Gaps are looked for among all samples: kept samples are unevenly spaced, so that gaps could not be told from these.
+    """
+    known = np.isfinite(measured)
+    begins = [gap_starts(t), np.flatnonzero(known[1:] & ~known[:-1]) + 1]
     return np.unique(np.searchsorted(rows, np.concatenate(begins))).tolist()
 
 
 def _scaled(values: Float[Array, " n"]) -> dict[str, Any]:
-    """A curve in whole steps, which takes half the size of single precision; the lowest number means none."""
-    there = np.isfinite(values)
-    step = float(np.abs(values[there]).max(initial=0.0)) / _STEPS or 1.0
-    return {"step": step, "values": packed(np.where(there, np.round(values / step), -_STEPS - 1), "<i2")}
+    """A curve as whole numbers of steps, half the size of single precision; the lowest number marks a missing value."""
+    known = np.isfinite(values)
+    step = float(np.abs(values[known]).max(initial=0.0)) / _STEPS or 1.0
+    return {"step": step, "values": packed(np.where(known, np.round(values / step), -_STEPS - 1), "<i2")}

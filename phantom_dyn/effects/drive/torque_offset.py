@@ -1,7 +1,7 @@
 """A constant torque on one joint that the model lacks (positive along the joint).
 
-The drive has to cancel it, so the measured torque is lower by it. On a joint whose gravity torque hardly changes it
-looks like a base tilt or a payload. URDF has no place for it; MJCF: ``biasprm`` of the
+The drive has to cancel it, so the measured torque is lower by this amount. On a joint whose gravity torque hardly
+changes, an offset looks like a base tilt or a payload. URDF cannot express it; in MJCF it is ``biasprm`` of the
 actuator.
 """
 

@@ -1,10 +1,10 @@
 """An encoder disc off its centre: ``reading = q + A sin(n q + p)``, with ``n = 1`` cycle per turn of the joint.
 
-The true motion differs from the one that is read, so it leaves a torque with the joint's angle that grows with speed
-squared and with acceleration (cogging does not), besides a small change of gravity. Over a small arc it is an encoder
-offset. Motor and link turn together, whichever side the encoder sits on, so the rotor's torque is wrong too; with
-the encoder on the motor's side ``n = 1`` is an eccentric gear on the joint's axis, as the motor's own turns would
-be far faster. URDF and MJCF have no place for it.
+The true motion differs from the reading. So the residual torque is periodic in the joint's angle and grows with speed
+squared and with acceleration (that of cogging does not); the gravity torque changes a little too. Over a small arc the
+error looks like an encoder offset. Motor and link turn together on whichever side the encoder is, so the rotor's torque
+is wrong too. If the encoder is on the motor's side, ``n = 1`` means an eccentric gear on the joint's axis: an eccentric
+disc on the motor would repeat with each turn of the motor, which is far more often. URDF and MJCF cannot express it.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class EncoderEccentricity(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Inverse dynamics as read less that of the true motion."""
         row = row_of(robot, joint)
-        return -exact_change_by_reading(robot, operation, row, *_true_less_read(operation, row, theta))
+        return -exact_change_by_reading(robot, operation, row, *_true_minus_read(operation, row, theta))
 
     def reads_one_place(self, theta: Array) -> bool:
         """True if the reading grows with the position everywhere."""
@@ -131,20 +131,20 @@ class EncoderEccentricity(Effect):
     def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
         """The positions at which the encoder gives these readings."""
         row = row_of(robot, joint)
-        return robot, displaced(motion, row, *_true_less_read(motion, row, theta))
+        return robot, displaced(motion, row, *_true_minus_read(motion, row, theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The error, added to the reading."""
         row, (amplitude, phase, n) = row_of(robot, joint), (float(x) for x in theta)
-        here = np.arange(robot.nv) == row
+        at_row = np.arange(robot.nv) == row
         return Simulated(
-            reading=lambda q: q + here * amplitude * np.sin(n * q + phase),
+            reading=lambda q: q + at_row * amplitude * np.sin(n * q + phase),
             laws=(Law(eccentric_law, row, (amplitude, phase, n)),),
         )
 
 
-def _true_less_read(motion: Motion, row: int, theta: Array) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration of a joint where it truly is, less what is read."""
+def _true_minus_read(motion: Motion, row: int, theta: Array) -> tuple[Array, Array, Array]:
+    """Difference of true and read motion of a joint: position, velocity and acceleration."""
     amplitude, phase, n = theta
     q, v, a = (x[:, row] for x in (motion.q, motion.v, motion.a))
     angle = q - amplitude * np.sin(n * q + phase)

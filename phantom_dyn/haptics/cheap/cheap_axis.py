@@ -1,11 +1,12 @@
 """A cheap axis of a haptic device (virtual mass, play, friction, cogging, limit), and the good device that renders it.
 
-The numbers are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2, which ran stably together. As printed,
-its columns for friction are swapped (millirad for a translation, micrometres for a rotation); here they stand where
-their units belong. The table does not give the friction in slip, the period of the cogging, the level of clipping or
-the unit of the damping. The first three are arguments here. The damping is critical, which the text calls ideal
-(7.75 N s/m at 0.1 kg and 150 N/m; the printed 0.05 would be a damping ratio of 0.006 in N s/m, and 6.5 in N s/mm). The
-rotary inertia, printed as "1 mkgmm", is taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as in translation.
+The numbers are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2. The paper says that its simulation was
+stable with all of them together. The printed table swaps the columns for friction (millirad for a translation,
+micrometres for a rotation); here each number belongs to the axis that has its unit. The table does not give the
+friction in slip, the period of the cogging, the level of clipping or the unit of the damping. The first three are
+arguments here. The damping is critical, which the text calls ideal: 7.75 N s/m at 0.1 kg and 150 N/m. The printed
+damping is 0.05, and neither unit fits: in N s/m the damping ratio would be 0.006, in N s/mm it would be 6.5. The rotary
+inertia is printed as "1 mkgmm" and taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as in translation.
 
 The good device is the Laparoscopic Surgical Workstation of Immersion (Table 1 of the same paper), with travel, encoder
 and motor of each axis. The tip's twist has an encoder and no motor.
@@ -139,7 +140,10 @@ class CheapAxis:
 
 
 def cheap_translation(*, slip: float, order: float, limit: float) -> CheapAxis:
-    """The published translation with all defects: 0.1 kg at 150 N/m, 1 mm, 0.6 N, 100 um, 5 mm/s, ratio 1.05.
+    """The published translation with all defects.
+
+    Mass 0.1 kg on a coupling of 150 N/m, play 1 mm, cogging 0.6 N. Friction breaks loose after 100 um, at 1.05 times
+    the friction in slip, and sticks below 5 mm/s.
 
     Args:
         slip: Friction in slip [N].
@@ -156,9 +160,11 @@ def cheap_translation(*, slip: float, order: float, limit: float) -> CheapAxis:
 
 
 def cheap_rotation(*, slip: float, order: float, limit: float) -> CheapAxis:
-    """The published rotation with all defects: 1e-3 kg m^2 at 1 N m/rad, 2 deg, 0.04 N m, 5 mrad, 6 deg/s, ratio 1.05.
+    """The published rotation with all defects.
 
-    The text of the paper has 0.2 deg (3.5 mrad) in place of the table's 5 mrad.
+    Inertia 1e-3 kg m^2 on a coupling of 1 N m/rad, play 2 deg, cogging 0.04 N m. Friction breaks loose after 5 mrad, at
+    1.05 times the friction in slip, and sticks below 6 deg/s. The text of the paper has 0.2 deg (3.5 mrad) in place of
+    the table's 5 mrad.
 
     Args:
         slip: Friction in slip [N m].

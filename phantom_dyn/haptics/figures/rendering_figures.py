@@ -13,20 +13,20 @@ from phantom_dyn.walking.stairs import StairReference
 from phantom_dyn.walking.walking_reference import WalkingReference
 
 
-def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered, axis: CheapAxis) -> Figure:
+def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], rendered: Rendered, axis: CheapAxis) -> Figure:
     """Friction that sticks, as in Figure 8 of Brouwer and MacLean: position of the probe and force of the friction.
 
     Args:
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
-        out: Rendered signals.
+        rendered: Rendered signals.
         axis: The cheap axis; its friction gives the levels that are drawn.
     """
     title = "Friction that sticks: it drops, grows while the hand creeps, turns with it, and slips again"
     figure, ((place,), (force,), (speed,)) = panels(3, title=title, together=True, height=2.2, width=10)
     place.plot(t, 1e3 * x, color=COLORS[0], gid="position")
-    force.plot(t, out.force, color=COLORS[1], gid="force")
-    speed.plot(t, 1e3 * out.velocity, color=COLORS[0], gid="velocity")
+    force.plot(t, rendered.force, color=COLORS[1], gid="force")
+    speed.plot(t, 1e3 * rendered.velocity, color=COLORS[0], gid="velocity")
     if axis.friction is not None:
         slip, static = axis.friction.torque, axis.friction.torque * axis.friction.static_ratio
         for sign in (-1, 1):
@@ -35,7 +35,7 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
             level = 1e3 * sign * axis.friction.stick_velocity
             speed.axhline(level, color=GREY, ls=MARK, lw=1.2, label="sticks below" if sign > 0 else None)
     for ax in (place, force, speed):
-        shade(ax, t, out.stuck, "stuck")
+        shade(ax, t, rendered.stuck, "stuck")
     speed.set_ylim(*(4 * np.array([-1, 1]) * max(5.0, 1e3 * (axis.friction.stick_velocity if axis.friction else 0.0))))
     place.set_ylabel("probe [mm]")
     force.set_ylabel("friction on\nthe hand [N]")
@@ -46,27 +46,27 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
     return figure
 
 
-def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered, axis: CheapAxis) -> Figure:
+def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], rendered: Rendered, axis: CheapAxis) -> Figure:
     """Backlash, as in Figure 9 of Brouwer and MacLean: the probe relative to the gap in the virtual mass.
 
     Args:
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
-        out: Rendered signals.
+        rendered: Rendered signals.
         axis: The cheap axis, whose gap is drawn.
     """
     mass = "" if axis.mass is None else f", mass {axis.mass.inertia:g} kg on {axis.mass.stiffness:g} N/m"
     title = f"Play of {1e3 * axis.gap:g} mm: the mass drifts from wall to wall{mass}"
     figure, ((place,), (apart,), (force,)) = panels(3, title=title, together=True, height=2.2, width=10)
     place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
-    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], label="virtual mass", gid="mass")
-    apart.plot(t, 1e3 * (x - out.mass_position), color=COLORS[2], gid="apart")
+    place.plot(t, 1e3 * rendered.mass_position, color=COLORS[1], label="virtual mass", gid="mass")
+    apart.plot(t, 1e3 * (x - rendered.mass_position), color=COLORS[2], gid="apart")
     for sign in (-1, 1):
         apart.axhline(1e3 * sign * axis.gap / 2, color=GREY, ls=MARK, lw=1.2, label="wall" if sign > 0 else None)
-    force.plot(t, out.coupling, color=COLORS[1], lw=0.9, label="of the coupling", gid="coupling")
-    force.plot(t, out.force, color=COLORS[0], label="on the hand, averaged", gid="force")
+    force.plot(t, rendered.coupling, color=COLORS[1], lw=0.9, label="of the coupling", gid="coupling")
+    force.plot(t, rendered.force, color=COLORS[0], label="on the hand, averaged", gid="force")
     for ax in (place, apart, force):
-        shade(ax, t, out.contact, "contact")
+        shade(ax, t, rendered.contact, "contact")
     place.set_ylabel("position [mm]")
     apart.set_ylabel("probe less\nmass [mm]")
     force.set_ylabel("force [N]")
@@ -77,7 +77,7 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
 
 
 def cheap_axis_figure(
-    t: Float[Array, " N"], x: Float[Array, " N"], asked: Float[Array, " N"], out: Rendered, axis: CheapAxis
+    t: Float[Array, " N"], x: Float[Array, " N"], asked: Float[Array, " N"], rendered: Rendered, axis: CheapAxis
 ) -> Figure:
     """All errors of a cheap axis together: force that the virtual environment asks for, and force on the hand.
 
@@ -85,7 +85,7 @@ def cheap_axis_figure(
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
         asked: Force that was asked for [N], shape ``(N,)``.
-        out: Rendered signals.
+        rendered: Rendered signals.
         axis: The cheap axis.
     """
     parts = {
@@ -95,17 +95,17 @@ def cheap_axis_figure(
         "cogging": axis.cogging,
         f"motor of {axis.limit:g} N": np.isfinite(axis.limit),
     }
-    title = f"A cheap axis ({', '.join(name for name, there in parts.items() if there)}): asked for and felt"
+    title = f"A cheap axis ({', '.join(name for name, present in parts.items() if present)}): asked for and felt"
     figure, ((place,), (force,), (step,)) = panels(
         3, title=title, together=True, ratios=(2, 3, 1.5), height=2.3, width=10
     )
     place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
-    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], label="virtual mass", gid="mass")
+    place.plot(t, 1e3 * rendered.mass_position, color=COLORS[1], label="virtual mass", gid="mass")
     force.plot(t, asked, color="black", lw=1, label="asked for", gid="asked")
-    force.plot(t, out.force, color=COLORS[1], lw=0.9, label="felt", gid="felt")
+    force.plot(t, rendered.force, color=COLORS[1], lw=0.9, label="felt", gid="felt")
     step.plot(t[1:], 1 / np.diff(t), ".", ms=1.5, color=COLORS[0], gid="rate")
     for ax in (place, force):
-        shade(ax, t, out.contact, "contact")
+        shade(ax, t, rendered.contact, "contact")
         beside(ax)
     place.set_ylabel("position [mm]")
     force.set_ylabel("force [N]")

@@ -20,24 +20,24 @@ from phantom_dyn.model.robot import Robot
 OTHER_UNIT = float(np.log(4.0))
 """Logarithm of a factor that is too large for a wrong torque constant or inertia."""
 OWN_FACTOR = float(np.log(1.5))
-"""Logarithm from which a joint gets a factor, if another joint has one of the size above."""
+"""Logarithm above which a joint gets a factor of its own, if the factor of another joint is above `OTHER_UNIT`."""
 ONE_FACTOR = float(np.log(1.15))
-"""Largest difference of the logarithms of factors that are one: those of equal drives, with links modelled so well."""
+"""Largest difference of the logarithms of factors that count as equal: as accurate as links are usually modelled."""
 # Smallest logarithm of a factor that joints have in common: torque constants may be wrong by a factor of two.
 _BEYOND_CONSTANT = float(np.log(2.5))
 # Largest difference of the logarithms of factors from both halves of a recording.
 _ALIKE = float(np.log(1.3))
-# A factor is known where the links explain so large a share of the torque, or so many times what is left in the end.
+# A factor is known if the links explain this share of the torque, or this many times what no law explains.
 _SHARE, _CLEAR = 0.5, 10.0
-# The same by a weight that is constant, whose factor may differ so much from that of the inertia.
+# Where a factor comes from a constant weight, this is the largest logarithm of its ratio to the factor of the inertia.
 _SAME = float(np.log(2.0))
 
 
 def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     """Modelled torque [N m or N] per unit of the measured one; NaN for joints whose motion does not determine it.
 
-    Friction may be most of a torque, as may the back-EMF in a voltage: what counts is what the links explain beside
-    what nothing explains.
+    Friction may make most of a torque, and the back-EMF most of a voltage. So the part that the links explain is
+    compared with the part that nothing explains.
 
     Args:
         robot: The given model.
@@ -49,7 +49,7 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     for j, one in enumerate(regress_joints(felt, model)):
         if one is None:
             continue
-        # Beside a small share, rotors and friction that grows with the load add to the factor; nothing takes from it.
+        # If the links make a small share, rotors and friction under load can only raise the factor.
         clear = one.model_share > _CLEAR * one.unexplained and 0 < max(one.slope) < np.exp(OWN_FACTOR)
         if one.model_share > _SHARE or clear:
             slopes = one.slope
@@ -67,17 +67,17 @@ def _by_weight(
     tau: Float[Array, " N"],
     moving: tuple[float, float],
 ) -> tuple[float, float]:
-    """Measured per modelled torque in each half by a weight that hardly changes, as that of a hoist; 0 where unknown.
+    """Ratio of measured to modelled torque in each half, from a nearly constant weight such as a hoist's; 0 if unknown.
 
-    A fit with an offset cannot use such a weight. Without one the weight may be balanced; what varies of the modelled
-    torque then has another factor.
+    A fit with an offset cannot use such a weight, so that this fit has no offset. If a spring or counterweight balances
+    the weight, the varying part of the modelled torque has another factor, and the result is zero.
 
     Args:
         model: Modelled torque.
         v: Velocity.
         sign: Its sign.
         tau: Measured torque.
-        moving: The factor of what varies, in each half.
+        moving: The ratio from the varying part, in each half.
     """
     columns, half, slopes = np.column_stack([model, v, sign]), len(tau) // 2, []
     for rows in (slice(None, half), slice(half, None)):
