@@ -19,7 +19,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.claims import rows_of
 from identification.diagnosis.search.containment import contains, possible
-from identification.diagnosis.search.rival_sets import Standing
+from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
@@ -87,33 +87,33 @@ def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Te
     return None
 
 
-def beside_imitation(standing: Standing, imitation: tuple[Term, ...] | None) -> Standing:
-    """The standing of a finding with a sum of effects as a rival, both equally probable.
+def beside_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | None) -> RivalComparison:
+    """The comparison of a finding, with a sum of effects as a rival, both equally probable.
 
     Args:
-        standing: From the comparison with single rivals.
+        comparison: From the comparison with single rivals.
         imitation: Effects that make the same torque together; None if there are none.
     """
     if imitation is None:
-        return standing
-    known = {frozenset(rival.effects) for rival in standing.rivals}
+        return comparison
+    known = {frozenset(rival.effects) for rival in comparison.rivals}
     effects = tuple(EffectAt(one.effect.name, one.joint) for one in imitation)
     if frozenset(effects) in known:
-        return standing
-    half = 0.5 * standing.probability
-    rivals = (*standing.rivals, Rival(effects, half)) if effects else standing.rivals
+        return comparison
+    half = 0.5 * comparison.probability
+    rivals = (*comparison.rivals, Rival(effects, half)) if effects else comparison.rivals
     ranked = tuple(sorted(rivals, key=lambda rival: -rival.probability))
-    return replace(standing, probability=half, rivals=ranked)
+    return replace(comparison, probability=half, rivals=ranked)
 
 
-def on_a_line(standing: Standing, term: Term) -> Standing:
-    """The standing of a finding where joints move along one line: loads, links and torque scales are never certain."""
-    return _at_most(standing, term, _UNCERTAIN)
+def on_a_line(comparison: RivalComparison, term: Term) -> RivalComparison:
+    """The comparison where joints move along one line: loads, links and torque scales are never certain."""
+    return _at_most(comparison, term, _UNCERTAIN)
 
 
-def of_a_model(standing: Standing, term: Term) -> Standing:
-    """The standing of a finding where the torque was computed from a weight by an unknown model."""
-    return _at_most(standing, term, _OF_A_MODEL)
+def of_a_model(comparison: RivalComparison, term: Term) -> RivalComparison:
+    """The comparison of a finding where the torque was computed from a weight by an unknown model."""
+    return _at_most(comparison, term, _OF_A_MODEL)
 
 
 def of_weights(session: Session) -> frozenset[int]:
@@ -129,11 +129,11 @@ def of_weights(session: Session) -> frozenset[int]:
     return frozenset(np.flatnonzero(from_weight).tolist())
 
 
-def _at_most(standing: Standing, term: Term, most: float) -> Standing:
-    """A standing with a probability of at most ``most`` if the finding is a load, links or a torque scale."""
+def _at_most(comparison: RivalComparison, term: Term, most: float) -> RivalComparison:
+    """A comparison with a probability of at most ``most`` if the finding is a load, links or a torque scale."""
     if not of_every_motion(term):
-        return standing
-    return replace(standing, probability=min(standing.probability, most))
+        return comparison
+    return replace(comparison, probability=min(comparison.probability, most))
 
 
 def _left(

@@ -35,33 +35,33 @@ _LOOKS = 3
 
 
 @dataclass(frozen=True)
-class Standing:
+class RivalComparison:
     """Probabilities of a finding and of its rivals.
 
     Attributes:
         probability: Probability of the finding.
         rivals: The rivals with their probabilities, the most probable first.
-        instead: The whole set with a rival that leads in the finding's place (the most probable of those with plausible
-            sizes, or of all if none is plausible); None if the finding leads.
+        leading_set: The whole set with a rival that leads in the finding's place (the most probable of those with
+            plausible sizes, or of all if none is plausible); None if the finding leads.
         gates: Results of the gates of rivals for the finding.
-        elsewhere: Whole sets with a rival in the finding's place, each with its probability; without sets whose effects
-            nearly cancel each other.
+        rival_sets: Whole sets with a rival in the finding's place, each with its probability; without sets whose
+            effects nearly cancel each other.
     """
 
     probability: float
     rivals: tuple[Rival, ...]
-    instead: frozenset[Term] | None = None
+    leading_set: frozenset[Term] | None = None
     gates: tuple[GateResult, ...] = ()
-    elsewhere: tuple[tuple[frozenset[Term], float], ...] = ()
+    rival_sets: tuple[tuple[frozenset[Term], float], ...] = ()
 
 
-def stand(
+def compare_with_rivals(
     search: Search,
     chosen: frozenset[Term],
     term: Term,
     barred: frozenset[EffectJoint] = NONE_BARRED,
-    again: tuple[Search, ...] = (),
-) -> Standing:
+    other_conditions: tuple[Search, ...] = (),
+) -> RivalComparison:
     """Compare a finding with all effects and sets of effects that could replace it.
 
     In a robot that was diagnosed before, a new finding of an implausible size has the probability zero where other
@@ -80,13 +80,13 @@ def stand(
         chosen: A set of effects.
         term: One of them.
         barred: Laws, with their joints, that do not differ from a simpler one.
-        again: Searches over the same rivals under conditions that should not matter, such as another band. If there are
-            any, the comparison is repeated with each of them and on each half of the blocks, and probabilities are
-            means over all of these.
+        other_conditions: Searches over the same rivals under conditions that should not matter, such as another band.
+            If there are any, the comparison is repeated with each of them and on each half of the blocks, and
+            probabilities are means over all of these.
     """
     base, diagnosed = search.evaluate(chosen), bool(search.problem.session.known)
     sound = has_plausible_sizes(search, chosen, frozenset([term]))
-    options, names, richer_laws = _options(search, chosen, term, barred, again, sound=sound or not diagnosed)
+    options, names, richer_laws = _options(search, chosen, term, barred, other_conditions, sound=sound or not diagnosed)
     possible = {key for key in names if has_plausible_sizes(search, key, key - chosen)}
     if possible or sound:
         # An implausible size is left out where a plausible cause explains most of it.
@@ -101,16 +101,16 @@ def stand(
         names[swapped] = others
     richer = odds_of_richer_laws(search, chosen, term, barred, richer_laws)
     if len(options) == 1 and not richer:
-        return Standing(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
+        return RivalComparison(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(options)
     apart = {key for key in names if not _nested(term, names[key])}
     sets = [same.get(key, key) for key in keys]
     costs = costs_of(search, sets, [key in twins for key in keys])
     costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
-    effects = {key: _effects_instead(search, chosen, names[key], key, same) for key in keys[1:]}
+    effects = {key: _replacing_effects(search, chosen, names[key], key, same) for key in keys[1:]}
     losses = np.array([options[key] for key in keys]).T
-    others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in again]
-    shares = _by_effects(keys, effects, probabilities(losses, costs, others, by_halves=bool(again)))
+    others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in other_conditions]
+    shares = _by_effects(keys, effects, probabilities(losses, costs, others, by_halves=bool(other_conditions)))
     for causes, odds in richer.items():
         shares[causes] = max(shares.get(causes, 0.0), odds * shares[()])
     for swapped, others in names.items():
@@ -131,10 +131,10 @@ def stand(
         for causes, share in sorted(kept.items(), key=lambda item: -item[1])
     )
     likely = {at: share / total for at, share in kept.items()}
-    there = _likeliest(search, chosen, term, likely, effects)
-    leader, gates = _leader(search, chosen, term, own / total, likely, there)
-    elsewhere = tuple((key, likely[at]) for at, key in there.items() if key not in same and adds_up(search, key))
-    return Standing(own / total, rivals, leader, gates, elsewhere)
+    best_sets = _likeliest(search, chosen, term, likely, effects)
+    leader, gates = _leader(search, chosen, term, own / total, likely, best_sets)
+    rival_sets = tuple((key, likely[at]) for at, key in best_sets.items() if key not in same and adds_up(search, key))
+    return RivalComparison(own / total, rivals, leader, gates, rival_sets)
 
 
 def _options(
@@ -142,7 +142,7 @@ def _options(
     chosen: Chosen,
     term: Term,
     barred: frozenset[EffectJoint],
-    again: tuple[Search, ...],
+    other_conditions: tuple[Search, ...],
     *,
     sound: bool,
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[Chosen]]:
@@ -159,7 +159,7 @@ def _options(
     options: dict[Chosen, Array] = {chosen: base.loss}
     names: dict[Chosen, Chosen] = {}
     richer_laws: list[Chosen] = []
-    searches = (search, *(one for one in again if one.problem.white is not search.problem.white))
+    searches = (search, *(one for one in other_conditions if one.problem.white is not search.problem.white))
     slack = [rules.HOPELESS_LOSS if sound else _MOSTLY * explained(one, chosen, term) for one in searches]
     near = dict.fromkeys(
         others for one, own in zip(searches, slack, strict=True) for others in relevant(one, chosen, term, own)
@@ -189,7 +189,7 @@ def _options(
     return options, names, richer_laws
 
 
-def _effects_instead(
+def _replacing_effects(
     search: Search, chosen: Chosen, others: Chosen, swapped: Chosen, same: dict[Chosen, Chosen]
 ) -> tuple[EffectJoint, ...]:
     """Effects and joints that replace a finding; for a law that has come to a special case those of that case.
@@ -214,14 +214,14 @@ def _likeliest(
     effects: dict[Chosen, tuple[EffectJoint, ...]],
 ) -> dict[tuple[EffectJoint, ...], Chosen]:
     """The best whole set of each rival in a finding's place."""
-    there: dict[tuple[EffectJoint, ...], Chosen] = {}
+    best_sets: dict[tuple[EffectJoint, ...], Chosen] = {}
     for key in sorted(effects, key=search.score):
         # In place of a law that has come to a special case, the set with the case itself leads.
         known = {one.effect_joint for one in key - chosen} <= set(effects[key])
-        if effects[key] in kept and effects[key] not in there:
+        if effects[key] in kept and effects[key] not in best_sets:
             leading = key if known else _with_effects(search, chosen, term, effects[key])
-            there |= {} if leading is None else {effects[key]: leading}
-    return there
+            best_sets |= {} if leading is None else {effects[key]: leading}
+    return best_sets
 
 
 def _leader(
@@ -230,36 +230,36 @@ def _leader(
     term: Term,
     own: float,
     kept: dict[tuple[EffectJoint, ...], float],
-    there: dict[tuple[EffectJoint, ...], Chosen],
+    best_sets: dict[tuple[EffectJoint, ...], Chosen],
 ) -> tuple[Chosen | None, tuple[GateResult, ...]]:
     """The set with the rival that leads in the finding's place, None if the finding leads; and the gates' results."""
-    if not there:
+    if not best_sets:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
     is_sound = {(): has_plausible_sizes(search, chosen, frozenset([term])) and not _new_in_old(search, [term])}
     is_sound |= {
         at: has_plausible_sizes(search, key, key - chosen) and not _new_in_old(search, key - chosen)
-        for at, key in there.items()
+        for at, key in best_sets.items()
     }
-    shares = {(): own} | {at: kept[at] for at in there}
+    shares = {(): own} | {at: kept[at] for at in best_sets}
     sine = bool(search.problem.session.in_one_sine)
-    plain = {at for at in shares if sine and adds_up(search, there.get(at, chosen))}
+    plain = {at for at in shares if sine and adds_up(search, best_sets.get(at, chosen))}
     if sum(shares[at] for at in plain) < rivalry.NEARLY_AS_LIKELY * max(shares.values()):
         plain = set()
 
     def rank(at: tuple[EffectJoint, ...]) -> tuple[bool, bool, float, int, bool]:
         # Of twins the one with fewer causes leads: free bodies come with a load.
-        return is_sound[at], at in plain, shares[at], -len(there.get(at, chosen)), at == ()
+        return is_sound[at], at in plain, shares[at], -len(best_sets.get(at, chosen)), at == ()
 
     first = max(shares, key=rank)
     outside, unit = _outside(search, chosen, term)
-    ahead = max((kept[at] for at in there if is_sound[at] >= is_sound[()]), default=0.0)
+    ahead = max((kept[at] for at in best_sets if is_sound[at] >= is_sound[()]), default=0.0)
     gates = until_failed(
         (
-            plausible_size(outside, unit, rival_is=any(is_sound[at] for at in there)),
-            likelier_than_rivals(own, ahead, leads=first not in there),
+            plausible_size(outside, unit, rival_is=any(is_sound[at] for at in best_sets)),
+            likelier_than_rivals(own, ahead, leads=first not in best_sets),
         )
     )
-    return there.get(first), gates
+    return best_sets.get(first), gates
 
 
 def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
@@ -304,8 +304,8 @@ def _nested(term: Term, others: Chosen) -> bool:
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
     """True if each of two causes can make the torque of the other in these recordings.
 
-    Laws of which one contains the other by definition are excluded, see `stand`. Free inertial parameters of a link
-    contain every effect that moves with it.
+    Laws of which one contains the other by definition are excluded, see `compare_with_rivals`. Free inertial parameters
+    of a link contain every effect that moves with it.
     """
     if any(contains(one, two) or contains(two, one) for one in others for two in [term]):
         return False
@@ -326,7 +326,7 @@ def _has_parts(rich: Term, names: set[str]) -> bool:
 
 
 def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """``chosen`` with findings replaced by rivals that lead, see `Standing`.
+    """``chosen`` with findings replaced by rivals that lead, see `RivalComparison`.
 
     The search compares sums over all blocks; a rival that leads in most bootstrap replicates is the more probable
     cause. After each replacement the other findings are compared again; no set is used twice.
@@ -337,11 +337,11 @@ def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Te
         for term in ordered(chosen):
             if not term.named or term not in chosen:
                 continue
-            standing = stand(search, chosen, term)
-            if standing.instead is not None and standing.instead not in seen:
-                search.record.add_failed([term], *standing.gates, replaced_by=standing.instead - chosen)
-                search.record.add_passed(standing.instead - chosen)
-                chosen = standing.instead
+            comparison = compare_with_rivals(search, chosen, term)
+            if comparison.leading_set is not None and comparison.leading_set not in seen:
+                search.record.add_failed([term], *comparison.gates, replaced_by=comparison.leading_set - chosen)
+                search.record.add_passed(comparison.leading_set - chosen)
+                chosen = comparison.leading_set
                 seen.append(chosen)
         if chosen == before:
             break
@@ -354,8 +354,8 @@ def _by_effects(
     """Shares by set of effects and joints, summed over shapes; the finding itself under ``()``."""
     out: dict[tuple[EffectJoint, ...], float] = {}
     for key, share in zip(keys, shares, strict=True):
-        instead = effects.get(key, ())
-        out[instead] = out.get(instead, 0.0) + float(share)
+        causes = effects.get(key, ())
+        out[causes] = out.get(causes, 0.0) + float(share)
     return out
 
 

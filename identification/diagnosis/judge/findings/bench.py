@@ -15,7 +15,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.moved_by_noise import loud_search
 from identification.diagnosis.search.record import EffectJoint, Record
-from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing
+from identification.diagnosis.search.rival_sets import NONE_BARRED, RivalComparison
 from identification.diagnosis.search.search import Search, with_wide_tolerances
 from identification.diagnosis.search.squares_left import squares_left
 from phantom_dyn.array_types import Array, Bool, Float
@@ -29,7 +29,7 @@ class Shown:
         plain: The search with plain fits in the judged band.
         chosen: The effects, structures without a name among them.
         joint_fit: Fit of all their numbers at once.
-        standings: How each named effect compares with its rivals. Both are fitted beside all effects that the search
+        comparisons: How each named effect compares with its rivals. Both are fitted beside all effects that the search
             found, those too small to be shown included, so that no rival wins by explaining those.
         beside: All that the search has found, with rivals in the place of those that they replaced.
     """
@@ -37,7 +37,7 @@ class Shown:
     plain: Search
     chosen: frozenset[Term]
     joint_fit: JointFit
-    standings: dict[Term, Standing]
+    comparisons: dict[Term, RivalComparison]
     beside: frozenset[Term] = frozenset()
 
     @property

@@ -120,12 +120,12 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             gap = gap_of(judge, within, after, weights)
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
-        standing = shown.standings[term]
+        comparison = shown.comparisons[term]
         rows = rows_of(problem, term)
         if not lines.isdisjoint(rows) or (of_every_motion(term) and not sines.isdisjoint(rows)):
-            standing = on_a_line(beside_imitation(standing, imitated_by(plain, chosen, term)), term)
+            comparison = on_a_line(beside_imitation(comparison, imitated_by(plain, chosen, term)), term)
         if not compensated.isdisjoint(rows):
-            standing = of_a_model(standing, term)
+            comparison = of_a_model(comparison, term)
         low, high = np.percentile(closed(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
@@ -134,9 +134,9 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             parameters=only_shown(finding_parameters(robot, term, fitted), problem.session, term.joint),
             gap_closed=float(closed(once)[0]),
             gap_closed_interval=(float(low), float(high)),
-            probability=standing.probability,
-            rivals=standing.rivals,
-            verdict="one_of" if standing.rivals else "supported",
+            probability=comparison.probability,
+            rivals=comparison.rivals,
+            verdict="one_of" if comparison.rivals else "supported",
             loadings=finding_loadings(robot, term, fitted),
             share=shares[term],
             law=_law(robot, term, shown.joint_fit.coefficients(term)),

@@ -25,7 +25,7 @@ from identification.diagnosis.judge.moved_by_noise import (
 from identification.diagnosis.judge.shares import least_closed, left_by
 from identification.diagnosis.search.containment import possible, with_term
 from identification.diagnosis.search.record import EffectJoint
-from identification.diagnosis.search.rival_sets import Standing, stand
+from identification.diagnosis.search.rival_sets import RivalComparison, compare_with_rivals
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, simplest_effects
 from identification.diagnosis.search.stepwise import forward
@@ -100,10 +100,10 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
 def _likeliest_but_for(rivals: frozenset[Term], gone: frozenset[Term], looked_at: tuple[Shown, ...]) -> bool:
     """True if no rival but these was more probable than an effect that they replaced."""
     causes = {term.effect_joint for term in rivals}
-    compared = next((shown.standings for shown in reversed(looked_at) if gone & shown.standings.keys()), {})
-    for standing in (compared[term] for term in gone & compared.keys()):
-        others = [one for one in standing.rivals if {(at.effect, at.joint) for at in one.effects} != causes]
-        if any(one.probability > standing.probability for one in others):
+    compared = next((shown.comparisons for shown in reversed(looked_at) if gone & shown.comparisons.keys()), {})
+    for comparison in (compared[term] for term in gone & compared.keys()):
+        others = [one for one in comparison.rivals if {(at.effect, at.joint) for at in one.effects} != causes]
+        if any(one.probability > comparison.probability for one in others):
             return False
     return True
 
@@ -151,20 +151,20 @@ def _sure(bench: Bench, state: State) -> State:
         if not closes or term.effect_joint in state.compared:
             return _hide(state, term)
         state = replace(state, compared=state.compared | {term.effect_joint})
-        instead = _rival_that_closes(bench, state, term)
-        if instead is None:
+        rival_set = _rival_that_closes(bench, state, term)
+        if rival_set is None:
             return _hide(state, term)
-        rivals = instead - state.found
-        shown, displaced = (state.shown & instead) | rivals, state.displaced | {term.effect_joint}
-        return replace(state, found=instead, shown=shown, displaced=displaced), rivals
+        rivals = rival_set - state.found
+        shown, displaced = (state.shown & rival_set) | rivals, state.displaced | {term.effect_joint}
+        return replace(state, found=rival_set, shown=shown, displaced=displaced), rivals
 
     return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, without)
 
 
 def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term] | None:
     """The set with the most probable rival of an effect that closes the gap for sure; None if there is none."""
-    standing = stand(bench.search, state.found, term, state.barred, bench.other_conditions)
-    for found, _ in sorted(standing.elsewhere, key=lambda one: -one[1]):
+    comparison = compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions)
+    for found, _ in sorted(comparison.rival_sets, key=lambda one: -one[1]):
         rivals = found - state.found
         if not state.displaced.isdisjoint(one.effect_joint for one in rivals):
             continue
@@ -270,11 +270,11 @@ def _searched_again(bench: Bench, state: State) -> State:
     uncertain = state.nothing & state.found
     if state.searched_again or not uncertain:
         return state
-    instead = instead_of(bench.plain, uncertain, state.shown, state.barred)
-    if not instead:
+    found = instead_of(bench.plain, uncertain, state.shown, state.barred)
+    if not found:
         return state
     barred = state.barred | {term.effect_joint for term in uncertain}
-    return replace(state.with_others((state.found - uncertain) | instead), barred=barred, searched_again=True)
+    return replace(state.with_others((state.found - uncertain) | found), barred=barred, searched_again=True)
 
 
 def instead_of(
@@ -291,10 +291,13 @@ def instead_of(
 def _rivals(bench: Bench, state: State) -> State:
     """The state with findings replaced by more probable rivals, as long as that leads to new sets."""
     named = [term for term in ordered(state.shown) if term.named]
-    standings = {term: stand(bench.search, state.found, term, state.barred, bench.other_conditions) for term in named}
-    shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), standings, state.found)
+    comparisons = {
+        term: compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions)
+        for term in named
+    }
+    shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), comparisons, state.found)
     looked_at = (*state.looked_at, shown)
-    replacements = {term: one.instead for term, one in standings.items() if one.instead is not None}
+    replacements = {term: one.leading_set for term, one in comparisons.items() if one.leading_set is not None}
     found = (
         with_replacements(state.found, list(replacements.values()), set(state.displaced))
         if replacements
@@ -302,23 +305,23 @@ def _rivals(bench: Bench, state: State) -> State:
     )
     over = not replacements or found == state.found or len(looked_at) == _MOST_LEADERS
     if over and replacements:
-        least = min(looked_at, key=lambda one: max(map(_lead_of_rival, one.standings.values()), default=0.0))
+        least = min(looked_at, key=lambda one: max(map(_lead_of_rival, one.comparisons.values()), default=0.0))
         for term in ordered(state.shown - least.chosen):
             if term.named:
-                own, rivals = standings[term].probability, standings[term].rivals
+                own, rivals = comparisons[term].probability, comparisons[term].rivals
                 ahead = max((rival.probability for rival in rivals), default=0.0)
                 result = likelier_than_rivals(own, ahead, leads=False)
                 bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
-        standings, looked_at = least.standings, (*looked_at, least)
+        comparisons, looked_at = least.comparisons, (*looked_at, least)
     if over:
-        standings = {term: with_equal_probabilities(one) for term, one in standings.items()}
-    for term, standing in standings.items():
+        comparisons = {term: with_equal_probabilities(one) for term, one in comparisons.items()}
+    for term, comparison in comparisons.items():
         if over or term in found:
-            bench.record.add_passed([term], *standing.gates)
+            bench.record.add_passed([term], *comparison.gates)
         else:
-            bench.record.add_failed([term], *standing.gates, replaced_by=found - state.found)
+            bench.record.add_failed([term], *comparison.gates, replaced_by=found - state.found)
     if over:
-        last = replace(looked_at[-1], standings=standings)
+        last = replace(looked_at[-1], comparisons=comparisons)
         return replace(state, shown=last.chosen, looked_at=(*looked_at, last), done=True)
     displaced = state.displaced | {term.effect_joint for term in state.found - found}
     exchanged = (*state.exchanged, (state.found - found, found - state.found))
@@ -341,26 +344,26 @@ def with_replacements(
     return out
 
 
-def _lead_of_rival(standing: Standing) -> float:
+def _lead_of_rival(comparison: RivalComparison) -> float:
     """Probability of the best rival less that of the finding; zero if the rival is not more probable."""
-    return standing.rivals[0].probability - standing.probability if standing.instead is not None else 0.0
+    return comparison.rivals[0].probability - comparison.probability if comparison.leading_set is not None else 0.0
 
 
-def with_equal_probabilities(standing: Standing) -> Standing:
-    """The standing with equal probabilities of a finding and of rivals that are more probable and cannot lead.
+def with_equal_probabilities(comparison: RivalComparison) -> RivalComparison:
+    """The comparison with equal probabilities of a finding and of rivals that are more probable and cannot lead.
 
     They would lead to a set that was seen before, or their sizes are not plausible.
     """
-    if all(rival.probability <= standing.probability for rival in standing.rivals):
-        return standing
-    shares = [standing.probability]
-    for rival in standing.rivals:
+    if all(rival.probability <= comparison.probability for rival in comparison.rivals):
+        return comparison
+    shares = [comparison.probability]
+    for rival in comparison.rivals:
         if rival.probability > np.mean(shares):
             shares.append(rival.probability)
     even, above = float(np.mean(shares)), len(shares) - 1
     rivals = (
-        *(replace(rival, probability=even) for rival in standing.rivals[:above]),
-        *standing.rivals[above:],
+        *(replace(rival, probability=even) for rival in comparison.rivals[:above]),
+        *comparison.rivals[above:],
     )
     gates = (likelier_than_rivals(even, even, leads=True),)
-    return replace(standing, probability=even, rivals=rivals, instead=None, gates=gates)
+    return replace(comparison, probability=even, rivals=rivals, leading_set=None, gates=gates)

@@ -124,8 +124,8 @@ def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
         shown: The reported findings, with the sets of effects that contain their rivals.
     """
     sets: dict[frozenset[Term], float] = {}
-    for standing in shown.standings.values():
-        for rivals, probability in standing.elsewhere:
+    for comparison in shown.comparisons.values():
+        for rivals, probability in comparison.rival_sets:
             sets[rivals] = max(probability, sets.get(rivals, 0.0))
     if not sets:
         return fitted

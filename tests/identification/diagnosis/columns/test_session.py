@@ -14,7 +14,7 @@ from identification.diagnosis.columns.tolerance_parameters import parameters_by_
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.containment import with_term
-from identification.diagnosis.search.rival_sets import stand
+from identification.diagnosis.search.rival_sets import compare_with_rivals
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.loading import load_robot
@@ -176,8 +176,8 @@ def test_bodies_of_all_links_are_as_likely_as_one_scale_of_all_joints_beside_fri
     places = [("torque_constant", "shoulder+elbow"), *(("coulomb_friction", joint) for joint in ("shoulder", "elbow"))]
     chosen = frozenset(next(t for t in search.terms if t.effect_joint == place) for place in places)
     scale = next(t for t in chosen if t.effect.shared)
-    standing = stand(search, chosen, scale)
-    shares = {rival.effects: rival.probability for rival in standing.rivals}
-    assert shares[(EffectAt("inertial_parameters", None),)] == pytest.approx(standing.probability)
+    comparison = compare_with_rivals(search, chosen, scale)
+    shares = {rival.effects: rival.probability for rival in comparison.rivals}
+    assert shares[(EffectAt("inertial_parameters", None),)] == pytest.approx(comparison.probability)
     # As many causes either way: what has fewer numbers leads.
-    assert standing.instead is None
+    assert comparison.leading_set is None

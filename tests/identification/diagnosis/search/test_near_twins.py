@@ -21,7 +21,7 @@ from identification.diagnosis.search.claims import _made_beside_twins, dropped
 from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
 from identification.diagnosis.search.plausible_sizes import RANGES, implausible
-from identification.diagnosis.search.rival_sets import Standing
+from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, nearest_case_of, simplest_effects
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import alternatives, swapped
@@ -111,10 +111,10 @@ def test_friction_is_not_imitated_where_joints_move_freely(lab, planar2):
 def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
     known = Rival((EffectAt("stribeck_friction", "elbow"),), 0.1)
     loaded = term(in_line, "load_dependent_friction", "elbow")
-    found = beside_imitation(Standing(0.9, (known,)), (loaded,))
+    found = beside_imitation(RivalComparison(0.9, (known,)), (loaded,))
     assert found.probability == 0.45
     assert found.rivals == (Rival((EffectAt("load_dependent_friction", "elbow"),), 0.45), known)
-    assert beside_imitation(Standing(0.9, (known,)), None) == Standing(0.9, (known,))
+    assert beside_imitation(RivalComparison(0.9, (known,)), None) == RivalComparison(0.9, (known,))
 
 
 @pytest.mark.parametrize(
@@ -122,8 +122,8 @@ def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
     [("payload", None, 0.85), ("torque_constant", "elbow", 0.85), ("viscous_friction", "elbow", 0.99)],
 )
 def test_no_load_and_no_torque_scale_is_certain_along_a_line_and_friction_is(in_line, name, joint, most):
-    assert on_a_line(Standing(0.99, ()), term(in_line, name, joint)).probability == most
-    assert on_a_line(Standing(0.5, ()), term(in_line, name, joint)).probability == 0.5
+    assert on_a_line(RivalComparison(0.99, ()), term(in_line, name, joint)).probability == most
+    assert on_a_line(RivalComparison(0.5, ()), term(in_line, name, joint)).probability == 0.5
 
 
 @pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])

@@ -12,9 +12,9 @@ from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.fair_costs import costs_of
 from identification.diagnosis.search.richer_laws import odds_of_richer
 from identification.diagnosis.search.rival_sets import (
-    Standing,
+    RivalComparison,
     _with_effects,
-    stand,
+    compare_with_rivals,
     with_leading_rivals,
 )
 from identification.diagnosis.search.search import with_wide_tolerances
@@ -29,22 +29,22 @@ def silent(_: str) -> None:
     """Nobody is told."""
 
 
-def standings(prepared) -> dict[tuple[str, str | None], object]:
+def comparisons(prepared) -> dict[tuple[str, str | None], object]:
     search = prepared.search
     chosen = explain(search, silent)
-    return {term.effect_joint: stand(search, chosen, term) for term in chosen}
+    return {term.effect_joint: compare_with_rivals(search, chosen, term) for term in chosen}
 
 
-def rival_sets(standing) -> list[set[str]]:
-    return [{effect.effect for effect in rival.effects} for rival in standing.rivals]
+def rival_sets(comparison) -> list[set[str]]:
+    return [{effect.effect for effect in rival.effects} for rival in comparison.rivals]
 
 
 def test_a_clear_finding_has_no_rivals(lab, planar2):
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.5]),))
-    standing = standings(prepared)[("coulomb_friction", "elbow")]
-    assert standing.probability == 1.0
-    assert standing.rivals == ()
+    comparison = comparisons(prepared)[("coulomb_friction", "elbow")]
+    assert comparison.probability == 1.0
+    assert comparison.rivals == ()
 
 
 def test_a_richer_law_of_the_same_kind_that_earns_its_price_takes_the_place_of_a_simpler_one(lab, planar2):
@@ -65,7 +65,7 @@ def test_friction_that_falls_at_low_speeds_is_a_rival_where_no_motion_is_slow(la
     x = np.outer(t, w) + phase
     motion = Motion(t, 0.3 * np.sin(x), 0.3 * w * np.cos(x), -0.3 * w**2 * np.sin(x))
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -0.1 * np.sign(motion.v) * [0.0, 1.0]),))
-    names = rival_sets(standings(prepared)[("coulomb_friction", "elbow")])
+    names = rival_sets(comparisons(prepared)[("coulomb_friction", "elbow")])
     assert ({"stribeck_friction"} in names) is listed
 
 
@@ -80,15 +80,15 @@ def heavier(lab):
 def test_exact_twins_share_their_wins(heavier):
     # Closed form: mass of the carriage, of a payload, of the rotor, and a torque constant all leave a force
     # proportional to the acceleration.
-    ((place, standing),) = standings(heavier).items()
-    options = [place, *((r.effects[0].effect, r.effects[0].joint) for r in standing.rivals)]
+    ((place, comparison),) = comparisons(heavier).items()
+    options = [place, *((r.effects[0].effect, r.effects[0].joint) for r in comparison.rivals)]
     assert set(options) == {
         ("rotor_inertia", "axis"),
         ("inertial_parameters", "axis"),
         ("payload", None),
         ("torque_constant", "axis"),
     }
-    assert standing.probability == pytest.approx(0.25, abs=0.02)
+    assert comparison.probability == pytest.approx(0.25, abs=0.02)
 
 
 def test_a_rival_of_a_size_that_no_robot_has_is_none_where_another_may_be(heavier, monkeypatch):
@@ -98,10 +98,10 @@ def test_a_rival_of_a_size_that_no_robot_has_is_none_where_another_may_be(heavie
 
     for module in (rivals, richer_laws):
         monkeypatch.setattr(module, "implausible", impossible)
-    ((place, standing),) = standings(heavier).items()
-    options = {place[0], *(rival.effects[0].effect for rival in standing.rivals)}
+    ((place, comparison),) = comparisons(heavier).items()
+    options = {place[0], *(rival.effects[0].effect for rival in comparison.rivals)}
     assert options == {"rotor_inertia", "inertial_parameters", "payload"}
-    assert standing.probability == pytest.approx(1.0 / 3.0, abs=0.02)
+    assert comparison.probability == pytest.approx(1.0 / 3.0, abs=0.02)
 
 
 def test_a_plausible_cause_that_explains_most_leads_beside_a_better_fit_of_an_impossible_size(
@@ -117,15 +117,15 @@ def test_a_plausible_cause_that_explains_most_leads_beside_a_better_fit_of_an_im
         return None if term is viscous else (coulomb.effect.parameters(planar2, "elbow")[0], 0.5)
 
     chosen = frozenset([coulomb])
-    assert stand(search, chosen, coulomb).probability == 1.0
+    assert compare_with_rivals(search, chosen, coulomb).probability == 1.0
     for module in (rivals, richer_laws):
         monkeypatch.setattr(module, "implausible", impossible)
-    assert stand(search, chosen, coulomb).probability == 1.0
+    assert compare_with_rivals(search, chosen, coulomb).probability == 1.0
     # Of a robot that was diagnosed before.
     session = replace(search.problem.session, known=(KnownEffect("torque_offset", "elbow", (0.0,)),))
     known = replace(search, problem=replace(search.problem, session=session))
-    standing = stand(known, chosen, coulomb)
-    assert (standing.probability, standing.instead) == (0.0, frozenset([viscous]))
+    comparison = compare_with_rivals(known, chosen, coulomb)
+    assert (comparison.probability, comparison.leading_set) == (0.0, frozenset([viscous]))
 
 
 def test_coulomb_friction_with_an_offset_and_direction_dependent_friction_are_twins(lab, planar2):
@@ -133,7 +133,7 @@ def test_coulomb_friction_with_an_offset_and_direction_dependent_friction_are_tw
     motion = lab.motion(2, 3)
     torque = np.where(motion.v > 0, -0.5, 0.2) * [0.0, 1.0]
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-    found = standings(prepared)
+    found = comparisons(prepared)
     assert {place[1] for place in found} == {"elbow"}
     options = [{place[0] for place in found}, *(names for s in found.values() for names in rival_sets(s))]
     assert {"direction_dependent_friction"} in options
@@ -149,10 +149,10 @@ def test_a_law_has_at_least_the_odds_that_its_parts_give_it(lab, pendulum):
     coulomb, offset, rich = (prepared.term(name, "pin") for name in names)
     parts, whole = frozenset([coulomb, offset]), frozenset([rich])
     odds = odds_of_richer(prepared.search, parts, whole)
-    standing = stand(prepared.search, whole, rich)
-    of_parts = next(one for one in standing.rivals if {e.effect for e in one.effects} == set(names[:2]))
+    comparison = compare_with_rivals(prepared.search, whole, rich)
+    of_parts = next(one for one in comparison.rivals if {e.effect for e in one.effects} == set(names[:2]))
     assert 0.0 < odds < 1.0
-    assert standing.probability >= odds * of_parts.probability > 0.0
+    assert comparison.probability >= odds * of_parts.probability > 0.0
 
 
 @pytest.mark.parametrize("names", [("coulomb_friction",), ("torque_offset",), ("viscous_friction",), ()])
@@ -164,14 +164,14 @@ def test_direction_dependent_friction_of_equal_slopes_is_as_likely_as_its_parts_
     parts = frozenset(prepared.term(name, "pin") for name in ("coulomb_friction", "torque_offset", "viscous_friction"))
     whole = prepared.term("direction_dependent_friction", "pin")
     term = next((one for one in parts if (one.effect.name,) == names), whole)
-    standing = stand(prepared.search, parts if names else frozenset([whole]), term)
-    instead = {one.effects: one.probability for one in standing.rivals}
+    comparison = compare_with_rivals(prepared.search, parts if names else frozenset([whole]), term)
+    instead = {one.effects: one.probability for one in comparison.rivals}
     other = next(
         share
         for effects, share in instead.items()
         if {one.effect for one in effects} == ({whole.effect.name} if names else {one.effect.name for one in parts})
     )
-    assert standing.probability == pytest.approx(other)
+    assert comparison.probability == pytest.approx(other)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -180,16 +180,16 @@ def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(lab, pendulum, see
     motion = lab.motion(1, seed)
     torque = -np.where(motion.v > 0, 0.25, 0.18) * np.sign(motion.v) - 0.1 * motion.v
     prepared = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque, noise=0.2, seed=seed),))
-    found = standings(prepared)
+    found = comparisons(prepared)
     assert found
-    for standing in found.values():
-        total = standing.probability + sum(rival.probability for rival in standing.rivals)
+    for comparison in found.values():
+        total = comparison.probability + sum(rival.probability for rival in comparison.rivals)
         assert total == pytest.approx(1.0)
 
 
 def test_rivals_have_a_twentieth_at_least_and_come_in_order(heavier):
-    (standing,) = standings(heavier).values()
-    shares = [rival.probability for rival in standing.rivals]
+    (comparison,) = comparisons(heavier).values()
+    shares = [rival.probability for rival in comparison.rivals]
     assert shares == sorted(shares, reverse=True)
     assert min(shares) >= 0.05
 
@@ -228,9 +228,9 @@ def test_standings_agree_from_both_sides(lab, planar2):
     viscous, coulomb = prepared.term("viscous_friction", "elbow"), prepared.term("coulomb_friction", "elbow")
 
     def share(found, other) -> float:
-        standing = stand(prepared.search, frozenset([found]), found)
-        wins = {rival.effects[0].effect: rival.probability for rival in standing.rivals if len(rival.effects) == 1}
-        return wins.get(other.effect.name, 0.0) / (wins.get(other.effect.name, 0.0) + standing.probability)
+        comparison = compare_with_rivals(prepared.search, frozenset([found]), found)
+        wins = {rival.effects[0].effect: rival.probability for rival in comparison.rivals if len(rival.effects) == 1}
+        return wins.get(other.effect.name, 0.0) / (wins.get(other.effect.name, 0.0) + comparison.probability)
 
     assert share(viscous, coulomb) == pytest.approx(1.0 - share(coulomb, viscous), abs=0.05)
 
@@ -255,18 +255,18 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
 
 
 def test_findings_are_looked_at_again_beside_a_rival_that_takes_a_place(lab, planar2, monkeypatch):
-    # Known truth: the first finding is outdone only beside what takes the second one's place.
+    # Known truth: the first finding is less probable only beside what takes the second one's place.
     prepared = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, 3)),))
     names = ("coulomb_friction", "torque_offset", "viscous_friction", "input_delay")
     first, second, third, fourth = (prepared.term(name, "elbow") for name in names)
     better = {(second, frozenset({first, second})): {first, third}, (first, frozenset({first, third})): {fourth, third}}
 
-    def standing(search, chosen, term):
+    def comparison(search, chosen, term):
         instead = better.get((term, chosen))
         named = (Rival((EffectAt("x", None),), 0.9),) if instead else ()
-        return Standing(0.1, named, frozenset(instead) if instead else None)
+        return RivalComparison(0.1, named, frozenset(instead) if instead else None)
 
-    monkeypatch.setattr(rivals, "stand", standing)
+    monkeypatch.setattr(rivals, "compare_with_rivals", comparison)
     assert with_leading_rivals(prepared.search, frozenset({first, second})) == {fourth, third}
 
 
@@ -281,7 +281,9 @@ def test_wide_tolerances_are_three_times_as_wide_and_leave_effects_alone(quiet):
 def test_what_survives_every_repetition_is_as_certain_as_before(quiet):
     chosen = frozenset([quiet.term("viscous_friction", "elbow")])
     (term,) = chosen
-    alone, repeated = (stand(quiet.search, chosen, term, again=again) for again in ((), (quiet.search,)))
+    alone, repeated = (
+        compare_with_rivals(quiet.search, chosen, term, other_conditions=again) for again in ((), (quiet.search,))
+    )
     total = repeated.probability + sum(rival.probability for rival in repeated.rivals)
     assert total == pytest.approx(1.0)
     assert abs(alone.probability - repeated.probability) < 0.5

@@ -29,7 +29,7 @@ from identification.diagnosis.judge.findings.shown import (
 )
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.rival_sets import Standing
+from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.rivalry import likelier_than_rivals
 from identification.notes import Code
 from identification.pipeline import diagnose
@@ -97,16 +97,18 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
         following = terms[terms.index(term) + 1]
         ahead = 0.1 if len(asked) == 3 else 0.4
         rival = Rival(effects=(EffectAt(*following.effect_joint),), probability=0.3 + ahead)
-        return Standing(0.3, (rival,), frozenset([following]), (likelier_than_rivals(0.3, 0.3 + ahead, leads=False),))
+        return RivalComparison(
+            0.3, (rival,), frozenset([following]), (likelier_than_rivals(0.3, 0.3 + ahead, leads=False),)
+        )
 
-    monkeypatch.setattr(shown_module, "stand", next_leads)
+    monkeypatch.setattr(shown_module, "compare_with_rivals", next_leads)
     for step in ("_motion", "_sure", "_noise", "_simpler", "_part"):
         monkeypatch.setattr(shown_module, step, lambda bench, state: state)
     bench = bench_of(rubbing)
     shown = shown_effects(bench, State.of(frozenset(terms[:1])))
     assert len(asked) == 8
     assert shown.chosen == {terms[2]}
-    assert shown.standings[terms[2]].probability == pytest.approx(0.35)
+    assert shown.comparisons[terms[2]].probability == pytest.approx(0.35)
     # What was looked at last had to give way to it.
     assert bench.record.replacements_of(terms[7].effect_joint) == (terms[2].effect_joint,)
 
@@ -120,7 +122,7 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
     least = {viscous: -0.5, coulomb: of_rival}
     monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: {one: least[one] for one in chosen})
     elsewhere = ((frozenset([coulomb]), 0.4),)
-    monkeypatch.setattr(shown_module, "stand", lambda *_: Standing(0.6, (), elsewhere=elsewhere))
+    monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: RivalComparison(0.6, (), rival_sets=elsewhere))
     bench = bench_of(rubbing)
     after = shown_module._sure(bench, State.of(frozenset([viscous])))
     assert after.shown == (elsewhere[0][0] if in_its_place else frozenset())
@@ -131,7 +133,7 @@ def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbin
     # By hand: what closes nothing of the gap may as well be noise.
     viscous = rubbing.term("viscous_friction", "elbow")
     monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, -1.0))
-    monkeypatch.setattr(shown_module, "stand", lambda *_: pytest.fail("a rival was looked for"))
+    monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: pytest.fail("a rival was looked for"))
     assert not shown_module._sure(bench_of(rubbing), State.of(frozenset([viscous]))).shown
 
 
@@ -185,19 +187,19 @@ def test_an_effect_that_is_the_whole_gap_closes_all_of_it_however_small_the_gap(
 def test_a_finding_and_the_rivals_that_outdo_it_share_what_they_have(own, rivals, even):
     # By hand: those above the mean of all before them join it.
     named = tuple(Rival((EffectAt(f"law_{k}", "j1"),), share) for k, share in enumerate(rivals))
-    out = with_equal_probabilities(Standing(own, named, frozenset()))
+    out = with_equal_probabilities(RivalComparison(own, named, frozenset()))
     shown = (out.probability, *(rival.probability for rival in out.rivals))
     assert shown == pytest.approx(even)
 
 
 def test_a_finding_that_leads_keeps_its_share():
     rival = Rival((EffectAt("viscous_friction", "j1"),), 0.4)
-    assert with_equal_probabilities(Standing(0.6, (rival,))) == Standing(0.6, (rival,))
+    assert with_equal_probabilities(RivalComparison(0.6, (rival,))) == RivalComparison(0.6, (rival,))
 
 
 def test_a_rival_that_cannot_lead_is_no_more_probable_than_the_finding():
     # By hand: no set is given that has the rival in the place of the finding.
-    out = with_equal_probabilities(Standing(0.2, (Rival((EffectAt("actuator_lag", "j1"),), 0.6),)))
+    out = with_equal_probabilities(RivalComparison(0.2, (Rival((EffectAt("actuator_lag", "j1"),), 0.6),)))
     assert (out.probability, out.rivals[0].probability) == pytest.approx((0.4, 0.4))
 
 
@@ -279,8 +281,8 @@ def test_it_is_back_beside_the_only_rival_that_falls_if_no_other_is_likelier(exc
         Rival((EffectAt("parasitic_spring", "elbow"),), spring),
         Rival((EffectAt("torque_offset", "elbow"),), offset),
     )
-    standing = Standing(1.0 - spring - offset, likelier)
-    shown = Shown(None, gone, None, dict.fromkeys(gone, standing))
+    comparison = RivalComparison(1.0 - spring - offset, likelier)
+    shown = Shown(None, gone, None, dict.fromkeys(gone, comparison))
     # What fails to be shown by motion is hidden, and still found.
     before = replace(before, found=rival, shown=rival, exchanged=((gone, rival),), looked_at=(shown,))
     after = _without_exchanges(bench, before, replace(before, shown=frozenset()))

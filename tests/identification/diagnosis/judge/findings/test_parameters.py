@@ -24,7 +24,7 @@ from identification.diagnosis.judge.findings.missing_parts import (
 from identification.diagnosis.judge.findings.parameters import _named, finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import with_other_causes
 from identification.diagnosis.judge.judged_band import narrow_search
-from identification.diagnosis.search.rival_sets import Standing
+from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.special_case import more_than_a_missing_part
 from identification.words.note_words import sentences
 from phantom_dyn.effects.catalogue import effect_named
@@ -292,7 +292,7 @@ def rubbing(lab, planar2):
 def test_a_size_is_uncertain_by_what_it_is_beside_a_likely_rival(rubbing):
     # Closed form: a variance of p (x' - x)^2 on top of its own.
     coulomb, both, shown = rubbing
-    shown = replace(shown, standings={coulomb: Standing(0.7, (), elsewhere=((both, 0.3),))})
+    shown = replace(shown, comparisons={coulomb: RivalComparison(0.7, (), rival_sets=((both, 0.3),))})
     column, at = coulomb.columns[0], shown.joint_fit.slices_of(coulomb).coefficients.start
     shift = shown.plain.evaluate(both).theta[column] - shown.plain.evaluate(shown.chosen).theta[column]
     assert abs(shift) > 0.0
@@ -305,7 +305,7 @@ def test_a_set_that_is_a_rival_of_two_findings_counts_once(rubbing):
     coulomb, both, shown = rubbing
     (viscous,) = both - {coulomb}
     once, twice = (
-        replace(shown, standings={term: Standing(0.7, (), elsewhere=((both, p),)) for term, p in shares})
+        replace(shown, comparisons={term: RivalComparison(0.7, (), rival_sets=((both, p),)) for term, p in shares})
         for shares in (((coulomb, 0.3),), ((coulomb, 0.3), (viscous, 0.2)))
     )
     np.testing.assert_array_equal(*(with_other_causes(one.joint_fit, one).cov for one in (once, twice)))
@@ -313,11 +313,11 @@ def test_a_set_that_is_a_rival_of_two_findings_counts_once(rubbing):
 
 def test_without_rivals_deviations_stay_as_they_are(rubbing):
     coulomb, _, shown = rubbing
-    shown = replace(shown, standings={coulomb: Standing(1.0, ())})
+    shown = replace(shown, comparisons={coulomb: RivalComparison(1.0, ())})
     assert with_other_causes(shown.joint_fit, shown) is shown.joint_fit
 
 
 def test_a_rival_that_has_not_the_effect_says_nothing_of_its_size(rubbing):
     coulomb, both, shown = rubbing
-    shown = replace(shown, standings={coulomb: Standing(0.7, (), elsewhere=((both - {coulomb}, 0.3),))})
+    shown = replace(shown, comparisons={coulomb: RivalComparison(0.7, (), rival_sets=((both - {coulomb}, 0.3),))})
     np.testing.assert_array_equal(with_other_causes(shown.joint_fit, shown).cov, shown.joint_fit.cov)
