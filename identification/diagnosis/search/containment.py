@@ -37,16 +37,27 @@ def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
 def _exclude(one: Term, other: Term) -> bool:
     """True for two shapes of one effect, two friction laws with many parameters on one joint, and the like.
 
-    A joint has one torque constant, its own or one that several joints share. Beside free parameters of all bodies, a
-    common torque constant of all joints can only express wrong friction, which friction expresses by itself.
+    A joint has one torque constant, its own or one that several joints share. Beside a load or free parameters of a
+    body, a common torque constant can express wrong friction of all these joints, as the body takes what it does to the
+    rest of the torque. Friction expresses that by itself, and so does a torque constant for each joint.
     """
-    if scales_all_bodies(one, other) or scales_all_bodies(other, one):
+    if any(hides(one, other) or hides(other, one) for hides in (_hides_friction, scales_all_bodies)):
         return True
     if one.effect.scales_joint and other.effect.scales_joint and one is not other:
         return not set(joints_of(one)).isdisjoint(joints_of(other))
     if one.joint != other.joint:
         return False
     return one.effect.name == other.effect.name or not set(one.effect.contains).isdisjoint(other.effect.contains)
+
+
+def is_of_many_joints(term: Term) -> bool:
+    """True for one number of several joints, such as one torque constant for all."""
+    return term.effect.shared and len(joints_of(term)) > 1
+
+
+def _hides_friction(scale: Term, bodies: Term) -> bool:
+    """True for a torque constant that several joints share, together with a load or free parameters of bodies."""
+    return is_of_many_joints(scale) and bodies.effect.inertial is not None
 
 
 def scales_all_bodies(scale: Term, bodies: Term) -> bool:
@@ -86,7 +97,7 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
 def _keys(term: Term) -> tuple[object, ...]:
     """Joints and columns of a term: related terms have one of these in common."""
     shared = tuple(("joint", joint) for joint in joints_of(term)) if term.effect.shared else ()
-    whole = ("whole",) if term.effect.shared or (term.effect.inertial == "free" and term.joint is None) else ()
+    whole = ("whole",) if term.effect.shared or term.effect.inertial is not None else ()
     return ("joint", term.joint), *shared, *whole, *term.columns
 
 

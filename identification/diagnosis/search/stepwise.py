@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import dropped, gate_results, least_missed, passes_gates, rows_of
-from identification.diagnosis.search.containment import possible, with_term
+from identification.diagnosis.search.containment import is_of_many_joints, possible, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.swaps import simplified, swapped
@@ -189,14 +189,15 @@ def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Ter
 
 
 def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The set with effects of single joints in place of a law with more parameters than the robot has joints.
+    """The set with effects of single joints in place of a law of many joints.
 
-    Such a law gains most at first, because it explains a little of every effect: free inertial parameters also explain
-    wrong rotor inertias on all joints. No swap of one effect for another leads away from it, so the search is repeated
-    without that law.
+    A law with more parameters than the robot has joints gains most at first, because it explains a little of every
+    effect: free inertial parameters also explain wrong rotor inertias on all joints. So does one torque constant for
+    several joints: it explains wrong friction on all of them. No swap of one effect for another leads away from such a
+    law, so the search is repeated without it.
     """
     for term in ordered(chosen):
-        if search.sizes[term] <= len(search.problem.columns.rows):
+        if search.sizes[term] <= len(search.problem.columns.rows) and not is_of_many_joints(term):
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
         without = replace(search, terms=others, record=search.record.copy_for_trial())

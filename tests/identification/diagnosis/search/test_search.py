@@ -248,6 +248,24 @@ def test_single_effects_take_the_place_of_free_inertias_that_hold_a_little_of_ea
     assert places(found) == {("rotor_inertia", joint) for joint in arm.joint_names}
 
 
+def test_friction_of_each_joint_takes_the_place_of_a_torque_constant_for_all(lab, arm):
+    # Known truth: more friction on each joint, to which a scale of all torques comes near.
+    motion = lab.motion(3, 4)
+    prepared = lab.prepared(arm, (lab.recording(arm, motion, -np.sign(motion.v) * [0.9, 0.7, 0.8]),))
+    whole = prepared.term("torque_constant", "+".join(arm.joint_names))
+    found = stepwise._by_single_effects(prepared.search, frozenset([whole]), silent)
+    assert places(found) == {("coulomb_friction", joint) for joint in arm.joint_names}
+
+
+@pytest.mark.parametrize("body", [("payload", None), ("inertial_parameters", "elbow"), ("inertial_parameters", None)])
+def test_a_torque_constant_of_several_joints_is_not_tried_beside_bodies(quiet, body):
+    # Together they are wrong friction by another name; a torque constant of one joint stays.
+    scale, single = (quiet.term("torque_constant", joint) for joint in ("shoulder+elbow", "elbow"))
+    assert with_term(frozenset([scale]), quiet.term(*body)) == {quiet.term(*body)}
+    assert with_term(frozenset([quiet.term(*body)]), scale) == {scale}
+    assert with_term(frozenset([single]), quiet.term(*body)) == {single, quiet.term(*body)}
+
+
 def test_free_inertias_stay_where_single_effects_explain_less(lab, arm):
     # Known truth: each link has masses and products of inertia that no other effect makes.
     motion = lab.motion(3, 4)
