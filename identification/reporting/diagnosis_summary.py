@@ -97,21 +97,26 @@ def _law_lines(diagnosis: Diagnosis) -> list[str]:
 
 
 def _gap_line(diagnosis: Diagnosis) -> list[str]:
-    """Share of the gap that is closed, and the joint with the largest gap before and after; empty without a gap."""
+    """Share of the gap that is closed, and the joint of which most is closed, before and after; empty without a gap."""
     gap = diagnosis.gap
     if gap.closed is None or not diagnosis.findings:
         return []
     share = percent_short_of_all(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
     moved = closed_by_tolerances(diagnosis)
     by = "" if moved is None else f" ({percent_short_of_all(gap.closed - moved)} by the findings)"
-    worst = max(
-        diagnosis.joints, key=lambda joint: joint.without_findings / joint.noise_floor if joint.noise_floor else 0.0
-    )
+    worst = max(diagnosis.joints, key=_closed_squares)
     where = ("" if len(diagnosis.joints) == 1 else "most on ") + words.joints_words([worst.joint])
     return [
         f"{words.capital(share)} of the gap is closed{by}, {where}: {number(worst.without_findings)} -> "
         f"{number(worst.rms_after)} {worst.unit} (noise floor {number(worst.noise_floor)})."
     ]
+
+
+def _closed_squares(joint: JointGap) -> float:
+    """Part of the gap that a joint's findings close, as the share of the gap counts it: in squared noise floors."""
+    if joint.noise_floor <= 0.0:
+        return 0.0
+    return (joint.without_findings**2 - joint.rms_after**2) / joint.noise_floor**2
 
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
