@@ -102,13 +102,15 @@ def _with_fast_loading(dispatcher: Any) -> Any:
     """The dispatcher, changed to load cached machine code without numba's registries of everything it can compile.
 
     Loading the registries takes a tenth of the time of a small command. If a function has to be compiled after all,
-    numba loads them then.
+    numba loads them then. Machine code of a version that named its types otherwise is none: numba would fail to read it
+    before it sees that the source is another one.
     """
     try:
         from numba.core.runtime.nrt import rtsys
 
         cached = dispatcher._cache
         load, guarded = cached._load_overload, cached._guard_against_spurious_io_errors
+        index, read_index = cached._cache_file, cached._cache_file._load_index
     except (ImportError, AttributeError):  # a version of numba with other internals: it loads the registries
         return dispatcher
 
@@ -118,7 +120,13 @@ def _with_fast_loading(dispatcher: Any) -> Any:
             return load(signature, target)
         return None
 
-    cached.load_overload = load_overload
+    def known_overloads() -> dict[Any, str]:
+        try:
+            return read_index()
+        except (AttributeError, ImportError):  # a type that has another name or place now
+            return {}
+
+    cached.load_overload, index._load_index = load_overload, known_overloads
     return dispatcher
 
 

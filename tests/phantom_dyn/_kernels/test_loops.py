@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
 
+import numba
 import numpy as np
 import pytest
 from scipy.signal import firwin, oaconvolve
@@ -197,9 +198,14 @@ def test_a_compiled_function_is_pickled_and_copied_by_its_name():
 
 
 @pytest.fixture(scope="module")
-def squares(tmp_path_factory):
+def folder(tmp_path_factory):
+    """Where a script and its compiled functions are kept."""
+    return tmp_path_factory.mktemp("kept")
+
+
+@pytest.fixture(scope="module")
+def squares(folder):
     """What a fresh process prints that squares numbers of some kinds; a first one has kept what squares doubles."""
-    folder = tmp_path_factory.mktemp("kept")
     (folder / "squares.py").write_text(SQUARES)
 
     def printed(*kinds: str) -> list[str]:
@@ -218,6 +224,16 @@ def test_a_kept_function_is_loaded_without_what_only_compiling_needs(squares):
 def test_beside_a_kept_function_others_are_compiled(squares):
     assert squares("float64", "int64") == ["[1.0, 4.0, 9.0] False False", "[1, 4, 9] True True"]
     assert squares("int64", "float64") == ["[1, 4, 9] False False", "[1.0, 4.0, 9.0] False False"]
+
+
+def test_kept_functions_of_a_version_with_other_names_are_compiled_anew(folder, squares):
+    # An index of numba is its version and a pickle; this one has a class that is not there any more.
+    indices = [*(folder / "cache").rglob("*.nbi")]
+    for index in indices:
+        index.write_bytes(pickle.dumps(numba.__version__) + b"cphantom_dyn._kernels.jit\nGone\n.")
+    assert indices
+    assert squares("float64") == ["[1.0, 4.0, 9.0] True True"]
+    assert squares("float64") == ["[1.0, 4.0, 9.0] False False"]
 
 
 def test_a_numba_whose_cache_is_another_is_left_as_it_is():
