@@ -104,11 +104,11 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     share = percent_short_of_all(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
     moved = closed_by_tolerances(diagnosis)
     by = "" if moved is None else f" ({percent_short_of_all(gap.closed - moved)} by the findings)"
-    worst = max(diagnosis.joints, key=_closed_squares)
-    where = ("" if len(diagnosis.joints) == 1 else "most on ") + words.joints_words([worst.joint])
+    joint = max(diagnosis.joints, key=_closed_squares)
+    where = ("" if len(diagnosis.joints) == 1 else "most on ") + words.joints_words([joint.joint])
     return [
-        f"{words.capital(share)} of the gap is closed{by}, {where}: {number(worst.without_findings)} -> "
-        f"{number(worst.rms_after)} {worst.unit} (noise floor {number(worst.noise_floor)})."
+        f"{words.capital(share)} of the gap is closed{by}, {where}: {number(joint.without_findings)} -> "
+        f"{number(joint.rms_after)} {joint.unit} (noise floor {number(joint.noise_floor)})."
     ]
 
 

@@ -304,7 +304,7 @@ def _kept_rows(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) ->
 def _curve_starts(t: Float[Array, " N"], rows: Int[Array, " n"], measured: Float[Array, " N"]) -> list[int]:
     """Indices of the kept samples that follow a gap.
 
-    Gaps are looked for among all samples: kept samples are unevenly spaced, so that gaps could not be told from these.
+    Gaps are searched for among all samples, because kept samples are unevenly spaced and seem to have gaps everywhere.
     """
     known = np.isfinite(measured)
     begins = [gap_starts(t), np.flatnonzero(known[1:] & ~known[:-1]) + 1]
