@@ -23,7 +23,8 @@ COUNTS = {"single": 30, "null": 20, "outside": 15, "pair": 10}
 FIRST_SEEDS = {"single": 100_000, "null": 101_000, "pair": 102_000, "outside": 103_000}
 NEXT_SEED = 500  # added where a seed gives no case
 TRIES = 5
-# The sums of the list are of files made with these; others round otherwise.
+# The sums of the list are of files made with these; others round otherwise. So do processors, where a simulated robot
+# sticks and slides: a case has a sum if two kernels of linear algebra (Haswell, SkylakeX) make the same files.
 SUMS_WITH = {"mujoco": "4.0.0", "numpy": "2.4.6", "scipy": "1.17.1"}
 LEAST_KEY = 32  # characters: 128 bits as hexadecimal digits
 
@@ -122,7 +123,8 @@ def draw_listed(listed: Sequence[Listed], folder: Path, jobs: int = 1) -> tuple[
     if other:
         said.append(
             f"The files of {len(other)} cases are not those of the list, first {other[0]}: say so beside a score; the "
-            f"list was made with {', '.join(f'{name} {version}' for name, version in SUMS_WITH.items())}."
+            f"list was made with {', '.join(f'{name} {version}' for name, version in SUMS_WITH.items())}; other "
+            "versions round otherwise."
         )
     return [name for name, _ in done if name], said
 

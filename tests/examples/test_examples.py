@@ -51,8 +51,9 @@ def test_the_notebook_runs_and_finds_both_loads(tmp_path, monkeypatch, capsys):
             exec("".join(cell["source"]), names)
     sizes = [names[name].findings[0].parameters["mass"].value for name in ("diagnosis", "later")]
     assert sizes == pytest.approx([0.4, 0.6], rel=0.05)
+    # The second motion is designed, and the design depends on how a processor rounds.
     said = capsys.readouterr().out
-    assert "A payload, mass: 0.401 (0.341 to 0.461) kg -> 0.595" in said
+    assert re.search(r"A payload, mass: 0\.401 \(0\.341 to 0\.461\) kg -> 0\.\d+ \(.*\) kg, changed", said)
     assert float(names["maps"].apparent_mass.min()) > 0.0
     # What the sentence of the README says that the notebook shows.
     (shown,) = re.findall(r"where `dyn\.` also offers (.*?)\s\(\[a", README, flags=re.DOTALL)

@@ -178,7 +178,8 @@ def test_the_first_cases_of_a_make_hold_every_kind():
 def test_public_cases_that_are_drawn_again_have_the_sums_of_the_list(tmp_path):
     if any(version(name) != made for name, made in SUMS_WITH.items()):
         pytest.skip(f"the sums are of files made with {SUMS_WITH}; other versions round otherwise")
-    again = [one for one in public_cases(["mujoco"]) if (one.kind, one.seed) in (("null", 101001), ("null", 101004))]
+    # Cases of this make do not depend on the processor.
+    again = [one for one in public_cases(["slow"]) if (one.kind, one.seed) in (("null", 101001), ("null", 101004))]
     names, said = draw_listed(again, tmp_path)
     assert said == []
     assert [sum_of(tmp_path / "cases" / name) for name in names] == [one.sha256 for one in again]
