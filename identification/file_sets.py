@@ -135,15 +135,15 @@ def _staging(parent: Path, name: str) -> Iterator[Path]:
 
 def _sweep(target: Path) -> None:
     """Remove temporary files and folders of killed runs, next to the folder and in it."""
-    remains = [entry for entry in target.parent.iterdir() if _is_staging(entry, target.name)]
+    remains = [
+        entry
+        for entry in target.parent.iterdir()
+        if entry.name.startswith(f".{target.name}.") and entry.name.endswith(MARK) and entry.is_dir()
+    ]
     if target.is_dir():
         remains += [entry for entry in target.iterdir() if entry.name.startswith(".") and MARK in entry.name]
     for entry in remains:
         remove_unless_held(entry)
-
-
-def _is_staging(entry: Path, name: str) -> bool:
-    return entry.name.startswith(f".{name}.") and entry.name.endswith(MARK) and entry.is_dir()
 
 
 def _kept_files_linked(target: Path, staging: Path, ours: set[str]) -> bool:

@@ -195,7 +195,10 @@ def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
     """
     tested = [one for one in series if len(one.values) >= _FEWEST]
     orders = int(np.clip(_PER_LEVEL * len(tested) / LEVEL, ORDERS, _MOST_ORDERS))
-    scatters = [_scatter_of_others(one, series) for one in tested]
+    scatters = [
+        _scatter([other for other in series if other.quantity == one.quantity and other.robot != one.robot])
+        for one in tested
+    ]
     found = [_surely(one, scatter, orders) for one, scatter in zip(tested, scatters, strict=True)]
     out = []
     for place, k in enumerate(np.argsort([point.p for point in found], kind="stable").tolist()):
@@ -216,10 +219,6 @@ def _surely(one: Series, scatter: Float[Array, " m"] | None, orders: int) -> Cha
     few = change_point(one.values, one.stds, scatter)
     rare = orders > ORDERS and few.p * (1 + ORDERS) <= 2 * _PER_LEVEL
     return change_point(one.values, one.stds, scatter, orders) if rare else few
-
-
-def _scatter_of_others(one: Series, series: tuple[Series, ...]) -> Float[Array, " m"] | None:
-    return _scatter([other for other in series if other.quantity == one.quantity and other.robot != one.robot])
 
 
 def _without_any(one: Series, scatter: Float[Array, " m"]) -> bool:

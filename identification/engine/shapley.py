@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 from itertools import combinations
 from math import factorial
 from typing import TypeVar
@@ -41,13 +41,9 @@ def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Playe
         others = [other for other in players if other is not player]
         for size in range(count):
             weight = factorial(size) * factorial(count - size - 1) / factorial(count)
-            for before in _sets(others, size):
+            for before in (frozenset(some) for some in combinations(others, size)):
                 out[player] += weight * (worth(before | {player}) - worth(before))
     return out
-
-
-def _sets(players: Iterable[Player], size: int) -> Iterable[frozenset[Player]]:
-    return (frozenset(some) for some in combinations(players, size))
 
 
 def _sampled(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> Float[Array, " k"]:

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from identification.geometry.equations import Equations, PoseProblem, equations
 from identification.geometry.fit import fitted, frame_poses, start_of
@@ -87,7 +86,11 @@ def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measu
     """
     model = robot.model
     carrying = [set(model.supports[model.frames[model.getFrameId(one.frame)].parentJoint]) for one in sets]
-    placed = [index for index in range(1, model.njoints) if any(_is_place(model, one, index) for one in joints)]
+    placed = [
+        index
+        for index in range(1, model.njoints)
+        if any(one.effect == LINK and one.row == model.joints[index].idx_v for one in joints)
+    ]
     first = {
         index
         for index in set.intersection(*carrying)
@@ -95,10 +98,6 @@ def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measu
     }
     rows = {model.joints[index].idx_v for index in first}
     return tuple(term for term in joints if term.effect != LINK or term.row not in rows)
-
-
-def _is_place(model: pin.Model, term: PoseTerm, index: int) -> bool:
-    return term.effect == LINK and term.row == model.joints[index].idx_v
 
 
 def _is_far(problem: PoseProblem, one: Measured) -> bool:

@@ -90,7 +90,11 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
         loops: Loops of a closed chain.
     """
     model, out = robot.model, []
-    carrying = {int(k) for frame in frames for k in model.supports[_parent(robot, frame)]} - {0}
+    carrying = {
+        int(k)
+        for frame in frames
+        for k in model.supports[robot.model.frames[robot.model.getFrameId(frame)].parentJoint]
+    } - {0}
     placed, pins = carrying, ()
     if loops is not None:
         placed, pins = _of_loops(loops, carrying)
@@ -153,10 +157,6 @@ def subspace(model: pin.Model, index: int) -> Float[Array, " 6"]:
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     return pin.getJointJacobian(model, data, index, pin.LOCAL)[:, model.joints[index].idx_v]
-
-
-def _parent(robot: Robot, frame: str) -> int:
-    return robot.model.frames[robot.model.getFrameId(frame)].parentJoint
 
 
 def placed(numbers: Float[Array, " 6"]) -> pin.SE3:

@@ -188,7 +188,10 @@ def reduce_blocks(
                 part, torque = block[start : start + ROWS], y[start : start + ROWS]
                 if relation is None and samples > 0 and attempts < _ATTEMPTS:
                     relation, attempts = _relation_of(factors, own, names, units, samples), attempts + 1
-                    factors = _narrow(factors, relation)
+                    factors = [
+                        triangular(factor[:, [*place, -1]])
+                        for factor, place in zip(factors, relation.places, strict=True)
+                    ]
                 if relation is not None and not _is_satisfied(relation, part):
                     factors, relation = _wide(factors, relation), None
                 for joint, factor in enumerate(factors):
@@ -237,10 +240,6 @@ def _relation_of(
         wide[-1, -1] = 1.0
         widen.append(wide)
     return _Relation(tuple(places), tuple(widen), probes, samples)
-
-
-def _narrow(factors: Sequence[Array], relation: _Relation) -> list[Array]:
-    return [triangular(factor[:, [*place, -1]]) for factor, place in zip(factors, relation.places, strict=True)]
 
 
 def _wide(factors: Sequence[Array], relation: _Relation) -> list[Array]:

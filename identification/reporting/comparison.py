@@ -113,7 +113,13 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
     _require_same_joints(diagnoses, names)
     diagnoses = [replace(one, findings=all_findings(one)) for one in diagnoses]
     places = dict.fromkeys(finding.effect_at for diagnosis in diagnoses for finding in diagnosis.findings)
-    table = {at: tuple(_finding_at(diagnosis, at) for diagnosis in diagnoses) for at in places}
+    table = {
+        at: tuple(
+            next((finding for finding in diagnosis.findings if finding.effect_at == at), None)
+            for diagnosis in diagnoses
+        )
+        for at in places
+    }
     pairs = [pair for found in table.values() for values in _sizes(found).values() for pair in _pairs(values)]
     comparisons = max(1, sum(len(_listed(one.value)) for one, _ in pairs))
     limit = NormalDist().inv_cdf(1 - (1 - SIZES_DIFFER) / (2 * comparisons))
@@ -174,10 +180,6 @@ def _require_same_joints(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -
                 f"{names[0]} is of the joints {', '.join(joints[0])} and {name} of {', '.join(own)}: give diagnoses "
                 "of one robot."
             )
-
-
-def _finding_at(diagnosis: Diagnosis, at: EffectAt) -> Finding | None:
-    return next((finding for finding in diagnosis.findings if finding.effect_at == at), None)
 
 
 def _sizes(found: Sequence[Finding | None]) -> dict[str, tuple[Value | None, ...]]:

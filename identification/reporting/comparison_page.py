@@ -76,7 +76,13 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
     ]
     gone = [f"{at}: {words}" for at, words in zip(found.names, row.missing, strict=True) if words]
     panel = Panel(label, (_hidden_curve(hidden), *curves), least=(0.0,), zero=True)
-    svg = chart((panel,), "diagnosis", _SIZE, name, x_names=_axis_names(found.names))
+    svg = chart(
+        (panel,),
+        "diagnosis",
+        _SIZE,
+        name,
+        x_names=tuple(short_name(name, max(8, _LETTERS // len(found.names))) for name in found.names),
+    )
     return figure(name, svg, [_plain(words) for words in gone])
 
 
@@ -85,11 +91,6 @@ def _hidden_curve(below: list[float]) -> Curve:
     half = 0.5 * np.array(below)
     middle = np.where(half > 0, half, np.nan)
     return Curve(np.arange(len(half)), middle, "#808080", 0.0, half=half)
-
-
-def _axis_names(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names shortened so that they fit side by side on an axis."""
-    return tuple(short_name(name, max(8, _LETTERS // len(names))) for name in names)
 
 
 def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:

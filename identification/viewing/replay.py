@@ -95,7 +95,10 @@ def replayed_motion(
         return ReplayedMotion(None, tuple(nothing for _ in models), tuple(notes))
     least = min(horizon for horizon, _ in found.values())
     if least < horizons[0]:
-        notes.append(_shortened(horizons[0], least))
+        notes.append(
+            f"Simulated motion starts again from the recorded one every {least:g} s: over {horizons[0]:g} s it leaves "
+            "all bounds."
+        )
     q = []
     for name, model in models.items():
         horizon, one = found.get(name, (least, np.full(log.motion.q.shape, np.nan)))
@@ -157,13 +160,6 @@ def _step_of_controllers(model: Model, q: Float[Array, " nv"]) -> float:
     gains = [0.0 if a.controller is None else a.controller.kd for a in model.robot.actuators]
     rates = np.linalg.eigvals(np.linalg.solve(mass_matrix(model.robot, q[None])[0], np.diag(gains)))
     return 0.5 / max(float(np.abs(rates).max()), 1e-9)
-
-
-def _shortened(wanted: float, horizon: float) -> str:
-    return (
-        f"Simulated motion starts again from the recorded one every {horizon:g} s: over {wanted:g} s it leaves all "
-        "bounds."
-    )
 
 
 FRAME_HZ = 50.0

@@ -72,7 +72,10 @@ def closed_chain(
         unknowns=tuple(names.index(name) for name in unknown),
         linear_map=linear_map,
         offset=offset,
-        anchors=tuple(_anchor(model, label, loop) for label, loop in loops.items()),
+        anchors=tuple(
+            Anchor(label, loop.kind, frame_index(model, loop.frame_a), frame_index(model, loop.frame_b))
+            for label, loop in loops.items()
+        ),
         start=linear_map @ np.array([start.get(name, 0.0) for name in free]) + offset,
         viscous_friction=model.damping[list(passive)],
         coulomb_friction=model.upperDryFrictionLimit[list(passive)],
@@ -141,7 +144,3 @@ def _linear_map(names: list[str], followed: dict[str, LinearExpression], free: l
         for joint, factor in expression.factors.items():
             linear_map[row, free.index(joint)] = factor
     return linear_map, offset
-
-
-def _anchor(model: pin.Model, label: str, loop: PointLoop | FrameLoop) -> Anchor:
-    return Anchor(label, loop.kind, frame_index(model, loop.frame_a), frame_index(model, loop.frame_b))

@@ -39,7 +39,6 @@ from identification.data.drives.joint_torque import external_torque
 from identification.data.floating.sensor_checks import check_base
 from identification.data.recording import Fault, Recording
 from identification.data.stretches import busiest
-from phantom_dyn.array_types import Array
 from phantom_dyn.model.robot import Robot
 
 
@@ -101,7 +100,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if smooth is None or recording.tau is None:
         wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
         return Checked((*out, *check_degrees(recording, robot, None, None)), wrong)
-    external = _external_torque(recording, robot)
+    external = external_torque(robot, recording.q, recording.forces) if recording.forces else None
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
     reading = reading_of(smooth, None if forces is None else forces.tau)
     if reading is not None:
@@ -119,11 +118,6 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         smooth = replace(smooth, tau=smooth.tau + forces.tau)
     against = _check_against_model(recording, robot, smooth, felt, filtered)
     return Checked((*out, *against.warnings), against.wrong)
-
-
-def _external_torque(recording: Recording, robot: Robot) -> Array | None:
-    """Torque of measured forces on the joints; None where none was measured."""
-    return external_torque(robot, recording.q, recording.forces) if recording.forces else None
 
 
 def _check_against_model(

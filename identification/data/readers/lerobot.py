@@ -155,7 +155,11 @@ def _rows_of(path: Path, episode: int) -> tuple[dict[str, Array], dict[str, str]
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    wanted = [name for name in file.schema_arrow.names if _is_wanted(name)]
+    wanted = [
+        name
+        for name in file.schema_arrow.names
+        if name in ("timestamp", "episode_index", _STATE, _ACTION, *_OTHER_FEATURES)
+    ]
     for name in ("timestamp", "episode_index"):
         if name not in wanted:
             raise LogError(f"{path} has no column {name}, so it is no file of a LeRobot dataset: copy it again.")
@@ -175,10 +179,6 @@ def _rows_of(path: Path, episode: int) -> tuple[dict[str, Array], dict[str, str]
     if not pa.types.is_floating(kinds["timestamp"]):
         raise LogError(f"{path}: column timestamp holds {kinds['timestamp']}, wanted seconds as a float.")
     return parquet_columns(path.name, table.select([name for name in numbers if not pa.types.is_struct(kinds[name])]))
-
-
-def _is_wanted(name: str) -> bool:
-    return name in ("timestamp", "episode_index", _STATE, _ACTION, *_OTHER_FEATURES)
 
 
 def _may_hold(group: Any, episode: int) -> bool:

@@ -133,7 +133,7 @@ def extent(points: Float[Array, "P 3"]) -> float:
 def _rails(robot: Robot, diagnosis: Diagnosis, over_time: Postures) -> dict[int, Mesh]:
     """For each linear joint, by its index, a thin rod along its recorded travel, in the middle posture."""
     rails = {}
-    for joint, row in zip(_active_joints(robot), range(robot.nv), strict=True):
+    for joint, row in zip([robot.model.getJointId(name) for name in robot.joint_names], range(robot.nv), strict=True):
         axis, linear = joint_axis(robot.model, joint)
         way = diagnosis.evidence.q[:, row]
         if not linear or not np.isfinite(way).any():
@@ -142,10 +142,6 @@ def _rails(robot: Robot, diagnosis: Diagnosis, over_time: Postures) -> dict[int,
         rod = capsule(low * axis, high * axis, 0.02 * (high - low))
         rails[joint] = moved(rod, over_time.rotation[over_time.middle, joint], over_time.place[over_time.middle, joint])
     return rails
-
-
-def _active_joints(robot: Robot) -> list[int]:
-    return [robot.model.getJointId(name) for name in robot.joint_names]
 
 
 def _solid(body: int, mesh: Mesh, text: str, colour: Colour) -> dict[str, str | int]:

@@ -148,7 +148,7 @@ def noise_felt(axis: Device, hand: Operator, feedforward: Feedforward, gain: flo
             "there is no steady state: give a smaller gain, see critical_feedforward_of_link."
         )
     noise = (1.0 - link.loss) * link.noise**2 * np.outer(loop.noise, loop.noise)
-    state = _whole(np.linalg.solve(np.eye(len(moments)) - moments, _half(noise)), len(loop.noise))
+    state = _whole(np.linalg.solve(np.eye(len(moments)) - moments, noise[np.tril_indices(len(noise))]), len(loop.noise))
     n = len(loop.plant.output)
     own = state[:n, :n]
     return NoiseFelt(
@@ -249,10 +249,6 @@ class _Loop:
                 # An entry off the diagonal stands for two entries of the symmetric matrix.
                 total += share * np.where(rows == columns, both, both + crossed)
         return total
-
-
-def _half(symmetric: Array) -> Array:
-    return symmetric[np.tril_indices(len(symmetric))]
 
 
 def _whole(half: Array, size: int) -> Array:
