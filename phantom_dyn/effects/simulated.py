@@ -1,7 +1,8 @@
-"""How an effect enters a simulation: the channels that it changes, as Python functions and, once more, compiled."""
+"""How an effect enters a simulation: the channels that it changes, as compiled laws of joints or Python functions."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
@@ -120,7 +121,8 @@ class Simulated:
         transmission: A motor that is not rigidly tied to its link.
         inertia: What it adds to the joints' mass matrix, shape ``(nv, nv)``.
         reference_delay: Time [s] by which the references of each joint's controller arrive late, shape ``(nv,)``.
-        laws: The same command, torque or reading once more, compiled; empty if there is only the Python above.
+        laws: Compiled laws of joints; of those of a channel that is not given above its Python function is made, for
+            steps beside an effect that has Python functions only.
     """
 
     start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
@@ -135,6 +137,12 @@ class Simulated:
     reference_delay: Float[Array, " nv"] | None = None
     laws: tuple[Law, ...] = ()
 
+    def __post_init__(self):
+        for channel, made in (("torque", _torque_of), ("command", _command_of), ("reading", _reading_of)):
+            own = [law for law in self.laws if channel_of(law.function) == channel]
+            if own and getattr(self, channel) is None:
+                object.__setattr__(self, channel, made(own))
+
     def given(self, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
         """Torque that the drive gives at uniform times when ``tau`` is asked for; it starts in balance."""
         if self.command is None:
@@ -145,3 +153,52 @@ class Simulated:
         for k, step in enumerate(np.diff(t, append=2.0 * t[-1] - t[-2])):
             state, out[k] = self.command(state, float(step), tau[k])
         return out
+
+
+def _torque_of(laws: list[Law]) -> Callable[[Array, float, Moment], tuple[Array, Array]]:
+    """Torque of all laws together, of which one that remembers is alone."""
+    arguments = [tuple(inspect.signature(law.function).parameters) for law in laws]
+
+    def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+        out = np.zeros(len(moment.v))
+        for law, names in zip(laws, arguments, strict=True):
+            speed = moment.v[law.row] + law.share * moment.v[law.other]
+            inputs = {"q": moment.q[law.row], "v": speed, "load": moment.transmitted[law.row]}
+            given = [inputs[name] for name in names if name in inputs]
+            remembered = state[: len(names) - len(given) - len(law.numbers)]
+            tau = law.function(*remembered, *given, *law.numbers)
+            if len(remembered):
+                *now, tau = tau
+                state = np.array([inputs["q"], *now, *state[len(remembered) :]])
+            out[law.row] += tau
+            out[law.other] += law.share * tau
+        return state, out
+
+    return torque
+
+
+def _command_of(laws: list[Law]) -> Callable[[Array, float, Array], tuple[Array, Array]]:
+    """What all drives give; the state has one number of each if they remember."""
+
+    def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
+        now, out = state.copy(), tau.copy()
+        for k, law in enumerate(laws):
+            if law.start:
+                now[k], out[law.row] = law.function(state[k], tau[law.row], dt, *law.numbers)
+            else:
+                out[law.row] = law.function(tau[law.row], *law.numbers)
+        return now, out
+
+    return command
+
+
+def _reading_of(laws: list[Law]) -> Callable[[Array], Array]:
+    """Readings of all joints, also of many samples."""
+
+    def reading(q: Array) -> Array:
+        out = np.array(q, dtype=float)
+        for law in laws:
+            out[..., law.row] = law.function(out[..., law.row], *law.numbers)
+        return out
+
+    return reading

@@ -99,15 +99,6 @@ class ActuatorLag(Effect):
         """
         rows, time_constant = list(driven_rows(robot, joint)), theta.item()
 
-        def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
-            asked, out = tau[rows], tau.copy()
-            now = np.where(np.isnan(state), asked, state)
-            if time_constant <= 0:
-                return asked, out
-            steps = max(dt / time_constant, 1e-12)
-            out[rows] = asked - (now - asked) * np.expm1(-steps) / steps
-            return asked + (now - asked) * np.exp(-steps), out
-
         def series(t: Array, tau: Array) -> Array:
             out, dt = tau.copy(), (t[-1] - t[0]) / (len(t) - 1)
             for row in rows:
@@ -115,7 +106,7 @@ class ActuatorLag(Effect):
             return out
 
         laws = tuple(Law(lag_law, row, (time_constant,), (np.nan,)) for row in rows)
-        return Simulated(start=np.full(len(rows), np.nan), command=command, series=series, laws=laws)
+        return Simulated(start=np.full(len(rows), np.nan), series=series, laws=laws)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """Model files can contain all of it, as this number."""

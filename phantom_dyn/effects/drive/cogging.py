@@ -18,7 +18,6 @@ from phantom_dyn.effects.author import (
     EffectWords,
     Law,
     ModelNumbers,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -113,11 +112,7 @@ class Cogging(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The law at the true position."""
         row = row_of(robot, joint)
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            return state, torque_on_joint(robot, joint, waves_at(moment.q[row : row + 1], theta))[0]
-
-        return Simulated(torque=torque, laws=tuple(Law(wave_law, row, wave) for wave in each_wave(theta)))
+        return Simulated(laws=tuple(Law(wave_law, row, wave) for wave in each_wave(theta)))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All waves."""

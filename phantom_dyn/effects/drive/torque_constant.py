@@ -124,9 +124,7 @@ class TorqueConstant(Effect):
         scale, rows = np.ones(robot.nv), rows_of(robot, joint)
         scale[list(rows)] = theta[0]
         laws = tuple(Law(scaled_law, row, (float(theta[0]),)) for row in rows)
-        return Simulated(
-            command=lambda state, dt, tau: (state, scale * tau), series=lambda t, tau: scale * tau, laws=laws
-        )
+        return Simulated(series=lambda t, tau: scale * tau, laws=laws)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """Model files can contain all of it, as this number."""

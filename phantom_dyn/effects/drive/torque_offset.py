@@ -77,9 +77,7 @@ class TorqueOffset(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A constant torque on the joint."""
-        constant = torque_on_joint(robot, joint, np.array([theta.item()]))[0]
-        law = Law(constant_law, row_of(robot, joint), (theta.item(),))
-        return Simulated(torque=lambda state, dt, moment: (state, constant), laws=(law,))
+        return Simulated(laws=(Law(constant_law, row_of(robot, joint), (theta.item(),)),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """Model files can contain all of it, as this number."""

@@ -21,7 +21,6 @@ from phantom_dyn.effects.author import (
     Effect,
     EffectWords,
     Law,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -121,13 +120,7 @@ class TorqueRipple(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The law at the true position with the load of the moment."""
         row = row_of(robot, joint)
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            out = np.zeros(robot.nv)
-            out[row] = moment.transmitted[row] * waves_at(moment.q[row : row + 1], theta).item()
-            return state, out
-
-        return Simulated(torque=torque, laws=tuple(Law(ripple_law, row, wave) for wave in each_wave(theta)))
+        return Simulated(laws=tuple(Law(ripple_law, row, wave) for wave in each_wave(theta)))
 
 
 @torque_law

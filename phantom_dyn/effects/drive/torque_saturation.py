@@ -151,7 +151,6 @@ class TorqueSaturation(Effect):
         limit[row] = theta.item()
         law = Law(clipped_law, row, (theta.item(),))
         return Simulated(
-            command=lambda state, dt, tau: (state, held_within(tau, limit)),
             series=lambda t, tau: held_within(tau, limit),
             limit=theta.item(),
             laws=(law,),

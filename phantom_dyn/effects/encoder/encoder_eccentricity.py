@@ -135,12 +135,7 @@ class EncoderEccentricity(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The error, added to the reading."""
-        row, (amplitude, phase, n) = row_of(robot, joint), (float(x) for x in theta)
-        at_row = np.arange(robot.nv) == row
-        return Simulated(
-            reading=lambda q: q + at_row * amplitude * np.sin(n * q + phase),
-            laws=(Law(eccentric_law, row, (amplitude, phase, n)),),
-        )
+        return Simulated(laws=(Law(eccentric_law, row_of(robot, joint), tuple(map(float, theta))),))
 
 
 def _true_minus_read(motion: Motion, row: int, theta: Array) -> tuple[Array, Array, Array]:

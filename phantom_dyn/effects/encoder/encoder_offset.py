@@ -113,10 +113,7 @@ class EncoderOffset(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The offset, added to the reading."""
-        row, offset = row_of(robot, joint), theta.item()
-        return Simulated(
-            reading=lambda q: q + offset * (np.arange(robot.nv) == row), laws=(Law(shifted_law, row, (offset,)),)
-        )
+        return Simulated(laws=(Law(shifted_law, row_of(robot, joint), (theta.item(),)),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """The offset as the zero of the encoder, which model files hold completely."""

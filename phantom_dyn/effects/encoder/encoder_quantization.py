@@ -81,11 +81,7 @@ class EncoderQuantization(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The reading rounded to the step."""
-        row, step = row_of(robot, joint), theta.item()
-        here = np.arange(robot.nv) == row
-        return Simulated(
-            reading=lambda q: np.where(here, np.round(q / step) * step, q), laws=(Law(rounded_law, row, (step,)),)
-        )
+        return Simulated(laws=(Law(rounded_law, row_of(robot, joint), (theta.item(),)),))
 
 
 @reading_law

@@ -17,7 +17,6 @@ from phantom_dyn.effects.author import (
     EffectWords,
     Law,
     ModelNumbers,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -115,13 +114,7 @@ class DirectionDependentFriction(Effect):
         row = row_of(robot, joint)
         level, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
         law = Law(two_way_law, row, (float(half), float(theta[2]), float(theta[3])))
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            out = np.zeros(robot.nv)
-            out[row] = two_way_law(moment.v[row], *law.numbers)
-            return state, out
-
-        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), torque=torque, laws=(law,))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """The mean of both directions, and half the difference of the torques."""

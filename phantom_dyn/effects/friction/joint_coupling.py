@@ -21,7 +21,6 @@ from phantom_dyn.effects.author import (
     Float,
     Law,
     ModelNumbers,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -170,12 +169,8 @@ class JointCoupling(Effect):
         ratio, coulomb, viscous, inertia = theta
         share = np.zeros(robot.nv)
         share[rows] = 1.0, ratio
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            return state, shared_law(float(share @ moment.v), float(coulomb), float(viscous)) * share
-
         law = Law(shared_law, rows[0], (float(coulomb), float(viscous)), other=rows[1], share=float(ratio))
-        return Simulated(torque=torque, inertia=inertia * np.outer(share, share), laws=(law,))
+        return Simulated(inertia=inertia * np.outer(share, share), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """Model files can contain all of it, as this number."""

@@ -18,7 +18,6 @@ from phantom_dyn.effects.author import (
     EffectWords,
     FormulaTerm,
     Law,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -106,14 +105,7 @@ class LoadDependentFriction(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The law with the load of the moment."""
-        row = row_of(robot, joint)
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            out = np.zeros(robot.nv)
-            out[row] = loaded_law(moment.v[row], moment.transmitted[row], theta.item())
-            return state, out
-
-        return Simulated(torque=torque, laws=(Law(loaded_law, row, (theta.item(),)),))
+        return Simulated(laws=(Law(loaded_law, row_of(robot, joint), (theta.item(),)),))
 
 
 @torque_law

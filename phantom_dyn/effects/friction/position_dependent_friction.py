@@ -23,7 +23,6 @@ from phantom_dyn.effects.author import (
     Float,
     Law,
     ModelNumbers,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -143,16 +142,8 @@ class PositionDependentFriction(Effect):
         row = row_of(robot, joint)
         places, torques = np.split(np.asarray(theta, dtype=float), 2)
         least = float(torques.min())
-        beyond = np.concatenate([places, torques - least])
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            out = np.zeros(robot.nv)
-            out[row] = -_level(moment.q[row : row + 1], beyond).item() * np.sign(moment.v[row])
-            return state, out
-
         return Simulated(
             robot=lambda moved: with_friction(moved, joint, coulomb=least),
-            torque=torque,
             laws=tuple(Law(bent_law, row, numbers) for numbers in _bends(places, torques - least)),
         )
 

@@ -23,7 +23,6 @@ from phantom_dyn.effects.author import (
     Float,
     Law,
     ModelNumbers,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -184,17 +183,9 @@ class PreslidingFriction(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The same, one step after the other: the state is the last position and what the bristle remembers."""
-        row = row_of(robot, joint)
-        step = bristle_step if len(theta) == 2 else stick_step
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            out = np.zeros(robot.nv)
-            state, out[row] = step(state, moment.q[row], moment.v[row], theta)
-            return state, out
-
         function = bristle_law if len(theta) == 2 else stick_law
-        law = Law(function, row, tuple(map(float, theta)), tuple(map(float, _NEW)))
-        return Simulated(start=_NEW, torque=torque, laws=(law,))
+        law = Law(function, row_of(robot, joint), tuple(map(float, theta)), tuple(map(float, _NEW)))
+        return Simulated(start=_NEW, laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """The torque behind the bristle."""
@@ -221,12 +212,6 @@ def _deflect(q: Array, displacement: float, out: Array) -> None:
     for k in range(len(q)):
         z, out[k] = bristle_law(last, z, q[k], -1.0, displacement)
         last = q[k]
-
-
-def bristle_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
-    """The next state and the torque of the bristle at position ``q``; ``theta`` is torque and displacement."""
-    z, torque = bristle_law(state[0], state[1], q, theta[0], theta[1])
-    return np.array([q, z, 0.0]), torque
 
 
 def stick_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:

@@ -16,7 +16,6 @@ from phantom_dyn.effects.author import (
     EffectWords,
     Law,
     ModelNumbers,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -119,13 +118,7 @@ class StribeckFriction(Effect):
         """The level at rest as Coulomb friction, which sticks; what it falls by with speed as a torque."""
         row = row_of(robot, joint)
         law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            out = np.zeros(robot.nv)
-            out[row] = falling_law(moment.v[row], *law.numbers)
-            return state, out
-
-        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), torque=torque, laws=(law,))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """The level at high speed."""

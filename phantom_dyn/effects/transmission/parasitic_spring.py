@@ -19,7 +19,6 @@ from phantom_dyn.effects.author import (
     FormulaTerm,
     Law,
     ModelNumbers,
-    Moment,
     Operation,
     Parameter,
     Robot,
@@ -124,14 +123,7 @@ class ParasiticSpring(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The law at the true position."""
-        row = row_of(robot, joint)
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            out = np.zeros(robot.nv)
-            out[row] = spring_law(moment.q[row], float(theta[0]), float(theta[1]))
-            return state, out
-
-        return Simulated(torque=torque, laws=(Law(spring_law, row, (float(theta[0]), float(theta[1]))),))
+        return Simulated(laws=(Law(spring_law, row_of(robot, joint), (float(theta[0]), float(theta[1]))),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """Model files can contain the whole effect as stiffness and rest position."""
