@@ -114,7 +114,7 @@ def read_model(path: Path) -> tuple[RobotXml, pin.Model]:
     if root.tag == "mujoco":
         check_mjcf(root, path)
         require_finite(root, path)
-        compiled = compiled_mjcf(path, root).model
+        compiled = compiled_mjcf(path, root)
         return mjcf_facts(root, sha256, path, compiled), tree_of_mjcf(compiled)
     facts = urdf_facts(root, sha256, path)
     require_finite(root, path)

@@ -68,8 +68,6 @@ class Follower:
     leader: str | None
     factor: float
     offset: float
-    why: str
-    """The element in the file, such as ``<mimic>``."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +102,6 @@ class RobotXml:
     """Facts of a robot file.
 
     Attributes:
-        kind: Format, from the root element.
         name: The robot's, empty where the file has none.
         sha256: SHA-256 of the file.
         bodies: Links with an inertia.
@@ -119,7 +116,6 @@ class RobotXml:
         play: Joints that are the play of the joint before them, on the same body, and how far they go [rad or m].
     """
 
-    kind: Literal["urdf", "mjcf"]
     name: str
     sha256: str
     bodies: tuple[Body, ...]

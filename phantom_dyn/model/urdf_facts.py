@@ -54,7 +54,7 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         mimic = joint.find("mimic")
         if mimic is not None and joint.get("type") != "fixed":  # a fixed joint does not follow: Talos' files have such
             followers[joint.get("name", "")] = _followed(joint, mimic, names, path)
-    return RobotXml("urdf", root.get("name", ""), sha256, tuple(bodies), followers)
+    return RobotXml(root.get("name", ""), sha256, tuple(bodies), followers)
 
 
 def _require_tree(joints: list[Element], path: Path) -> None:
@@ -133,7 +133,7 @@ def _followed(joint: Element, mimic: Element, names: list[str], path: Path) -> F
         raise RobotError(f"{path}: joint {shortened(name)} mimics itself: name the joint that it follows.")
     offset = numbers(mimic, "offset", f"joint {name}", path) or [0.0]
     factor = numbers(mimic, "multiplier", f"joint {name}", path) or [1.0]
-    return Follower(leader, factor[0], offset[0], "<mimic>")
+    return Follower(leader, factor[0], offset[0])
 
 
 def _urdf_body(link: Element, path: Path, *, moves: bool) -> Body:

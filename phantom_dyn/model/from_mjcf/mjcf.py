@@ -88,7 +88,6 @@ def mjcf_facts(root: Element, sha256: str, path: Path, compiled: mujoco.MjModel)
     x, y, z = gravity
     driven = driven_joints(compiled)
     return RobotXml(
-        "mjcf",
         root.get("model", ""),
         sha256,
         tuple(_body(compiled, body, path) for body in range(1, compiled.nbody)),

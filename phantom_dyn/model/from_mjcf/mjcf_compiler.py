@@ -11,7 +11,6 @@ import stat
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -34,15 +33,7 @@ _UNSEEN = ("keys", "sensors", "skins", "pairs", "excludes", "cameras", "lights",
 """Elements of a file that move nothing."""
 
 
-@dataclass(frozen=True)
-class CompiledMjcf:
-    """MuJoCo's model of a file, and whether the file itself has a name for every body and joint."""
-
-    model: mujoco.MjModel
-    all_named: bool
-
-
-def compiled_mjcf(path: Path, root: Element) -> CompiledMjcf:
+def compiled_mjcf(path: Path, root: Element) -> mujoco.MjModel:
     """MuJoCo's model of a file; bodies and joints without a name have one.
 
     Args:
@@ -54,19 +45,19 @@ def compiled_mjcf(path: Path, root: Element) -> CompiledMjcf:
     """
     _require_rigid(path, root)
     with unheard_warnings():
-        spec, all_named = _named(path)
+        spec = _named(path)
         try:
             _take_away(spec, (geom for geom in spec.geoms if _shaped(geom) and not _weighs(spec, geom)))
-            return CompiledMjcf(spec.compile(), all_named)
+            return spec.compile()
         except Exception as error:  # the bindings raise ValueError, and others for files that are missing
             first = error
         # Meshes of what never moves may be missing, too.
-        spec, all_named = _named(path)
+        spec = _named(path)
         if not any(_shaped(geom) and _never_moves(geom.parent) for geom in spec.geoms):
             raise _refused(path, first) from first
         try:
             _take_away(spec, (g for g in spec.geoms if _shaped(g) and (_never_moves(g.parent) or not _weighs(spec, g))))
-            return CompiledMjcf(spec.compile(), all_named)
+            return spec.compile()
         except Exception as error:
             raise _refused(path, error) from error
 
@@ -83,7 +74,7 @@ def mjcf_with_shapes(path: Path) -> mujoco.MjModel:
         RobotError: If MuJoCo refuses it.
     """
     with unheard_warnings():
-        spec, _ = _named(path)
+        spec = _named(path)
         try:
             _take_away(spec, (), keep_meshes=True)
             return spec.compile()
@@ -98,7 +89,7 @@ def whole_mjcf(path: Path) -> str:
         RobotError: If MuJoCo refuses it.
     """
     with unheard_warnings():
-        spec, _ = _named(path)
+        spec = _named(path)
         try:
             spec.compile()
             return spec.to_xml()
@@ -125,23 +116,23 @@ def unheard_warnings() -> Iterator[None]:
         mujoco.set_mju_user_warning(before)
 
 
-def _named(path: Path) -> tuple[mujoco.MjSpec, bool]:
-    """The file as MuJoCo parses it, every body and joint with a name, and whether all had one."""
+def _named(path: Path) -> mujoco.MjSpec:
+    """The file as MuJoCo parses it, every body and joint with a name."""
     import mujoco
 
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except Exception as error:
         raise _refused(path, error) from error
-    all_named = _give_names(spec.bodies, "body")
-    return spec, _give_names(spec.joints, "joint") and all_named
+    _give_names(spec.bodies, "body")
+    _give_names(spec.joints, "joint")
+    return spec
 
 
-def _give_names(elements: Iterable[Any], what: str) -> bool:
+def _give_names(elements: Iterable[Any], what: str) -> None:
     elements = list(elements)
     taken = {element.name for element in elements}
-    unnamed = [element for element in elements if not element.name]
-    for element in unnamed:
+    for element in [one for one in elements if not one.name]:
         owner = element.parent.name if element.parent is not None else ""
         stem = f"{owner}_{what}" if what == "joint" or owner not in ("", "world") else what
         name, number = stem, 1
@@ -150,7 +141,6 @@ def _give_names(elements: Iterable[Any], what: str) -> bool:
             name = f"{stem}_{number}"
         taken.add(name)
         element.name = name
-    return not unnamed
 
 
 def _weighs(spec: mujoco.MjSpec, geom: Any) -> bool:

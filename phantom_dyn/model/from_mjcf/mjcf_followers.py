@@ -58,7 +58,7 @@ def followers_of(compiled: mujoco.MjModel, driven: frozenset[str], path: Path) -
         others = [n for n in names if n != name]
         own = factors[name]
         factor = -factors[others[0]] / own if others else 0.0
-        out[name] = Follower(others[0] if others else None, factor, constant / own, word)
+        out[name] = Follower(others[0] if others else None, factor, constant / own)
     return out
 
 
