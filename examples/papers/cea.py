@@ -69,7 +69,7 @@ def device() -> Section:
 def geometry() -> Section:
     q = np.array([0.3, 0.4, -0.5])
     rows = table_1(LENGTHS)
-    printed = (*rows[:-1], type(rows[-1])(8, 3, False, 0.0, -LENGTHS.d6, turns=False))
+    printed = (*rows[:-1], type(rows[-1])(8, 3, 0.0, -LENGTHS.d6, turns=False))
     slope = np.array([passive_positions(q[None] + e)[0] - passive_positions(q[None])[0] for e in 1e-6 * np.eye(3)]).T
     slope = slope[[0, 2, 1]] / 1e-6
     return Section(

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.devices.cable_friction import CableFriction
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 
 _SURE = 2.0
@@ -44,20 +43,6 @@ class PretensionFit:
     def proportional(self) -> bool:
         """Whether the rest is within two of its deviations."""
         return abs(self.rest[0]) < _SURE * self.rest[1]
-
-    def law(self) -> CableFriction:
-        """Friction proportional to the pretension.
-
-        Raises:
-            IdentifiabilityError: If it is not proportional.
-        """
-        if not self.proportional:
-            value, std = self.rest
-            raise IdentifiabilityError(
-                f"At no pretension {value:.3g} +- {std:.2g} N m of friction are left, so that it is not proportional "
-                "to the pretension: take the rest as friction of its own."
-            )
-        return CableFriction(self.through_origin[0])
 
 
 def fit_pretension(

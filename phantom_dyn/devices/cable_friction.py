@@ -56,10 +56,6 @@ class CableFriction:
             )
         return self.ratio * pulled
 
-    def torque(self, pretension: Float[Array, " n"], velocity: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Coulomb torque against the velocity, as a motor feels it [N m], shape ``(n,)``; 0 at rest."""
-        return self.coulomb(pretension) * np.sign(velocity)
-
 
 def rescaled(coulomb: float, *, pretension: float, new_pretension: float) -> float:
     """Coulomb torque [N m] at another pretension: the torque times the ratio of both.

@@ -221,14 +221,13 @@ def tip_jacobian(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Floa
 
 @dataclass(frozen=True)
 class Row:
-    """One row of Table 1: joint, frame before it, whether a motor drives it, twist [rad] and length [m].
+    """One row of Table 1: joint, frame before it, twist [rad] and length [m].
 
     ``turns`` is False for frame 8, which is fixed on link 3 (sigma = 2).
     """
 
     joint: int
     before: int
-    driven: bool
     twist: float
     length: float
     turns: bool = True
@@ -238,14 +237,14 @@ def table_1(lengths: LinkLengths) -> tuple[Row, ...]:
     """Table 1 with :math:`d_8 = +d_6`, which closes the loop; printed is :math:`-d_6`."""
     quarter = -0.5 * np.pi
     return (
-        Row(1, 0, True, 0.0, 0.0),
-        Row(2, 1, True, quarter, 0.0),
-        Row(3, 2, False, 0.0, lengths.d3),
-        Row(4, 3, False, 0.0, lengths.d4),
-        Row(5, 1, True, quarter, 0.0),
-        Row(6, 5, False, 0.0, lengths.d6),
-        Row(7, 6, False, 0.0, lengths.d3),
-        Row(8, 3, False, 0.0, lengths.d6, turns=False),
+        Row(1, 0, 0.0, 0.0),
+        Row(2, 1, quarter, 0.0),
+        Row(3, 2, 0.0, lengths.d3),
+        Row(4, 3, 0.0, lengths.d4),
+        Row(5, 1, quarter, 0.0),
+        Row(6, 5, 0.0, lengths.d6),
+        Row(7, 6, 0.0, lengths.d3),
+        Row(8, 3, 0.0, lengths.d6, turns=False),
     )
 
 

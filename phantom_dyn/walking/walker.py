@@ -56,7 +56,6 @@ class Walker:
 
     Attributes:
         model: Private copy with a free-flyer and the added frames ``left_sole`` and ``right_sole``.
-        name: Name for figures.
         corners: Corners of either sole about its middle [m], shape ``(4, 2)``.
         posture: Configuration with bent legs and both soles level on the ground, shape ``(nq,)``.
         leg_columns: Indices of the velocities of the base and both legs, 18 of them.
@@ -65,7 +64,6 @@ class Walker:
     """
 
     model: pin.Model
-    name: str
     corners: Float[Array, "4 2"]
     posture: Float[Array, " nq"]
     leg_columns: tuple[int, ...]
@@ -84,9 +82,7 @@ class Walker:
         return np.column_stack([turned + foot[:2], np.full(len(turned), foot[2])])
 
 
-def load_walker(
-    source: str | Path, *, left: Sole, right: Sole, posture: Mapping[str, float], name: str | None = None
-) -> Walker:
+def load_walker(source: str | Path, *, left: Sole, right: Sole, posture: Mapping[str, float]) -> Walker:
     """Biped from a URDF whose base floats.
 
     Args:
@@ -94,7 +90,6 @@ def load_walker(
         left: Sole of the left foot.
         right: Sole of the right foot, of the same shape.
         posture: Joint positions [rad] that bend the legs and keep the soles level; other joints are at zero.
-        name: For figures; by default that of the model.
 
     Raises:
         RobotError: If the file cannot be used, a frame or joint is not in it, the soles are not level side by side in
@@ -127,7 +122,7 @@ def load_walker(
     middle = (left_at.translation + right_at.translation) / 2
     q[:3] -= middle
     com = pin.centerOfMass(model, data, q)
-    return Walker(model, name or model.name, left.corners, q, tuple(columns), float(between[1]), float(com[2]))
+    return Walker(model, left.corners, q, tuple(columns), float(between[1]), float(com[2]))
 
 
 def _add_sole(model: pin.Model, name: str, sole: Sole, path: Path) -> list[int]:
@@ -177,19 +172,19 @@ G1_POSTURE = _mirrored(
 
 def talos() -> Walker:
     """TALOS of example-robot-data: 90 kg, soles of 20 x 12 cm."""
-    return _example("talos_reduced", TALOS_SOLE, "right_sole_link", TALOS_POSTURE, "TALOS")
+    return _example("talos_reduced", TALOS_SOLE, "right_sole_link", TALOS_POSTURE)
 
 
 def talos_bent() -> Walker:
     """TALOS with its knees bent for stairs, its centre of mass 83 cm over the soles."""
-    return _example("talos_reduced", TALOS_SOLE, "right_sole_link", TALOS_BENT, "TALOS")
+    return _example("talos_reduced", TALOS_SOLE, "right_sole_link", TALOS_BENT)
 
 
 def g1() -> Walker:
     """Unitree G1 of example-robot-data: 33 kg, soles of 17 x 6 cm."""
-    return _example("g1_29dof_rev_1_0", G1_SOLE, "right_ankle_roll_link", G1_POSTURE, "G1")
+    return _example("g1_29dof_rev_1_0", G1_SOLE, "right_ankle_roll_link", G1_POSTURE)
 
 
-def _example(stem: str, left: Sole, right_frame: str, posture: Mapping[str, float], name: str) -> Walker:
+def _example(stem: str, left: Sole, right_frame: str, posture: Mapping[str, float]) -> Walker:
     right = Sole(right_frame, left.front, left.back, left.half_width_front, left.half_width_back, left.below)
-    return load_walker(f"example:{stem}", left=left, right=right, posture=posture, name=name)
+    return load_walker(f"example:{stem}", left=left, right=right, posture=posture)

@@ -238,11 +238,6 @@ def test_coulomb_friction_is_linear_in_the_pretension():
     np.testing.assert_allclose(CableFriction(3e-3).coulomb(PULLED), [0.06, 0.12, 0.24], rtol=1e-12)
 
 
-def test_the_torque_is_along_the_velocity_and_nothing_at_rest():
-    torque = CableFriction(3e-3).torque(PULLED, np.array([-1.0, 0.0, 0.2]))
-    np.testing.assert_allclose(torque, [-0.06, 0.0, 0.24], rtol=1e-12)
-
-
 def test_the_published_torque_halves_with_the_pretension():
     """Table 3: 0.120 N m; section V.B: linear in the pretension."""
     assert rescaled(0.120, pretension=40.0, new_pretension=20.0) == pytest.approx(0.060, rel=1e-12)

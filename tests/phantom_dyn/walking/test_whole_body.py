@@ -31,12 +31,10 @@ def test_the_soles_stand_level_on_the_ground_beside_the_origin(walker):
         np.testing.assert_allclose(pose.rotation, np.eye(3), atol=2e-3)
 
 
-@pytest.mark.parametrize("walker", [talos, g1])
-def test_the_mass_is_that_of_the_robot_file(walker):
-    mass = {"TALOS": TALOS_FILE, "G1": G1_FILE}
-    biped = walker()
-    masses = [float(m.get("value", 0)) for m in ElementTree.parse(find_robot(mass[biped.name])).getroot().iter("mass")]
-    assert pin.computeTotalMass(biped.model) == pytest.approx(sum(masses))
+@pytest.mark.parametrize(("walker", "file"), [(talos, TALOS_FILE), (g1, G1_FILE)])
+def test_the_mass_is_that_of_the_robot_file(walker, file):
+    masses = [float(m.get("value", 0)) for m in ElementTree.parse(find_robot(file)).getroot().iter("mass")]
+    assert pin.computeTotalMass(walker().model) == pytest.approx(sum(masses))
 
 
 def test_the_soles_of_g1_are_the_contact_spheres_of_its_file():
