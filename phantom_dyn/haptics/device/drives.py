@@ -223,11 +223,6 @@ class BrushMotor:
         """Resistance of the winding while a brush joins two bars [ohm]."""
         return self.winding.resistance * self.bars / (self.bars + 1)
 
-    def resistance(self, angle: Float[Array, " N"]) -> Float[Array, " N"]:
-        """Resistance of the winding [ohm] at rotor angles [rad], shape ``(N,)``; at 0 a brush is midway in joining."""
-        place = np.mod(np.asarray(angle) / self.period + 0.5 * self.joined, 1.0)
-        return np.where(place < self.joined, self.joined_resistance, self.winding.resistance)
-
 
 @dataclass(frozen=True)
 class SteadyTorque:

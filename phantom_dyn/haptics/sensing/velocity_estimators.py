@@ -87,21 +87,20 @@ class KalmanVelocity:
 class PeriodMeasurement:
     """Steps over the time between edges, measured by a clock and averaged over samples.
 
+    If a period is longer than the counter, the controller counts its own samples instead; until an edge comes, it takes
+    the speed to be at most one step over the time waited.
+
     Attributes:
         clock: Frequency of the clock [Hz].
         bits: Size of the counter.
         edges: Number of periods in one measurement; a multiple of four removes the errors of spacing of a quadrature.
         samples: Number of samples of the controller averaged afterwards, from 1 to 500.
-        overflow: Behaviour if a period is longer than the counter. `wraps`: the counter starts again unnoticed, so that
-            a slow motion looks fast. `bounded`: the controller counts its own samples instead; until an edge comes, it
-            takes the speed to be at most one step over the time waited.
     """
 
     clock: float = 10e6
     bits: int = 16
     edges: int = 1
     samples: int = 16
-    overflow: str = "bounded"
 
     def __post_init__(self) -> None:
         _check_window("samples", self.samples)
@@ -110,8 +109,6 @@ class PeriodMeasurement:
             raise ParameterError(
                 f"A clock of {self.clock} Hz with a counter of {self.bits} bits: give a clock above 0 and 1 to 52 bits."
             )
-        if self.overflow not in ("bounded", "wraps"):
-            raise ParameterError(f"The overflow is {self.overflow!r}: give 'bounded' or 'wraps'.")
 
 
 Estimator = AveragedDifference | AdaptiveWindow | KalmanVelocity | PeriodMeasurement
@@ -154,7 +151,7 @@ class KernelForm(NamedTuple):
 
     Attributes:
         kind: Kind of the estimator.
-        parameters: Its parameters, shape ``(6,)``.
+        parameters: Its parameters, shape ``(5,)``.
         period: Sampling period [s].
     """
 
@@ -169,8 +166,8 @@ def kernel_form(estimator: Estimator, *, step: float, period: float) -> KernelFo
     return KernelForm(kind, parameters, float(period))
 
 
-def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tuple[int, Float[Array, "6"]]:
-    p = np.zeros(6)
+def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tuple[int, Float[Array, "5"]]:
+    p = np.zeros(5)
     match estimator:
         case AveragedDifference(samples):
             p[0] = samples
@@ -182,8 +179,8 @@ def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tu
         case KalmanVelocity():
             p[:2] = kalman_gains(estimator, step=step, period=period)
             return KALMAN, p
-        case PeriodMeasurement(clock, bits, edges, samples, overflow):
-            p[:] = step, clock, 2.0**bits, edges, samples, overflow == "wraps"
+        case PeriodMeasurement(clock, bits, edges, samples):
+            p[:] = step, clock, 2.0**bits, edges, samples
             return PERIOD_MEASUREMENT, p
 
 
@@ -270,9 +267,9 @@ def kalman(position_gain, velocity_gain, k, period, readings, memory):
 
 @jit
 def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
-    """Steps over the clock ticks between the last edges; parameters: step, clock, counter size, edges, _, wraps."""
+    """Steps over the clock ticks between the last edges; parameters: step, clock, counter size, edges."""
     step, clock, counter = parameters[0], parameters[1], parameters[2]
-    wanted, wraps = int(parameters[3]), parameters[5] > 0.5
+    wanted = int(parameters[3])
     size = edge_time.size
     if edges < 2:
         return 0.0
@@ -282,27 +279,24 @@ def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
         new, old = (edges - 1 - used) % size, (edges - 2 - used) % size
         if edge_direction[old] != direction:  # the same edge passed twice: no step lies between
             break
-        ticks += period_ticks(edge_time[old], edge_time[new], clock, counter, wraps, period)
+        ticks += period_ticks(edge_time[old], edge_time[new], clock, counter, period)
         used += 1
     if used == 0 or ticks == 0.0:
         return 0.0
     speed = used * step * clock / ticks
-    if not wraps:
-        # Without an edge since then, the speed is below one step over the time waited.
-        waited = (k - math.ceil(edge_time[(edges - 1) % size] / period)) * period
-        if waited * speed > step:
-            speed = step / waited
+    # Without an edge since then, the speed is below one step over the time waited.
+    waited = (k - math.ceil(edge_time[(edges - 1) % size] / period)) * period
+    if waited * speed > step:
+        speed = step / waited
     return direction * speed
 
 
 @jit
-def period_ticks(start, end, clock, counter, wraps, period):
-    """Ticks between two edges by the counter. Beyond its end it wraps, or the controller's samples are counted."""
+def period_ticks(start, end, clock, counter, period):
+    """Ticks between two edges by the counter; beyond its end the controller's samples are counted."""
     ticks = np.floor(end * clock) - np.floor(start * clock)
     if ticks < counter:
         return max(ticks, 1.0)
-    if wraps:
-        return max(ticks % counter, 1.0)
     return max((np.floor(end / period) - np.floor(start / period)) * period * clock, counter)
 
 

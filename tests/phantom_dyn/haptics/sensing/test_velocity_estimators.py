@@ -56,11 +56,6 @@ def test_a_step_at_100_mm_per_second_lasts_3000_ticks():
     np.testing.assert_allclose(ticks, 3000, atol=1)
 
 
-def test_a_counter_that_wraps_takes_a_slow_motion_for_a_fast_one():
-    velocity = estimate_velocity(PeriodMeasurement(samples=1, overflow="wraps"), steady(1e-3))
-    assert velocity[-1] == pytest.approx(PHANTOM_STEP * 10e6 / (300_000 % 2**16), rel=1e-4)  # 7.92 mm/s for 1 mm/s
-
-
 def test_counting_samples_past_the_overflow_keeps_the_speed_within_a_sample():
     velocity = estimate_velocity(PeriodMeasurement(samples=1), steady(1e-3))
     assert abs(velocity[-1] - 1e-3) < 1e-3 * PERIOD / (PHANTOM_STEP / 1e-3 - PERIOD)
@@ -144,9 +139,6 @@ def test_every_estimator_is_zero_at_rest(estimator):
         ),
         pytest.param(
             lambda: PeriodMeasurement(clock=0.0), "give a clock above 0 and 1 to 52 bits", id="a clock that stands"
-        ),
-        pytest.param(
-            lambda: PeriodMeasurement(overflow="forgets"), "give 'bounded' or 'wraps'", id="an unknown overflow"
         ),
         pytest.param(
             lambda: estimator_figures(STOCK, Encoder(), speed=0.1, acceleration=0.0),

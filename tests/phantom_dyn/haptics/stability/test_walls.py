@@ -28,7 +28,6 @@ from phantom_dyn.haptics.sensing.velocity_estimators import (
     AdaptiveWindow,
     AveragedDifference,
     KalmanVelocity,
-    PeriodMeasurement,
     estimate_velocity,
 )
 from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
@@ -138,12 +137,6 @@ def test_period_measurement_swings_below_its_linear_limit():
     linear = critical_damping_gain(TIP, settings).gain
     found = simulated_damping_gain(TIP, settings, low=0.1, high=100.0)
     assert 0.4 * linear < found < 0.8 * linear
-
-
-def test_a_counter_that_wraps_spoils_virtual_damping():
-    bounded = simulated_damping_gain(TIP, LoopSettings(estimator=IMPROVED), low=0.01, high=100.0)
-    wraps = LoopSettings(estimator=PeriodMeasurement(overflow="wraps"))
-    assert simulated_damping_gain(TIP, wraps, low=0.01, high=100.0) < 0.2 * bounded
 
 
 def test_adaptive_window_bears_more_virtual_damping_than_the_average_of_its_length():
