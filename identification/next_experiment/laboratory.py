@@ -48,11 +48,6 @@ class Laboratory:
     trust: Float[Array, " nv"]
     found: tuple[FoundEffect, ...]
 
-    @property
-    def robot(self) -> Robot:
-        """The given model."""
-        return self.problem.session.robot
-
     def products(self, motion: Motion, robot: Robot) -> Float[Array, "u u"]:
         """Weighted products over a motion at the band's rate, of a robot that may carry a known load, ``(u, u)``.
 

@@ -58,11 +58,6 @@ def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...
     return tuple((list(signature.rows), log.band(signature.columns)) for signature in signatures)
 
 
-def motion_slice(motion: Motion, start: int, stop: int) -> Motion:
-    """Samples ``start`` to ``stop`` of a motion."""
-    return motion.at(slice(start, stop))
-
-
 def _every(motion: Motion, step: int, first: int, last: int) -> Motion:
     """Samples ``first`` to ``last`` of those that a band without a filter keeps."""
     return motion.at(slice(first * step, (last - 1) * step + 1, step))
@@ -101,7 +96,7 @@ def blocks_of(
         if rigid and band.half == 0:
             rigid_body_regressor(robot, _every(log.motion, band.step, first, last), columns=rigid, out=block)
         elif rigid:
-            reach = motion_slice(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
+            reach = log.motion.at(slice(first * band.step, (last - 1) * band.step + 2 * band.half + 1))
             block[:, :, : len(rigid)] = band(rigid_body_regressor(robot, reach, columns=rigid))
         column = len(rigid)
         for rows, values in chosen:

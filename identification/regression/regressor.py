@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from identification.data.log import Log
-from identification.regression.equation_blocks import BandedEffect, banded, blocks_of, motion_slice, touched_columns
+from identification.regression.equation_blocks import BandedEffect, banded, blocks_of, touched_columns
 from identification.regression.reduction import Reduction, reduce_blocks
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rotor_torque
@@ -265,7 +265,7 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
     signatures = []
     if effects:
         operation = Operation.of(robot, log.motion, log.tau, log.temperature)
-        start = Operation.of(robot, motion_slice(log.motion, 0, _FEW), log.tau[:_FEW])
+        start = Operation.of(robot, log.motion.at(slice(_FEW)), log.tau[:_FEW])
         terms = (term_of(robot, operation, given) for given in effects)
         signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]
     effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)

@@ -111,14 +111,6 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
     return HiddenStart(model, at, _shifted(model, first_guess, shifts * spread))
 
 
-def hidden_start_by_feedback(
-    log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]
-) -> HiddenStart:
-    """States of a model at the start of a window by feedback alone: less accurate, but one simulation is enough."""
-    lead = min(round(LEAD * log.band.rate_hz), window.lead)
-    return HiddenStart(model, window.start, _after_feedback(log, states, model, torque, window.start, lead))
-
-
 def _after_feedback(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
     """State at a sample after feedback over the ``lead`` samples before it.
 
@@ -253,8 +245,10 @@ class Shot:
         return replace(self, hidden_start=hidden_start(self.log, self.states, self.window, model, torque))
 
     def with_start_by_feedback(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
-        """The window with the hidden states of a model, estimated by `hidden_start_by_feedback`."""
-        return replace(self, hidden_start=hidden_start_by_feedback(self.log, self.states, self.window, model, torque))
+        """The window with hidden states of a model by feedback alone: less accurate, but one simulation is enough."""
+        window, lead = self.window, min(round(LEAD * self.log.band.rate_hz), self.window.lead)
+        start = _after_feedback(self.log, self.states, model, torque, window.start, lead)
+        return replace(self, hidden_start=HiddenStart(model, window.start, start))
 
 
 def under_torque(
