@@ -98,11 +98,6 @@ class Fit:
         """Standard deviations, shape ``(r,)``."""
         return np.sqrt(np.diag(self.cov))
 
-    def relative_std(self) -> Float[Array, " r"]:
-        """Standard deviations over the size of the values [%]; infinite for a value of zero."""
-        with np.errstate(divide="ignore"):
-            return 100 * self.std() / np.abs(self.theta)
-
     def predict(self, robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
         """Drive torque for a motion, not filtered [N m or N], shape ``(N, nv)``.
 
@@ -117,20 +112,6 @@ class Fit:
         regressor = (torque_regressor if self.rigid_body else gap_regressor)(robot, log, given)
         out = [block[:, :, list(self.base.independent)] @ self.theta for block in regressor.blocks()]
         return np.concatenate(out) + known_torque(robot, motion, rigid_body=self.rigid_body)
-
-    def summary(self) -> str:
-        """Table of the estimates and everything that a reader has to know about them."""
-        width = max(map(len, self.names))
-        rows = [
-            f"{name:<{width}}  {value:12.6g} +- {std:8.2g} {unit:<10} {relative:7.2f} %"
-            for name, value, std, unit, relative in zip(
-                self.names, self.theta, self.std(), self.units, self.relative_std(), strict=True
-            )
-        ]
-        head = f"{self.estimator}: {self.rank} base parameters of {len(self.base.names)}, {self.samples} samples, "
-        error = ", ".join(f"{e:.3g}" for e in self.relative_error)
-        tail = [f"relative error of the torque: {error} %", *self.warnings]
-        return "\n".join([head + f"condition {self.cond:.3g}", *rows, *self.base.regroupings(), *tail])
 
 
 @dataclass(frozen=True)

@@ -100,14 +100,12 @@ class Endogeneity:
     Attributes:
         probability: Probability of a chi-squared statistic at least as large if least squares is not biased.
         difference: Estimates of least squares minus those of instrumental variables, shape ``(r,)``.
-        std: Standard deviations of the differences without bias, shape ``(r,)``.
         scatter: Standard deviations of least squares, shape ``(r,)``.
         names: Names of the base parameters.
     """
 
     probability: float
     difference: Float[Array, " r"]
-    std: Float[Array, " r"]
     scatter: Float[Array, " r"]
     names: tuple[str, ...]
 
@@ -180,5 +178,5 @@ def compared(
     statistic = float(np.sum(parts[kept] ** 2 / size[kept]))
     freedom = int(kept.sum())
     probability = float(chdtrc(freedom, statistic)) if freedom else 1.0
-    std, scatter = (np.sqrt(np.clip(np.diag(cov), 0.0, None)) for cov in (difference_cov, least_squares_cov))
-    return Endogeneity(probability, difference, std, scatter, names)
+    scatter = np.sqrt(np.clip(np.diag(least_squares_cov), 0.0, None))
+    return Endogeneity(probability, difference, scatter, names)

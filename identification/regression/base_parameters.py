@@ -38,7 +38,6 @@ class BaseParameters:
         norms: Norms of all columns.
         singular_values: Singular values of the independent columns, each column divided by its norm; shape ``(r,)``,
             descending.
-        tolerance: Share of the largest column of its unit that an independent column adds.
     """
 
     names: tuple[str, ...]
@@ -49,7 +48,6 @@ class BaseParameters:
     grouping: Float[Array, "r d"]
     norms: Float[Array, " p"]
     singular_values: Float[Array, " r"]
-    tolerance: float
 
     @property
     def rank(self) -> int:
@@ -148,7 +146,6 @@ def base_parameters_of_matrix(
         grouping,
         norms,
         np.linalg.svd(kept, compute_uv=False),
-        tolerance,
     )
 
 

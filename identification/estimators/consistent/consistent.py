@@ -43,18 +43,12 @@ class FullParameters:
     Attributes:
         names: Names of all ``p`` columns of the fit.
         pi: Standard parameters of all bodies and coefficients of the effects, shape ``(p,)``.
-        theta: Base parameters that they give, shape ``(r,)``.
         shift: Difference from the fitted base parameters, in standard deviations, shape ``(r,)``.
     """
 
     names: tuple[str, ...]
     pi: Float[Array, " p"]
-    theta: Float[Array, " r"]
     shift: Float[Array, " r"]
-
-    def standard(self, first_effect: int) -> Float[Array, "b 10"]:
-        """Standard parameters, one row per body in the order of `phantom_dyn.model.inertia.STANDARD_NAMES`."""
-        return self.pi[:first_effect].reshape(-1, 10)
 
 
 def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
@@ -132,10 +126,9 @@ def _program(robot: Robot, fit: Fit, root: Array) -> Program:
 
 
 def _full(fit: Fit, pi: Array) -> FullParameters:
-    theta = fit.base.values(pi)
     with np.errstate(divide="ignore", invalid="ignore"):
-        shift = (theta - fit.theta) / fit.std()
-    return FullParameters(fit.base.names, pi, theta, shift)
+        shift = (fit.base.values(pi) - fit.theta) / fit.std()
+    return FullParameters(fit.base.names, pi, shift)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,12 +40,6 @@ class Solution:
     grams: Float[Array, "nv r r"]
     rows: tuple[Float[Array, "_ N"], ...] = ()
 
-    @property
-    def condition(self) -> float:
-        """Condition number of the weighted base regressor, each column divided by its norm."""
-        scaled = np.linalg.svd(self.factor / np.linalg.norm(self.factor, axis=0), compute_uv=False)
-        return float(scaled[0] / scaled[-1])
-
 
 def base_of(regressor: Regressor, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
     """Base parameters of a regressor that excites at least one.

@@ -79,7 +79,8 @@ def test_an_effect_that_cannot_be_told_from_a_link_is_named(pendulum, swing, mak
             pendulum, make_log(pendulum, motion, rubbing(pendulum, motion)), [(effect_named("rotor_inertia"), "pin")]
         )
     )
-    assert "Not separable from other parameters in this recording: pin.rotor_inertia.inertia" in fit.summary()
+    told = "Not separable from other parameters in this recording: pin.rotor_inertia.inertia"
+    assert any(told in warning for warning in fit.warnings)
 
 
 def test_a_motion_at_rest_without_gravity_is_refused(pendulum, make_log):
@@ -93,7 +94,8 @@ def test_as_many_equations_as_unknowns_give_no_uncertainty(pendulum, swing, make
     motion = swing(pendulum, 1)
     fit = ols(torque_regressor(pendulum, make_log(pendulum, motion, rubbing(pendulum, motion))))
     assert np.isnan(fit.cov).all()
-    assert "no more equations than unknowns, so that no uncertainty can be given" in fit.summary()
+    told = "no more equations than unknowns, so that no uncertainty can be given"
+    assert any(told in warning for warning in fit.warnings)
 
 
 def test_with_one_joint_it_is_ordinary_least_squares(pendulum, swing, make_log, rubbing, friction, rng):
@@ -228,23 +230,12 @@ def test_the_relative_error_is_that_of_its_prediction(arm, fitted):
     np.testing.assert_allclose(fit.relative_error, 100 * error)
 
 
-def test_the_relative_deviation_is_in_per_cent_of_the_value(fitted):
-    fit = fitted[0]
-    np.testing.assert_allclose(fit.relative_std() * np.abs(fit.theta), 100 * np.sqrt(np.diag(fit.cov)))
-
-
 def test_a_poor_condition_is_a_warning(arm, swing, make_log, rubbing):
     # A wiggle of a few hundredths hardly parts moments from inertias.
     motion = swing(arm, 300)
     small = type(motion)(motion.t, 0.02 * motion.q, 0.02 * motion.v, 0.02 * motion.a)
     fit = ols(torque_regressor(arm, make_log(arm, small, rubbing(arm, small))))
     assert any("small errors in the motion move the estimates by much" in warning for warning in fit.warnings)
-
-
-def test_the_summary_names_every_estimate_and_every_regrouping(fitted):
-    fit = fitted[0]
-    text = fit.summary()
-    assert all(line in text for line in (*fit.names, *fit.base.regroupings()))
 
 
 def test_a_motion_with_a_gap_in_its_numbers_cannot_be_predicted(arm, fitted, swing):

@@ -164,7 +164,7 @@ def test_those_of_the_robot_come_back_without_noise(arm, fitted):
 
 def test_possible_base_parameters_are_kept(arm, fitted):
     fit = fitted(0.02)
-    np.testing.assert_allclose(full_parameters(arm, fit).theta, fit.theta, atol=1e-8)
+    np.testing.assert_allclose(fit.base.values(full_parameters(arm, fit).pi), fit.theta, atol=1e-8)
 
 
 def test_a_changed_ur10_predicts_the_torque_of_any_motion(make_log, rng):
