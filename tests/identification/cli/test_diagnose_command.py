@@ -114,9 +114,10 @@ def test_the_answer_is_printed_before_the_files_are_made(tmp_path, log, pendulum
     assert "explained by Coulomb friction on joint pin" in capsys.readouterr().out
 
 
-def test_a_quick_run_of_each_recording_is_refused(log, pendulum, capsys):
-    assert main(["diagnose", str(pendulum), str(log), "--each", "--quick"]) == 2
-    assert "leave out one" in capsys.readouterr().err
+@pytest.mark.parametrize(("option", "said"), [("--quick", "leave out one"), ("--profile", "profile one of them")])
+def test_a_quick_run_or_a_profile_of_each_recording_is_refused(log, pendulum, capsys, option, said):
+    assert main(["diagnose", str(pendulum), str(log), "--each", option]) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_a_profile_names_the_stages_and_leaves_the_answer_alone(log, pendulum, capsys):
@@ -125,11 +126,6 @@ def test_a_profile_names_the_stages_and_leaves_the_answer_alone(log, pendulum, c
     assert said.out.startswith("The gap between robot and model is explained by Coulomb friction on joint pin.\n")
     names = [line.split("  ")[0] for line in said.err.splitlines()]
     assert {"reading", "computing regressors", "estimating the noise", "writing", "all"} <= set(names)
-
-
-def test_a_profile_of_several_processes_is_refused(log, pendulum, capsys):
-    assert main(["diagnose", str(pendulum), str(log), "--each", "--profile"]) == 2
-    assert "profile one of them" in capsys.readouterr().err
 
 
 def test_two_runs_say_the_same_and_json_alone_writes_one_file(log, pendulum, diagnosed, plain):

@@ -177,11 +177,13 @@ def test_fetch_prints_the_folder(data_folder, monkeypatch, capsys):
     assert capsys.readouterr().out == f"{data_folder / 'emps'}\n"
 
 
-def test_fetch_without_a_name_lists_the_names(capsys):
-    assert main(["datasets", "fetch"]) == 2
-    assert "fetch needs a name, one of emps, ur10_unisa" in capsys.readouterr().err
-
-
-def test_list_takes_no_name(capsys):
-    assert main(["datasets", "list", "emps"]) == 2
-    assert "list takes no name, 'emps' was given" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fetch"], "fetch needs a name, one of emps, ur10_unisa"),
+        (["list", "emps"], "list takes no name, 'emps' was given"),
+    ],
+)
+def test_fetch_needs_a_name_and_list_takes_none(capsys, words, said):
+    assert main(["datasets", *words]) == 2
+    assert said in capsys.readouterr().err

@@ -138,9 +138,10 @@ def test_it_scatters_less_than_ordinary_least_squares_where_noise_differs(arm, s
     assert weighted < 0.7 * ordinary
 
 
-def test_without_noise_it_still_solves(arm, swing, make_log, rubbing, friction):
+@pytest.mark.parametrize("estimator", [wls, irls])
+def test_without_noise_it_still_solves(arm, swing, make_log, rubbing, friction, estimator):
     motion = swing(arm, 200)
-    fit = wls(torque_regressor(arm, make_log(arm, motion, rubbing(arm, motion)), friction(arm)))
+    fit = estimator(torque_regressor(arm, make_log(arm, motion, rubbing(arm, motion)), friction(arm)))
     np.testing.assert_allclose(fit.theta[-6:], [0.4, 0.6] * 3, atol=1e-6)
 
 
@@ -185,12 +186,6 @@ def test_on_normal_noise_it_scatters_little_more_than_least_squares(pendulum, sw
     )
     ratio = np.sqrt(np.diag(robust.cov_white) / np.diag(ordinary.cov_white))
     np.testing.assert_allclose(ratio, 1 / np.sqrt(0.95), rtol=0.03)
-
-
-def test_iterated_weights_still_solve_without_noise(arm, swing, make_log, rubbing, friction):
-    motion = swing(arm, 200)
-    fit = irls(torque_regressor(arm, make_log(arm, motion, rubbing(arm, motion)), friction(arm)))
-    np.testing.assert_allclose(fit.theta[-6:], [0.4, 0.6] * 3, atol=1e-6)
 
 
 def test_weights_that_do_not_settle_are_an_error(pendulum, spoilt, friction):

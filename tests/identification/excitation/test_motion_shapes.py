@@ -84,14 +84,16 @@ def test_a_duration_that_is_none_is_refused(duration):
         FourierSeries(duration)
 
 
-def test_one_harmonic_cannot_be_at_rest():
-    with pytest.raises(ParameterError, match="A motion of 1 harmonics was asked for: give at least 2"):
-        FourierSeries(4.0, 1)
-
-
-def test_a_spline_without_a_piece_is_refused():
-    with pytest.raises(ParameterError, match="A motion of 0 pieces was asked for: give at least 1"):
-        BSplines(4.0, 0)
+@pytest.mark.parametrize(
+    ("kind", "count", "said"),
+    [
+        (FourierSeries, 1, "A motion of 1 harmonics was asked for: give at least 2"),
+        (BSplines, 0, "A motion of 0 pieces was asked for: give at least 1"),
+    ],
+)
+def test_one_harmonic_and_a_spline_without_a_piece_are_refused(kind, count, said):
+    with pytest.raises(ParameterError, match=said):
+        kind(4.0, count)
 
 
 WAVES = [Sine(0.4, 0.7, 0.2), Triangle(0.4, 0.7, 0.2), Triangle(0.4, 0.7, turn=0.5)]

@@ -192,14 +192,16 @@ def test_response_ends_at_a_fifth_of_the_rate(rng):
     assert joint_response(log(rng), "j1").frequency[-1] <= 2 * np.pi * 200.0
 
 
-def test_an_unknown_joint_is_refused(rng):
-    with pytest.raises(RobotError, match=r"noise\.csv has no joint 'elbow': it has j1, j2"):
-        joint_response(log(rng), "elbow")
-
-
-def test_a_constant_torque_is_refused(rng):
-    with pytest.raises(LogError, match="the torque of j2 never changes: drive it with noise or a chirp"):
-        joint_response(log(rng), "j2")
+@pytest.mark.parametrize(
+    ("joint", "error", "said"),
+    [
+        ("elbow", RobotError, r"noise\.csv has no joint 'elbow': it has j1, j2"),
+        ("j2", LogError, "the torque of j2 never changes: drive it with noise or a chirp"),
+    ],
+)
+def test_an_unknown_joint_and_a_constant_torque_are_refused(rng, joint, error, said):
+    with pytest.raises(error, match=said):
+        joint_response(log(rng), joint)
 
 
 def test_too_short_a_stretch_is_refused(rng):

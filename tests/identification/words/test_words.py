@@ -290,25 +290,32 @@ def test_what_is_named_has_passed_its_gates(diagnosis):
     ]
 
 
-def test_what_nothing_replaces_states_the_gate_that_it_failed(diagnosis):
-    assert said(diagnosis, "torque_offset", "j2") == [
-        "A torque offset on joint j2 would close 10 % of the gap; it is not named because beside what is named it "
-        "gains 3.5, where chance alone may give 20."
-    ]
-
-
-def test_what_is_not_testable_states_why(diagnosis):
-    assert said(diagnosis, "backlash", "j2") == [
-        "Backlash on joint j2 was not tried, as this recording cannot show it: the transmitted torque never changes "
-        "sign."
-    ]
-
-
-def test_what_came_less_near_states_from_which_size_on_it_would_have_been_seen(diagnosis):
-    assert said(diagnosis, "backlash", "j1") == [
-        "Backlash on joint j1 was tried and never claimed, and is not among the ten that came nearest. The recording "
-        "would have shown it from gap 0.002 rad on."
-    ]
+# The gate that an effect failed, why it cannot be tested, and from which size on it would have been seen.
+@pytest.mark.parametrize(
+    ("effect", "joint", "sentence"),
+    [
+        (
+            "torque_offset",
+            "j2",
+            "A torque offset on joint j2 would close 10 % of the gap; it is not named because beside what is named it "
+            "gains 3.5, where chance alone may give 20.",
+        ),
+        (
+            "backlash",
+            "j2",
+            "Backlash on joint j2 was not tried, as this recording cannot show it: the transmitted torque never "
+            "changes sign.",
+        ),
+        (
+            "backlash",
+            "j1",
+            "Backlash on joint j1 was tried and never claimed, and is not among the ten that came nearest. The "
+            "recording would have shown it from gap 0.002 rad on.",
+        ),
+    ],
+)
+def test_what_is_not_named_states_why(diagnosis, effect, joint, sentence):
+    assert said(diagnosis, effect, joint) == [sentence]
 
 
 def test_of_all_joints_where_none_is_given(diagnosis):

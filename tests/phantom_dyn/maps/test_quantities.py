@@ -180,14 +180,16 @@ def test_what_cannot_be_is_refused(phantom, call, message):
         call(phantom)
 
 
-def test_an_unknown_frame_is_refused(phantom):
-    with pytest.raises(RobotError, match=r"has no frame 'tipp'.*did you mean tip\?"):
-        map_model(phantom, frame="tipp")
-
-
-def test_a_frame_that_does_not_move_is_refused(phantom):
-    with pytest.raises(RobotError, match="The frame 'base' of phantom_1_5 does not move"):
-        map_model(phantom, frame="base")
+@pytest.mark.parametrize(
+    ("frame", "said"),
+    [
+        ("tipp", r"has no frame 'tipp'.*did you mean tip\?"),
+        ("base", "The frame 'base' of phantom_1_5 does not move"),
+    ],
+)
+def test_a_frame_that_is_unknown_or_does_not_move_is_refused(phantom, frame, said):
+    with pytest.raises(RobotError, match=said):
+        map_model(phantom, frame=frame)
 
 
 def test_the_quantities_are_those_of_the_contract():

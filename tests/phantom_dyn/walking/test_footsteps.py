@@ -225,14 +225,13 @@ def test_on_level_treads_the_margin_is_that_of_level_ground(walker):
     assert level.margin[k] == pytest.approx(margin, abs=1e-12)
 
 
-def test_treads_shorter_than_a_sole_are_refused(walker):
-    with pytest.raises(ParameterError, match="give treads that are longer"):
-        climb(walker, Stairs(0.15, 0.05), 3)
-
-
-def test_one_step_is_refused(walker):
-    with pytest.raises(ParameterError, match="give a whole number of 2 or more"):
-        climb(walker, Stairs(0.22, 0.05), 1)
+@pytest.mark.parametrize(
+    ("tread", "steps", "said"),
+    [(0.15, 3, "give treads that are longer"), (0.22, 1, "give a whole number of 2 or more")],
+)
+def test_treads_shorter_than_a_sole_and_one_step_are_refused(walker, tread, steps, said):
+    with pytest.raises(ParameterError, match=said):
+        climb(walker, Stairs(tread, 0.05), steps)
 
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

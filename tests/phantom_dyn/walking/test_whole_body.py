@@ -58,9 +58,16 @@ def test_the_sole_of_talos_lies_in_the_flat_of_its_collision_mesh():
     assert support_polygon(flat).margin(TALOS_SOLE.corners + TALOS_SOLE.middle[:2]).min() > -0.01
 
 
-def test_a_frame_that_is_not_there_is_refused():
-    sole = replace(TALOS_SOLE, frame="left_sole")
-    with pytest.raises(RobotError, match=r"unknown frame 'left_sole'.*did you mean left_sole_link"):
+@pytest.mark.parametrize(
+    ("frame", "said"),
+    [
+        ("left_sole", r"unknown frame 'left_sole'.*did you mean left_sole_link"),
+        ("leg_left_4_link", "has 4 joints, and walking needs six"),
+    ],
+)
+def test_a_frame_that_is_not_there_or_on_no_leg_of_six_joints_is_refused(frame, said):
+    sole = replace(TALOS_SOLE, frame=frame)
+    with pytest.raises(RobotError, match=said):
         load_walker(TALOS_FILE, left=sole, right=sole, posture=TALOS_POSTURE)
 
 
@@ -74,12 +81,6 @@ def test_a_posture_on_its_toes_is_refused():
     right = replace(G1_SOLE, frame="right_ankle_roll_link")
     with pytest.raises(RobotError, match=r"not level side by side.*correct the posture"):
         load_walker(G1_FILE, left=G1_SOLE, right=right, posture=bent)
-
-
-def test_a_leg_without_six_joints_is_refused():
-    sole = replace(TALOS_SOLE, frame="leg_left_4_link")
-    with pytest.raises(RobotError, match="has 4 joints, and walking needs six"):
-        load_walker(TALOS_FILE, left=sole, right=sole, posture=TALOS_POSTURE)
 
 
 def going(speed, turn=0.0) -> Joystick:

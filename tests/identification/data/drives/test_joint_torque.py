@@ -176,14 +176,16 @@ def test_the_drive_need_not_give_what_pushes(planar):
     np.testing.assert_allclose(less, external_torque(planar, log.motion.q, {"lower": force}), atol=1e-12)
 
 
-def test_a_force_at_an_unknown_frame_is_refused(planar):
-    with pytest.raises(LogError, match=r"f\.tool\.x, \.y and \.z are a force at a frame that planar2 does not have"):
-        external_torque(planar, np.zeros((1, 2)), {"tool": np.zeros((1, 3))})
-
-
-def test_a_force_that_is_not_finite_is_refused(planar):
-    with pytest.raises(LogError, match=r"The force f\.lower is not finite at sample 1: give finite numbers"):
-        external_torque(planar, np.zeros((2, 2)), {"lower": np.array([[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])})
+@pytest.mark.parametrize(
+    ("frame", "said"),
+    [
+        pytest.param("tool", r"f\.tool\.x, \.y and \.z are a force at a frame that planar2 does not have", id="frame"),
+        pytest.param("lower", r"The force f\.lower is not finite at sample 1: give finite numbers", id="not finite"),
+    ],
+)
+def test_a_force_at_an_unknown_frame_or_without_a_number_is_refused(planar, frame, said):
+    with pytest.raises(LogError, match=said):
+        external_torque(planar, np.zeros((2, 2)), {frame: np.array([[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])})
 
 
 @pytest.fixture(scope="module")

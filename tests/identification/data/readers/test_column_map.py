@@ -191,16 +191,6 @@ def test_a_map_says_which_low_pass_a_torque_went_through(map_file):
         ("tau: {low_pass: 0}", "low_pass is 0, wanted the cut-off in Hz, above 0"),
         ("tau: {low_pass: yes}", "low_pass is true, wanted the cut-off in Hz"),
         ("tau: {low_pass: fast}", "low_pass is the text 'fast', wanted the cut-off in Hz"),
-    ],
-)
-def test_a_low_pass_that_means_nothing_is_refused(map_file, entry, said):
-    with pytest.raises(LogError, match=said):
-        read_column_map(map_file(entry + "\n"))
-
-
-@pytest.mark.parametrize(
-    ("entry", "said"),
-    [
         ("tau: {compensated: weight}", r"compensated is the text 'weight', wanted gravity or friction, or \[gravity"),
         ("tau: {compensated: [friction, 3]}", r"compensated is the list \['friction', 3\], wanted gravity or friction"),
         (f"? {'x' * 3000}\n: {{compensated: gravity}}", r"yaml: x{79}…\.compensated is for torques"),
@@ -209,7 +199,7 @@ def test_a_low_pass_that_means_nothing_is_refused(map_file, entry, said):
         ("q.j: {compensated: gravity}", r"is for torques: write tau: \{compensated: gravity\}"),
     ],
 )
-def test_a_compensation_that_means_nothing_is_refused(map_file, entry, said):
+def test_a_low_pass_or_compensation_that_means_nothing_is_refused(map_file, entry, said):
     with pytest.raises(LogError, match=said):
         read_column_map(map_file(entry + "\n"))
 

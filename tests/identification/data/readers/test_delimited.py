@@ -144,14 +144,6 @@ def test_what_cannot_be_is_refused(write, lines, call, message):
         call(write, lines)
 
 
-@pytest.mark.parametrize("content", [b"", b"\n\n  \n", b"\xef\xbb\xbf"])
-def test_an_empty_file_is_told(tmp_path, content):
-    path = tmp_path / "log.csv"
-    path.write_bytes(content)
-    with pytest.raises(LogError, match=r"log\.csv is empty"):
-        read_table(path)
-
-
 def test_a_file_of_comments_is_told(write):
     with pytest.raises(LogError, match="has only comments"):
         read_table(write(["# nothing", "# here"]))
@@ -160,11 +152,17 @@ def test_a_file_of_comments_is_told(write):
 LETTER = b"Dear reader, this is a letter.\nIt has no table, none, at all.\nBye\n"
 
 
-@pytest.mark.parametrize("content", [LETTER, b"MATLAB 5.0\0\1\2\3" * 9, bytes(range(256))])
-def test_a_file_that_is_no_log_is_told(tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        *((empty, "empty") for empty in (b"", b"\n\n  \n", b"\xef\xbb\xbf")),
+        *((strange, "no log") for strange in (LETTER, b"MATLAB 5.0\0\1\2\3" * 9, bytes(range(256)))),
+    ],
+)
+def test_a_file_that_is_empty_or_no_log_is_told(tmp_path, content, said):
     path = tmp_path / "log.csv"
     path.write_bytes(content)
-    with pytest.raises(LogError, match=r"log\.csv is no log"):
+    with pytest.raises(LogError, match=rf"log\.csv is {said}"):
         read_table(path)
 
 

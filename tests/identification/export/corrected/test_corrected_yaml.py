@@ -148,15 +148,16 @@ def test_a_missing_file_is_refused(tmp_path):
         read_corrected(tmp_path / "no.yaml")
 
 
-def test_broken_syntax_is_refused_with_its_line(tmp_path):
-    (tmp_path / "a.yaml").write_text("schema: phantom-dyn-model/1\nrobot: {source: [}")
-    with pytest.raises(RobotError, match=r"a\.yaml is not valid YAML at line 2"):
-        read_corrected(tmp_path / "a.yaml")
-
-
-def test_a_list_in_place_of_the_content_is_refused(tmp_path):
-    (tmp_path / "a.yaml").write_text("- a\n")
-    with pytest.raises(RobotError, match="holds the list"):
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("schema: phantom-dyn-model/1\nrobot: {source: [}", r"a\.yaml is not valid YAML at line 2"),
+        ("- a\n", "holds the list"),
+    ],
+)
+def test_broken_syntax_and_a_list_are_refused(tmp_path, content, said):
+    (tmp_path / "a.yaml").write_text(content)
+    with pytest.raises(RobotError, match=said):
         read_corrected(tmp_path / "a.yaml")
 
 
