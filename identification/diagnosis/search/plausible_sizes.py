@@ -27,14 +27,12 @@ class Range:
     """The upper end of a plausible range, relative to what was recorded of the joint.
 
     Attributes:
-        quantity: Its name in words.
         units: Units of the parameters that it limits, on a hinge and on a linear joint.
         by_speed: True if it is relative to the largest torque over the largest speed, else to the largest torque.
         most: Upper end of the range in these units.
         because: The reason, from how a drive works.
     """
 
-    quantity: str
     units: tuple[str, str]
     by_speed: bool
     most: float
@@ -44,7 +42,6 @@ class Range:
 # The range is twice as wide as its reason says, as a torque may be recorded too small by as much.
 RANGES: tuple[Range, ...] = (
     Range(
-        "dry friction over the largest recorded torque of the joint",
         ("N m", "N"),
         False,
         2.0,
@@ -52,7 +49,6 @@ RANGES: tuple[Range, ...] = (
         "was recorded",
     ),
     Range(
-        "viscous friction times the largest speed over the largest recorded torque of the joint",
         ("N m s/rad", "N s/m"),
         True,
         2.0,
