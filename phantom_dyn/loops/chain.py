@@ -149,8 +149,3 @@ def sentence_of_worst(chain: ClosedChain, at: Constraints, error: Float[Array, "
     if len(rows) == 6:
         apart += f" and {np.linalg.norm(rows[3:]):.3g} rad"
     return chain.anchors[worst].label, apart
-
-
-def _rotation(at: Constraints, frame: int) -> Array:
-    fixed = at.model.frames[frame]
-    return at.data.oMi[fixed.parentJoint].rotation @ fixed.placement.rotation
