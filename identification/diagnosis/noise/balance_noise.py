@@ -81,8 +81,9 @@ def balance_noise(parts: list[Part], deviations: float) -> Density | None:
         # A small difference may be an error of the encoders' part. No noise at all is the least likely of all sizes.
         least = min(hidden, key=lambda one: one.whole)
         most = max(least.torque, 0.0) + _HIDDEN * least.whole
-        value = least.torque if least.torque > _HIDDEN * least.whole else _BETWEEN * most
-        return Density(value, 0.0, most)
+        if least.torque > _HIDDEN * least.whole:
+            return Density(least.torque, 0.0, most)
+        return Density(_BETWEEN * most, 0.0, most, may_be_nothing=True)
     lowest = clear[:_LOWEST]
     if lowest[-1].torque > lowest[0].torque * _reach(lowest, deviations) ** 2:
         lowest = clear[:1]

@@ -92,10 +92,20 @@ def torque_densities(
         balance = _mean([balance_noise(own[j], deviations) for own in parts], seconds)
         # A command has no sensor: above the motion it shows what the controller asked for.
         seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
-        # Jumps of friction raise the first estimate, errors of the model the second one: the smaller one is taken.
-        known = [one for one in (seen, balance) if one is not None]
-        out.append(min(known, key=lambda one: one.value, default=None))
+        out.append(_smaller(seen, balance))
     return out
+
+
+def _smaller(seen: Density | None, balance: Density | None) -> Density | None:
+    """The smaller of two estimates, each of which may be too large.
+
+    Jumps of friction raise what is seen in the readings, errors of the model raise the balance. Where encoders hide the
+    balance, it is no estimate but an upper limit: what is seen counts up to that.
+    """
+    if seen is not None and balance is not None and balance.may_be_nothing:
+        return Density(min(seen.value, balance.high), balance.low, balance.high)
+    known = [one for one in (seen, balance) if one is not None]
+    return min(known, key=lambda one: one.value, default=None)
 
 
 def _mean(each: list[Density | None], weights: list[float]) -> Density | None:
@@ -105,7 +115,8 @@ def _mean(each: list[Density | None], weights: list[float]) -> Density | None:
         return None
     share = [weight for _, weight in known]
     values = np.array([(one.value, one.low, one.high) for one, _ in known])
-    return Density(*np.average(values, axis=0, weights=share).tolist())
+    mean = np.average(values, axis=0, weights=share).tolist()
+    return Density(*mean, may_be_nothing=all(one.may_be_nothing for one, _ in known))
 
 
 def _encoders_in_band(

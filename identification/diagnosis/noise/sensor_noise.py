@@ -22,11 +22,15 @@ _TOP = 0.4  # highest frequency used, as a share of the rate: above, aligning a 
 
 @dataclass(frozen=True)
 class Density:
-    """Power density of white noise [(N m)^2/Hz]: mean, smallest and largest over parts of the band above the motion."""
+    """Power density of white noise [(N m)^2/Hz]: mean, smallest and largest over parts of the band above the motion.
+
+    It ``may_be_nothing`` where only the largest is known: the mean is then a guess between nothing and that.
+    """
 
     value: float
     low: float
     high: float
+    may_be_nothing: bool = False
 
 
 def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | None:

@@ -9,7 +9,8 @@ from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import usable_samples
 from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
 from identification.diagnosis.columns.session import session_of
-from identification.diagnosis.noise.sensor_floor import sensed_noise, sensor_floor
+from identification.diagnosis.noise.sensor_floor import _smaller, sensed_noise, sensor_floor
+from identification.diagnosis.noise.sensor_noise import Density
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 
 WITHIN = 1.25  # the measured ratio of seeds; the goal of the method is 1.2 for 95 % of the joints
@@ -61,6 +62,20 @@ def test_noise_of_the_encoders_begins_the_interval_in_which_that_of_the_torque_m
     found = floors(session)
     np.testing.assert_allclose(found.low, true, rtol=WITHIN - 1.0)
     assert np.all(found.value <= 0.3 * found.high)
+
+
+def test_what_readings_show_counts_up_to_the_limit_where_encoders_hide_the_noise_of_the_balance():
+    # Closed form. On a simulated arm with 16 bits the value was a tenth of the noise that its readings have.
+    hidden = Density(0.25, 0.0, 4.0, may_be_nothing=True)
+    assert _smaller(Density(3.0, 2.9, 3.1), hidden) == Density(3.0, 0.0, 4.0)
+    assert _smaller(Density(9.0, 8.9, 9.1), hidden) == Density(4.0, 0.0, 4.0)
+    assert _smaller(None, hidden) == hidden
+
+
+def test_of_two_estimates_of_noise_that_may_be_too_large_the_smaller_counts():
+    loud, quiet = Density(3.0, 2.9, 3.1), Density(1.0, 0.8, 1.3)
+    assert _smaller(loud, quiet) == _smaller(quiet, loud) == quiet
+    assert _smaller(None, None) is None
 
 
 def test_an_effect_of_twenty_floors_changes_the_floor_by_a_fifth_at_most(made):
