@@ -9,6 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, untestable_effects
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.moved_by_noise import noise_may_make
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.claims import least_gain
@@ -24,20 +25,21 @@ from phantom_dyn.model.robot import Robot
 
 
 def smallest_seen(
-    operation: Operation, search: Search, plain: Search, chosen: frozenset[Term]
+    operation: Operation, search: Search, plain: Search, chosen: frozenset[Term], allowed: Float[Array, " nv"]
 ) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
     """Detection limit of every effect and joint that is not a finding, and effects that cannot be tested at all.
 
     The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
     ``I`` the information on its size where nuisances and findings are fitted, too. The limit is the size at which it
-    passes the gates of a claim. An effect whose limit is larger than the whole measured torque, or than on any sound
-    device, is not testable.
+    passes the gates of a claim. What noise may make is shown above the noise, too. An effect whose limit is larger than
+    the whole measured torque, or than on any sound device, is not testable.
 
     Args:
         operation: Operation of all recordings.
         search: Rivals, with whitened fits, and the thresholds of a claim.
         plain: The same with plain fits in the judged band.
         chosen: The findings.
+        allowed: Residual of each joint up to which there is no gap, ``(nv,)``.
     """
     problem, robot = search.problem, search.problem.session.robot
     bounds: dict[tuple[str, str | None], Bound] = {}
@@ -82,6 +84,9 @@ def smallest_seen(
         least = least_gain(search, frozenset([term]), chosen, energies[term])
         deviations = _claimable(search, term, by_block, least)
         size = deviations / np.sqrt(held_out * probe.information) if probe.information > 0 else np.inf
+        if noise_may_make(term):
+            share = _torque_share(plain.problem, allowed, term, direction)
+            size = max(size, 1.0 / share if share > 0.0 else 0.0)
         by_shape = effect.seen_by == "shape"
         # A real play may leave less torque than its law, down to the share at which it still counts as a play.
         if not size < (term.lower[0] if by_shape else _largest(problem, energy, term, direction)):
@@ -99,8 +104,8 @@ def smallest_seen(
         below, better = (term.shape[0], min) if by_shape else (float(size), max)
         if term.effect_joint in bounds:
             below = better(below, bounds[term.effect_joint].below)
-        share = None if by_shape else float(below) * _torque_share(plain.problem, measured, term, direction)
-        bounds[term.effect_joint] = Bound(*term.effect_joint, name, float(below), unit, share)
+        of_torque = None if by_shape else float(below) * _torque_share(plain.problem, measured, term, direction)
+        bounds[term.effect_joint] = Bound(*term.effect_joint, name, float(below), unit, of_torque)
     left = [value for cause, value in hopeless.items() if cause not in bounds]
     tried = frozenset(term.effect_joint for term in problem.columns.terms)
     left += [NotTestable(*cause) for cause in untestable_effects(robot, operation, tried)]
@@ -121,17 +126,17 @@ def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name:
     return None
 
 
-def _torque_share(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
-    """Torque of an effect of size one over the measured torque, on the joint where that is most."""
+def _torque_share(problem: Problem, torques: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
+    """Torque of an effect of size one over another one of each joint, on the joint where that is most."""
     columns, out = problem.white, 0.0
     for j in _rows(problem, term):
         row = columns.rows[j]
         own = [k for k, column in enumerate(row) if column in term.column_set]
-        if measured[j] == 0.0:
+        if torques[j] == 0.0:
             continue
         parts = direction[[term.columns.index(row[k]) for k in own]]
         torque = [(x[j][:, own] @ parts)[u[:, j]] for x, u in zip(columns.values, columns.usable, strict=True)]
-        out = max(out, rms(torque) / float(measured[j]))
+        out = max(out, rms(torque) / float(torques[j]))
     return out
 
 

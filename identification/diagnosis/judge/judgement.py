@@ -85,7 +85,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     left_over = _with_joint(_with_times(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = smallest_seen(
-        merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen
+        merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen, left.floor.allowed
     )
     minor = tuple(claim.finding for claim in claims if claim.minor)
     minor_effects = frozenset((finding.effect, finding.joint) for finding in minor)

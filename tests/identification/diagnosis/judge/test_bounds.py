@@ -22,8 +22,9 @@ from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.motion import Motion
 
 
-def seen(prepared, robot, chosen=frozenset()):
-    return smallest_seen(merged(prepared.columns.operations), prepared.search, prepared.search, chosen)
+def seen(prepared, robot, chosen=frozenset(), allowed=None):
+    search, allowed = prepared.search, np.zeros(robot.nv) if allowed is None else allowed
+    return smallest_seen(merged(prepared.columns.operations), search, search, chosen, allowed)
 
 
 def test_every_effect_and_joint_has_a_bound_or_a_reason(quiet, planar2):
@@ -298,3 +299,18 @@ def test_an_effect_of_the_stated_size_is_found(hits, name):
 def test_an_effect_of_a_third_of_the_stated_size_is_seldom_found(hits):
     # What is stated is not far more than what is needed.
     assert hits("viscous_friction", 1 / 3, 8) <= 4
+
+
+def test_what_noise_may_make_is_seen_where_it_makes_more_torque_than_noise_is_allowed(quiet, planar2):
+    # Closed form: with 0.2 N m allowed on each joint, at the limit its torque is that on the joint that feels it most.
+    def limits(allowed):
+        return {(one.effect, one.joint): one for one in seen(quiet, planar2, allowed=allowed)[0]}
+
+    problem = quiet.search.problem
+    measured = sums(problem, measured_torque(problem)).rms()
+    plain, noisy = limits(np.zeros(2)), limits(np.full(2, 0.2))
+    viscous = noisy["viscous_friction", "elbow"]
+    assert viscous.of_torque * measured[1] == pytest.approx(0.2, rel=1e-6)
+    assert viscous.below > 2 * plain["viscous_friction", "elbow"].below
+    # A constant torque is no noise.
+    assert noisy["torque_offset", "elbow"] == plain["torque_offset", "elbow"]
