@@ -8,7 +8,7 @@ from identification.diagnosis.result import EffectAt
 from identification.notes import Code, Note
 from identification.words.diagnosis_words import joined, joints_words, on_place
 from identification.words.effect_words import words_of
-from identification.words.numbers_and_names import NO_BREAK, filled, with_unit
+from identification.words.numbers_and_names import NO_BREAK, filled, number, with_unit
 
 RivalPair = tuple[Sequence[EffectAt], Sequence[EffectAt]]
 """Two hypotheses, each given by its effects."""
@@ -71,13 +71,13 @@ def _implausible_size(note: Note) -> str:
 
 
 def _sized(value: float, unit: str) -> str:
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+    return with_unit(number(value), unit)
 
 
 def _range(low: float | None, high: float | None, unit: str) -> str:
     """The plausible range, in words."""
     if low is not None and high is not None:
-        return f"{low:.3g} to {_sized(high, unit)} is"
+        return f"{number(low)} to {_sized(high, unit)} is"
     if low is not None:
         return f"at least {_sized(low, unit)} is"
     return f"at most {_sized(float('inf') if high is None else high, unit)} is"

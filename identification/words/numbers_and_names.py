@@ -51,7 +51,7 @@ def number(value: float, digits: int = 3) -> str:
     """A number to some significant digits, without an exponent below a million; a dash if it is not finite."""
     if not math.isfinite(value):
         return "–"
-    text = f"{value:.{digits}g}"
+    text = _no_minus_zero(f"{value:.{digits}g}")
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text
 
 

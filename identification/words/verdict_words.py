@@ -126,7 +126,10 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
             f"{percent(least.of_torque or 0.0)} of the torque on. Record faster motion in more postures, or less noise."
         )
     if diagnosis.verdict == "not_testable":
-        return "This recording cannot show a gap at all: record a motion that excites the joints, then diagnose again."
+        return (
+            "This recording cannot show a gap at all, as no joint moves, or each pauses so often that the filters mix "
+            "every move with a standstill: record a motion without pauses, or at a higher rate, then diagnose again."
+        )
     return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
 
 

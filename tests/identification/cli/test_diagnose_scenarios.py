@@ -73,7 +73,7 @@ def test_many_recordings_are_judged_at_rest_where_one_would_be_and_one_that_neve
     assert [finding["effect"] for finding in first["diagnosis"]["findings"]] == ["backlash"]
     assert second["verdict"] == "not_testable"
     shown = " ".join(capsys.readouterr().out.split())
-    assert "still.csv not_testable This recording cannot show a gap at all: record a motion" in shown
+    assert "still.csv not_testable This recording cannot show a gap at all, as no joint moves" in shown
 
 
 # What the pin has besides its model in both recordings, as an earlier diagnosis would have written it.

@@ -61,6 +61,7 @@ def test_a_value_is_shown_to_the_second_digit_of_its_deviation(value, text):
         (0.0607, 2, "0.061"),
         (6.07e-5, 3, "6.07e-05"),
         (-1234.5, 3, "-1230"),
+        (-0.0, 3, "0"),
         (float("inf"), 3, "–"),
     ],
 )
