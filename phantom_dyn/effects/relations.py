@@ -15,6 +15,7 @@ Kind = Literal[
     "tends to",
     "resembles on each joint",
     "may be a sum with",
+    "resembles a sum of",
     "nearly same in closed loop",
     "same shapes as",
 ]
@@ -28,7 +29,8 @@ class Relation(NamedTuple):
         kind: What the first is to the second. It ``contains`` what is a special case of it. It ``tends to`` what it
             comes arbitrarily near to on the same joint without being it. An effect between two joints ``resembles on
             each joint`` what, on both of them, may leave much the same. It ``may be a sum with`` several others, the
-            sum of which is a special case of it, so that no data distinguish the two. It is ``nearly same in closed
+            sum of which is a special case of it, so that no data distinguish the two. It ``resembles a sum of`` several
+            others that, all together, may leave much the same where one of them does not. It is ``nearly same in closed
             loop`` as what leaves nearly the same while a controller keeps a joint close to its reference. It has the
             ``same shapes as`` a law of the same orders over the position, from which a constant load does not separate
             it.
@@ -55,6 +57,10 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("joint_coupling", "resembles on each joint", "coulomb_friction"),
     Relation("joint_coupling", "resembles on each joint", "viscous_friction"),
     Relation("inertial_parameters", "contains", "payload"),
+    # It scales all that a drive works against.
+    Relation("torque_constant", "resembles a sum of", "coulomb_friction"),
+    Relation("torque_constant", "resembles a sum of", "viscous_friction"),
+    Relation("torque_constant", "resembles a sum of", "payload"),
     # A reference that is late by d lacks kp d v while the joint follows it.
     Relation("reference_delay", "nearly same in closed loop", "viscous_friction"),
     # A soft spring that is at rest far away.

@@ -136,6 +136,11 @@ class Rival(ABC):
         return related(self.name, "may be a sum with")
 
     @property
+    def sum_parts(self) -> tuple[str, ...]:
+        """Names of the effects of which several together may leave much the same."""
+        return related(self.name, "resembles a sum of")
+
+    @property
     def near_twins(self) -> tuple[str, ...]:
         """Names of effects on the same joint that leave nearly the same while it follows its reference."""
         return related(self.name, "nearly same in closed loop")

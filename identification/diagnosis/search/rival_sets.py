@@ -72,14 +72,14 @@ def compare_with_rivals(
     replicate. It need not pass the threshold of chance over the whole catalogue, as laws of one kind on one joint are
     few. Rivals that make the torque of the finding, and the other way round, are compared without prices: the number of
     parameters is no argument then. Of two laws of which neither contains the other, probabilities are means with and
-    without prices: on held-out blocks a law already loses by parameters that fit noise. A law that has come to a
-    special case of itself counts as that case.
+    without prices: on held-out blocks a law already loses by parameters that fit noise. So are a law and a sum of
+    effects that are its parts. A law that has come to a special case of itself counts as that case.
 
     Args:
         search: Rivals.
         chosen: A set of effects.
         term: One of them.
-        barred: Laws, with their joints, that do not differ from a simpler one.
+        barred: Laws, with their joints, that do not differ from a simpler one. As parts of a sum they may be rivals.
         other_conditions: Searches over the same rivals under conditions that should not matter, such as another band.
             If there are any, the comparison is repeated with each of them and on each half of the blocks, and
             probabilities are means over all of these.
@@ -165,7 +165,8 @@ def _options(
         others for one, own in zip(searches, slack, strict=True) for others in relevant(one, chosen, term, own)
     )
     for others in near:
-        if not all(other.named and other.effect_joint not in barred for other in others):
+        allowed = _is_sum_of_parts(term, others) or barred.isdisjoint(other.effect_joint for other in others)
+        if not allowed or not all(other.named for other in others):
             continue
         swapped = replaced(chosen, term, others)
         if swapped in options or not others <= swapped:
@@ -293,12 +294,18 @@ def _with_effects(search: Search, chosen: Chosen, term: Term, effects: tuple[Eff
 
 
 def _nested(term: Term, others: Chosen) -> bool:
-    """True if a finding and its replacement contain one another, or if several effects replace it."""
+    """True if a finding and its replacement contain one another, or if several effects replace it that are no parts."""
 
     def more(rich: Term, simple: Term) -> bool:
         return contains(rich, simple) or (rich.joint == simple.joint and simple.effect.name in rich.effect.tends_to)
 
-    return len(others) > 1 or any(more(one, term) or more(term, one) for one in others)
+    several = len(others) > 1 and not _is_sum_of_parts(term, others)
+    return several or any(more(one, term) or more(term, one) for one in others)
+
+
+def _is_sum_of_parts(term: Term, others: Chosen) -> bool:
+    """True for several effects of which a sum may make much the same torque as another one."""
+    return len(others) > 1 and all(other.effect.name in term.effect.sum_parts for other in others)
 
 
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:

@@ -14,7 +14,7 @@ from identification.diagnosis.search.claims import dropped, gate_results, least_
 from identification.diagnosis.search.containment import is_of_many_joints, possible, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
-from identification.diagnosis.search.swaps import simplified, swapped
+from identification.diagnosis.search.swaps import parts_of, simplified, swapped
 from identification.engine.claims import GateResult
 from identification.gates import above_chance, exchange
 from identification.gates.above_chance import more_than_chance
@@ -194,15 +194,18 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
     A law with more parameters than the robot has joints gains most at first, because it explains a little of every
     effect: free inertial parameters also explain wrong rotor inertias on all joints. So does one torque constant for
     several joints: it explains wrong friction on all of them. No swap of one effect for another leads away from such a
-    law, so the search is repeated without it.
+    law, so the search is repeated without it. That constant is one claim about all its joints, and is compared with
+    friction of all of them, the parts of it that are too small to be claimed included.
     """
     for term in ordered(chosen):
-        if search.sizes[term] <= len(search.problem.columns.rows) and not is_of_many_joints(term):
+        rows = search.problem.columns.rows
+        if search.sizes[term] <= len(rows) and not is_of_many_joints(term):
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
         without = replace(search, terms=others, record=search.record.copy_for_trial())
         tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
-        margin = search.score(tried) - search.score(chosen)
+        several = [tried] if search.sizes[term] > len(rows) else [tried, _with_small_parts(without, tried, term)]
+        margin = min(search.score(one) for one in several) - search.score(chosen)
         # Many sets were tried, so that a small margin is chance.
         stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
         if not stays.passed:
@@ -213,6 +216,14 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
             # Effects of the trial fail the gate of exchanges: they explain no more than the law.
             explains = explains_more_than_others(-margin, above_chance.PARAMETER_PRICE)
             search.record.add_failed(tried - chosen, explains, replaced_by=[term])
+    return chosen
+
+
+def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
+    """The set with each effect that, with others, makes much the same torque as a law, on each joint of the law."""
+    for part in parts_of(search, term):
+        if part.joint is not None and possible(chosen, part):
+            chosen = with_term(chosen, part)
     return chosen
 
 
@@ -236,7 +247,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
                     continue
                 tried = _only_needed(search, term, base, chosen)
                 # The set stays if it explains more than the one with the structure, by the margin of that gate.
-                gone = len(chosen - tried)
+                gone = _count_of_causes(chosen - tried)
                 if not sines.isdisjoint(rows_of(search.problem, term)):
                     gone = min(gone, 1)
                 needed = _asked_of_nameless(search, gone, accuracy)
@@ -248,6 +259,11 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
         before, chosen = chosen, min(better, key=search.score)
         search.record.add_failed(before - chosen, better[chosen], replaced_by=chosen - before)
     return chosen
+
+
+def _count_of_causes(effects: frozenset[Term]) -> int:
+    """Number of causes that several effects may have: the same kinds of friction on many joints may have one."""
+    return min(len({term.effect for term in effects}), len({term.joint for term in effects}))
 
 
 def _asked_of_nameless(search: Search, gone: int, accuracy: float) -> float:

@@ -9,7 +9,14 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import dropped, passes_gates, rows_of
-from identification.diagnosis.search.containment import are_near_twins, contains, joints_of, possible, with_term
+from identification.diagnosis.search.containment import (
+    are_near_twins,
+    contains,
+    is_of_many_joints,
+    joints_of,
+    possible,
+    with_term,
+)
 from identification.diagnosis.search.search import Search, price
 from identification.engine.claims import GateResult
 from identification.engine.numerics.bounded import solve
@@ -139,9 +146,16 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     """Sets of effects that may replace ``term``: single effects, special cases, friction of each of its two joints.
 
     An effect between two joints has a lower price than friction of both, and the same torque if both move alike, so
-    that it is compared with all sets of such friction.
+    that it is compared with all sets of such friction. A torque constant scales all that a drive works against, and is
+    compared with sums of its parts.
     """
-    single = [search.alone[other] for other in search.terms if other.named and other.effect_joint != term.effect_joint]
+    single = [
+        search.alone[other]
+        for other in search.terms
+        if other.named
+        and other.effect_joint != term.effect_joint
+        and (other.effect is term.effect or not is_of_many_joints(other))
+    ]
     parts = [
         other
         for other in search.terms
@@ -149,6 +163,7 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     ]
     several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
     several += [frozenset(group) for group in (*_on_each_joint(search, term), *_of_near_twins(search, term))]
+    several += _sums_of_parts(search, term)
     same = [
         search.alone[other] for other in search.terms if other.effect_joint == term.effect_joint and other is not term
     ]
@@ -160,6 +175,23 @@ def _on_each_joint(search: Search, term: Term) -> list[tuple[Term, ...]]:
     joints = (term.joint or "").split("+") if term.effect.scope == "pair" else []
     own = [other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint]
     return [group for size in range(2, len(own) + 1) for group in combinations(own, size)]
+
+
+def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
+    """Sets of two or more effects that together may make the torque of one, where none does alone.
+
+    What replaces one number of several joints acts on all of them.
+    """
+    parts = parts_of(search, term)
+    if len(joints_of(term)) > 1:
+        return [frozenset(part for part in parts if part.joint is not None)]
+    return [frozenset(group) for size in range(2, len(parts) + 1) for group in combinations(parts, size)]
+
+
+def parts_of(search: Search, term: Term) -> list[Term]:
+    """Effects on the joints of another one, and of the whole robot, whose sum may make much the same torque."""
+    names, joints = term.effect.sum_parts, {None, *joints_of(term)}
+    return [other for other in search.terms if other.effect.name in names and other.joint in joints]
 
 
 def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:

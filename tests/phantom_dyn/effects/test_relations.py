@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.relations import RELATIONS, related
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from places import ROBOTS
+from sines import sines
 
 JOINT = "tilt"
 
@@ -92,6 +96,19 @@ def test_an_effect_that_may_be_a_sum_makes_the_columns_of_all_its_parts(arm, smo
         parts = [effect_named(name) for name in effect_named(rich).same_as_sum]
         assert len(parts) > 1
         assert all(made_by(effect_named(rich), part, arm, smooth) for part in parts)
+
+
+def test_a_torque_constant_resembles_the_sum_of_its_parts_on_a_pendulum():
+    # Closed form: a load changes weight and inertia, friction the rest of what the drive works against.
+    pendulum = load_robot(ROBOTS / "pendulum.urdf")
+    motion = sines(np.arange(1000) / 100, 1, np.random.default_rng(1))
+    operation = Operation.of(pendulum, motion)
+    parts = effect_named("torque_constant").sum_parts
+    own = rigid_body_regressor(pendulum, motion)[:, 0, effect_named("payload").regressor_columns(pendulum, None)]
+    friction = [effect_named(name).signature(pendulum, operation, "pin", ()) for name in parts if name != "payload"]
+    made = np.column_stack([own, *(signature.columns[:, 0] for signature in friction)])
+    assert {"payload", "coulomb_friction", "viscous_friction"} == set(parts)
+    assert left_of(operation.expected[:, 0], made) < LEFT
 
 
 @pytest.mark.parametrize("row", [row for row in RELATIONS if row.kind == "same shapes as"], ids=lambda row: row.effect)

@@ -72,13 +72,13 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
 
     If several rivals had explained more together, the remaining ones may not, and the failed one is no longer a rival.
     A single rival that fails may still exist and be too small: it stays a rival with the same probability as the
-    effects that come back. They come back if no other rival was more probable.
+    effects that come back. They come back if no other rival was more probable. So does a sum of parts of an effect.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
         return after
     for gone, rivals in after.exchanged:
-        single = len(rivals) == 1
+        single = len(rivals) == 1 or _are_parts(rivals, gone)
         if not rivals & fallen or (single and not _likeliest_but_for(rivals, gone, after.looked_at)):
             continue
         found = after.found - rivals
@@ -95,6 +95,11 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
             exchanged=tuple(pair for pair in after.exchanged if pair[1] != rivals),
         )
     return after
+
+
+def _are_parts(rivals: frozenset[Term], gone: frozenset[Term]) -> bool:
+    """True for effects of which a sum may make much the same torque as an effect that they replaced."""
+    return all(any(rival.effect.name in term.effect.sum_parts for term in gone) for rival in rivals)
 
 
 def _likeliest_but_for(rivals: frozenset[Term], gone: frozenset[Term], looked_at: tuple[Shown, ...]) -> bool:

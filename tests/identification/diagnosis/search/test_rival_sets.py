@@ -341,9 +341,12 @@ def test_which_laws_contain_each_other_or_come_arbitrarily_near(quiet, finding, 
     assert rivals._nested(term, frozenset([quiet.term(other, joint)])) is nested
 
 
-def test_what_several_effects_explain_together_keeps_its_price(quiet):
+@pytest.mark.parametrize(("finding", "priced"), [("torque_constant", False), ("parasitic_spring", True)])
+def test_several_effects_together_keep_their_price_but_not_beside_an_effect_that_resembles_their_sum(
+    quiet, finding, priced
+):
     both = frozenset([quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")])
-    assert rivals._nested(quiet.term("torque_constant", "elbow"), both)
+    assert rivals._nested(quiet.term(finding, "elbow"), both) is priced
 
 
 @pytest.mark.parametrize(("band", "everywhere", "asked"), [(True, True, 2), (True, False, 2), (False, False, 1)])

@@ -1,0 +1,89 @@
+"""A torque constant, and the sums of friction and load that make much the same torque."""
+
+import numpy as np
+import pytest
+
+import phantom_dyn as dyn
+from identification.diagnosis.search import stepwise
+from identification.diagnosis.search.containment import possible
+from identification.diagnosis.search.swaps import alternatives, parts_of
+from places import ROBOTS
+from sines import sines
+
+
+def places(terms) -> set[tuple[str, str | None]]:
+    return {term.effect_joint for term in terms}
+
+
+def friction(*joints: str) -> set[tuple[str, str]]:
+    return {(kind, joint) for kind in ("coulomb_friction", "viscous_friction") for joint in joints}
+
+
+def test_parts_of_a_torque_constant_are_friction_of_its_joints_and_a_load(quiet):
+    assert places(parts_of(quiet.search, quiet.term("torque_constant", "elbow"))) == {
+        *friction("elbow"),
+        ("payload", None),
+    }
+    assert parts_of(quiet.search, quiet.term("torque_offset", "elbow")) == []
+
+
+def test_a_torque_constant_of_one_joint_is_compared_with_every_sum_of_its_parts(quiet):
+    several = [places(group) for group in alternatives(quiet.search, quiet.term("torque_constant", "elbow"))]
+    for group in (
+        friction("elbow"),
+        {("payload", None), ("viscous_friction", "elbow")},
+        {("payload", None), *friction("elbow")},
+    ):
+        assert group in several
+
+
+def test_a_torque_constant_of_several_joints_is_compared_with_friction_of_all_of_them(quiet):
+    several = [places(group) for group in alternatives(quiet.search, quiet.term("torque_constant", "shoulder+elbow"))]
+    assert [group for group in several if len(group) > 1] == [friction("shoulder", "elbow")]
+
+
+def test_a_number_of_several_joints_replaces_another_number_and_no_effect_of_one_joint(quiet):
+    def with_both(name):
+        one = quiet.term(name, "elbow")
+        return {("torque_constant", "shoulder+elbow")} in map(places, alternatives(quiet.search, one))
+
+    assert with_both("torque_constant")
+    assert not with_both("coulomb_friction")
+
+
+def test_a_number_of_several_joints_is_not_tried_beside_friction_of_one_of_them(quiet):
+    whole, single = (quiet.term("torque_constant", joint) for joint in ("shoulder+elbow", "elbow"))
+    beside = frozenset([quiet.term("viscous_friction", "elbow")])
+    assert not possible(beside, whole)
+    assert not quiet.search.possible(beside, whole)
+    assert possible(beside, single)
+    assert possible(frozenset([whole]), quiet.term("viscous_friction", "elbow"))
+    assert possible(frozenset([quiet.term("torque_offset", "elbow")]), whole)
+
+
+def test_friction_too_small_to_be_claimed_counts_against_one_torque_constant_for_all(lab, arm):
+    # Known truth: more friction on each joint, of which the viscous part gains less than chance on its own.
+    motion = lab.motion(3, 4)
+    more = -np.sign(motion.v) * [0.9, 0.7, 0.8] - motion.v * [0.004, 0.004, 0.004]
+    prepared = lab.prepared(arm, (lab.recording(arm, motion, more),))
+    whole = prepared.term("torque_constant", "+".join(arm.joint_names))
+    dry = frozenset(prepared.term("coulomb_friction", joint) for joint in arm.joint_names)
+    assert places(stepwise._with_small_parts(prepared.search, dry, whole)) == friction(*arm.joint_names)
+
+
+@pytest.mark.whole
+def test_a_load_and_friction_of_a_pendulum_are_rivals_of_a_torque_constant():
+    # Known truth: 0.6 kg and more friction, which scale weight, inertia and friction by nearly the same factor.
+    pendulum = str(ROBOTS / "pendulum.urdf")
+    load = ("payload", None, {"mass": 0.6, "center_x": 0.0, "center_y": 0.0, "center_z": -0.4})
+    dry, viscous = ("coulomb_friction", "pin", {"torque": 0.2}), ("viscous_friction", "pin", {"coefficient": 0.2})
+    motion = sines(np.arange(1501) / 100, 1, np.random.default_rng(1), size=0.5)
+    made = dyn.simulate(pendulum, motion, effects=[load, dry, viscous])
+    found = dyn.diagnose(pendulum, made.recording(position_noise=1e-5, torque_noise=0.05)).findings
+    named = [places_of(found), *(places_of(rival.effects) for finding in found for rival in finding.rivals)]
+    assert {("payload", None), *friction("pin")} in named
+    assert all(finding.probability < 0.9 for finding in found if finding.effect == "torque_constant")
+
+
+def places_of(effects) -> set[tuple[str, str | None]]:
+    return {(one.effect, one.joint) for one in effects}
