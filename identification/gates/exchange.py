@@ -15,8 +15,8 @@ NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
 # gain: differences below this are rounding of the fits, and replace no set by another.
 ROUNDING = 1e-6
 
-# share: a structure without a name that replaces one named effect has to gain, beyond the margin, this share of what
-# the set of effects explains. With its many shapes it gains as much from inaccuracies of that effect's law.
+# share: a structure without a name that replaces one or two causes has to gain, beyond the margin, this share of what
+# the set of effects explains. With its many shapes it gains as much from inaccuracies of their laws.
 NAMELESS_ACCURACY = 0.015
 
 

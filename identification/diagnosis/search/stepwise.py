@@ -269,7 +269,7 @@ def _count_of_causes(effects: frozenset[Term]) -> int:
 def _asked_of_nameless(search: Search, gone: int, accuracy: float) -> float:
     """Least gain in score of a set with a nameless structure that makes a number of effects unnecessary."""
     margin = exchange.NAMELESS_MARGIN[min(gone, len(exchange.NAMELESS_MARGIN) - 1)]
-    return margin * search.threshold.overall + (accuracy if gone == 1 else 0.0)
+    return margin * search.threshold.overall + (accuracy if gone in (1, 2) else 0.0)
 
 
 def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
