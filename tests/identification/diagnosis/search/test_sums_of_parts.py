@@ -71,6 +71,28 @@ def test_friction_too_small_to_be_claimed_counts_against_one_torque_constant_for
     assert places(stepwise._with_small_parts(prepared.search, dry, whole)) == friction(*arm.joint_names)
 
 
+@pytest.mark.parametrize(
+    ("kinds", "joints", "causes"),
+    [
+        (("coulomb_friction",), ("shoulder", "elbow"), 1),
+        (("coulomb_friction", "viscous_friction"), ("elbow",), 1),
+        (("coulomb_friction", "viscous_friction"), ("shoulder", "elbow"), 2),
+        (("coulomb_friction", "viscous_friction", "torque_offset"), ("shoulder", "elbow"), 2),
+    ],
+)
+def test_effects_of_one_kind_or_on_one_joint_may_have_one_cause(quiet, kinds, joints, causes):
+    # By hand: the smaller of the number of kinds and the number of joints.
+    effects = frozenset(quiet.term(kind, joint) for kind in kinds for joint in joints)
+    assert stepwise._count_of_causes(effects) == causes
+
+
+@pytest.mark.parametrize(("causes", "margin", "accurate"), [(0, 1.0, 0), (1, 1.0, 1), (2, 0.0, 1), (3, -0.5, 0)])
+def test_a_structure_for_one_or_two_causes_gains_more_than_their_laws_are_inaccurate(quiet, causes, margin, accurate):
+    # By hand: so many thresholds of chance, and the inaccuracy.
+    asked = stepwise._asked_of_nameless(quiet.search, causes, 7.0)
+    assert asked == pytest.approx(margin * quiet.search.threshold.overall + 7.0 * accurate)
+
+
 @pytest.mark.whole
 def test_a_load_and_friction_of_a_pendulum_are_rivals_of_a_torque_constant():
     # Known truth: 0.6 kg and more friction, which scale weight, inertia and friction by nearly the same factor.
