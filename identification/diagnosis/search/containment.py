@@ -68,16 +68,12 @@ def scales_all_bodies(scale: Term, bodies: Term) -> bool:
 
 
 def possible(chosen: frozenset[Term], term: Term) -> bool:
-    """False if ``term`` is in the set already, is a special case of one of its effects, or `comes_late`."""
-    return term not in chosen and not any(contains(other, term) for other in chosen) and not comes_late(chosen, term)
+    """False if ``term`` is in the set already, or is a special case of one of its effects."""
+    return term not in chosen and not any(contains(other, term) for other in chosen)
 
 
-def comes_late(chosen: frozenset[Term], term: Term) -> bool:
-    """True for one number of several joints that is tried beside effects on them that may be parts of it.
-
-    It explains a little on each joint, and so much of what they leave together that they are not found one by one.
-    Where it is the cause it explains most, and is found before them.
-    """
+def is_beside_parts(chosen: frozenset[Term], term: Term) -> bool:
+    """True for one number of several joints and a set with effects on them that may be parts of it."""
     if not is_of_many_joints(term):
         return False
     parts, joints = term.effect.sum_parts, joints_of(term)

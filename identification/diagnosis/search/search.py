@@ -17,7 +17,7 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.search.containment import comes_late, relations
+from identification.diagnosis.search.containment import relations
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import ends_on_nothing
@@ -174,7 +174,7 @@ class Search:
 
     def possible(self, chosen: frozenset[Term], term: Term) -> bool:
         """As `containment.possible`, with the cached relations of this search."""
-        return term not in chosen and chosen.isdisjoint(self.covering(term)) and not comes_late(chosen, term)
+        return term not in chosen and chosen.isdisjoint(self.covering(term))
 
     def price_of(self, chosen: frozenset[Term]) -> float:
         """Price of the parameters of a set."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import dropped, gate_results, least_missed, passes_gates, rows_of
-from identification.diagnosis.search.containment import is_of_many_joints, possible, with_term
+from identification.diagnosis.search.containment import is_beside_parts, is_of_many_joints, possible, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.swaps import parts_of, simplified, swapped
@@ -118,7 +118,8 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
     rivals = tuple(term for term in search.terms if term.named and search.possible(chosen, term))
     promised = search.gains(chosen, rivals, above=0.0)
     best = sorted(rivals, key=lambda term: -promised[term])[:_FEW_JUDGED]
-    tried = min((with_term(chosen, term) for term in best), key=search.score, default=None)
+    worth = [with_term(chosen, term) for term in best if _beats_small_parts(search, chosen, term)]
+    tried = min(worth, key=search.score, default=None)
     return tried if tried is not None and search.score(tried) < search.score(chosen) else None
 
 
@@ -144,7 +145,9 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
             if not more_than_chance(promised[term] + price(search.sizes[term]), search.threshold.of(term)).passed:
                 continue
             gain = base - search.score(with_term(chosen, term))
-            if explains_more_than_others(gain, most).passed and passes_gates(search, with_term(chosen, term), chosen):
+            if not explains_more_than_others(gain, most).passed or not _beats_small_parts(search, chosen, term):
+                continue
+            if passes_gates(search, with_term(chosen, term), chosen):
                 best, most = term, gain
         if best is None:
             return chosen
@@ -217,6 +220,18 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
             explains = explains_more_than_others(-margin, above_chance.PARAMETER_PRICE)
             search.record.add_failed(tried - chosen, explains, replaced_by=[term])
     return chosen
+
+
+def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> bool:
+    """False for one number of several joints that gains no more than what is left to find of its parts.
+
+    It explains a little on each joint, and so much of what friction leaves that is below chance on each of them.
+    """
+    if not is_beside_parts(chosen, term):
+        return True
+    parts = _with_small_parts(search, chosen, term)
+    gain = search.score(parts) - search.score(with_term(chosen, term))
+    return more_than_chance(gain, search.threshold.of(term)).passed
 
 
 def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:

@@ -154,7 +154,7 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
         for other in search.terms
         if other.named
         and other.effect_joint != term.effect_joint
-        and (other.effect is term.effect or not is_of_many_joints(other))
+        and not (is_of_many_joints(other) and term.effect.name in other.effect.sum_parts)
     ]
     parts = [
         other
