@@ -10,7 +10,7 @@ from operator import length_hint
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.columns.columns_again import where_read
+from identification.diagnosis.columns.column_variants import columns_at_readings
 from identification.diagnosis.columns.fewer_columns import columns_for
 from identification.diagnosis.columns.residual_columns import Columns, FitPoint, build_columns
 from identification.diagnosis.columns.resonances import resonances
@@ -191,10 +191,10 @@ def _set_up(session: Session, columns: Columns, noise: Series, allowed: Iterator
     # Only their products are kept: the white columns are as large as the others.
     problem = replace(set_up(session, columns, white, weights), white=replace(white, values=()))
     if columns.displaced:
-        read = where_read(session, columns)
+        read = columns_at_readings(session, columns)
         white, _ = whitened(read, noise)
         read_problem = replace(set_up(session, read, white, weights), white=replace(white, values=()))
-        problem = replace(problem, where_read=read_problem)
+        problem = replace(problem, at_readings=read_problem)
     none = np.zeros(len(columns.rows))
     return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, allowed=allowed)
 

@@ -41,8 +41,8 @@ class Problem:
         total_a, total_b: Products summed over the training blocks.
         touched: Rows on which each column is not zero.
         bodies: The bodies whose inertial parameters an effect sets free, by effect.
-        where_read: The same problem with the columns of tolerance parameters and rigid bodies at the positions that the
-            encoders read, for fits without effects that displace the links; None if these columns are at those
+        at_readings: The same problem with the columns of tolerance parameters and rigid bodies at the positions that
+            the encoders read, for fits without effects that displace the links; None if these columns are at those
             positions already.
     """
 
@@ -60,17 +60,17 @@ class Problem:
     total_b: Float[Array, " K"]
     touched: tuple[frozenset[int], ...]
     bodies: Mapping[Term, tuple[Body, ...]]
-    where_read: Problem | None = None
+    at_readings: Problem | None = None
 
     def of(self, terms: Iterable[Term]) -> Problem:
         """The problem with the columns that a fit of some effects needs.
 
         Where an effect displaces the links or tilts the base, the columns of tolerance parameters and rigid bodies
-        depend on it: a fit without that effect takes `where_read`.
+        depend on it: a fit without that effect takes `at_readings`.
         """
-        if self.where_read is None or {term.effect_joint for term in terms}.issuperset(self.columns.displaced):
+        if self.at_readings is None or {term.effect_joint for term in terms}.issuperset(self.columns.displaced):
             return self
-        return self.where_read
+        return self.at_readings
 
     def bodies_of(self, terms: Iterable[Term]) -> tuple[Body, ...]:
         """Bodies whose inertial parameters some effects set free, each once, in the order of their columns."""

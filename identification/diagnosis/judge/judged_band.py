@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.columns.columns_again import reaching_beyond, where_read
+from identification.diagnosis.columns.column_variants import columns_at_readings, with_wider_band
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem, set_up
@@ -48,7 +48,7 @@ def narrow_search(search: Search, noise: Series) -> Search:
     parameters are less biased where a real effect differs from its law.
     """
     session = search.problem.session
-    columns = reaching_beyond(session, search.problem.columns)
+    columns = with_wider_band(session, search.problem.columns)
     return search_below(search, columns, noise, np.full(len(columns.rows), session.cutoff_hz))
 
 
@@ -86,6 +86,6 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
     weights = weights_of(narrow, each(noise))
     plain = set_up(session, columns, narrow, weights)
     if columns.displaced:
-        read = where_read(session, columns)
-        plain = replace(plain, where_read=set_up(session, read, below(read), weights))
+        read = columns_at_readings(session, columns)
+        plain = replace(plain, at_readings=set_up(session, read, below(read), weights))
     return set_up_search(plain, search.threshold, search.rows, search.spurious, search.record)

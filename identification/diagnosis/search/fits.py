@@ -55,17 +55,17 @@ class Fits:
         self._points: dict[Chosen, Point] = {}
         self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
         self._recent: deque[tuple[Chosen, Fitted]] = deque(maxlen=_RECENT)
-        self._where_read = None if problem.where_read is None else Fits(problem.where_read, allowed)
+        self._at_readings = None if problem.at_readings is None else Fits(problem.at_readings, allowed)
 
     def without_limit(self) -> None:
         """From here on any number of fits may be made: the judge asks for single ones."""
         self.allowed = count()
-        if self._where_read is not None:
-            self._where_read.without_limit()
+        if self._at_readings is not None:
+            self._at_readings.without_limit()
 
     def of(self, chosen: Chosen) -> Fits:
         """Fits of the problem with the columns of a set, see `Problem.of`."""
-        return self if self._where_read is None or self.problem.of(chosen) is self.problem else self._where_read
+        return self if self._at_readings is None or self.problem.of(chosen) is self.problem else self._at_readings
 
     def held_out(self, chosen: Chosen) -> Fitted:
         """Fit of a set on all blocks, and once without each fold."""
@@ -111,7 +111,7 @@ class Fits:
         """
         problem, total = self.problem, len(self.problem.precision)
         free = any(term.effect.inertial == "free" for term in terms)
-        if self._near is not None or self._where_read is not None or free or not _linear(terms):
+        if self._near is not None or self._at_readings is not None or free or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:
                 if self._near is not None and _linear(chosen) and not free and chosen not in self._held_out:

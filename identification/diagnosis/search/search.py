@@ -256,7 +256,7 @@ def with_wide_tolerances(search: Search) -> Search:
             precision=problem.precision / width**2,
             lower=problem.lower * width,
             upper=problem.upper * width,
-            where_read=None if problem.where_read is None else widened(problem.where_read),
+            at_readings=None if problem.at_readings is None else widened(problem.at_readings),
         )
 
     wide = widened(search.problem)

@@ -48,7 +48,7 @@ def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[T
 
     @cache
     def rows_of(whole: bool) -> tuple[_Row, ...]:
-        own = problem if whole else problem.where_read
+        own = problem if whole else problem.at_readings
         assert own is not None
         wanted = {column for term in terms for column in term.columns} | set(own.fitted_nuisances.tolist())
         groups = [fold == which for which in fits]

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns.columns_again import reaching_beyond
+from identification.diagnosis.columns.column_variants import with_wider_band
 from identification.diagnosis.fit.gap import RowGaps, Sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge import judgement
@@ -256,7 +256,7 @@ def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rough, shar
     assert (plain.white.residual[0] is not columns.residual[0]) is smoothed
     for name in ("residual", "model_torque"):
         np.testing.assert_allclose(getattr(plain.white, name)[0], session.in_judged_band(getattr(columns, name))[0])
-    for narrow, wide in zip(plain.white.values[0], reaching_beyond(session, columns).values[0], strict=True):
+    for narrow, wide in zip(plain.white.values[0], with_wider_band(session, columns).values[0], strict=True):
         np.testing.assert_allclose(narrow, session.log_in_judged_band(wide, 0))
     weights = weights_of(plain.white, session.in_judged_band(rough.noise))
     np.testing.assert_array_equal(plain.weights.per_sample, weights.per_sample)

@@ -44,7 +44,7 @@ def test_a_limit_of_fits_counts_those_at_the_positions_as_read_and_ends_with_the
     # By hand: two fits may be made, one of each problem.
     load, rub = (frozenset([rough.term(*place)]) for place in (LOAD, ("coulomb_friction", "elbow")))
     read = replace(rough.problem)
-    both = replace(rough.problem, where_read=read)
+    both = replace(rough.problem, at_readings=read)
     monkeypatch.setattr(type(both), "of", lambda self, chosen: read if chosen == load and self is both else self)
     limited = Fits(both, iter(range(2)))
     for chosen in (rub, load):
@@ -55,7 +55,7 @@ def test_a_limit_of_fits_counts_those_at_the_positions_as_read_and_ends_with_the
     limited.without_limit()
     assert limited.of(load) is not limited
     assert limited.held_out(rub | load).total == Fits(rough.problem).held_out(rub | load).total
-    limited._where_read._held_out.clear()
+    limited._at_readings._held_out.clear()
     assert limited.held_out(load).total == Fits(rough.problem).held_out(load).total
 
 
