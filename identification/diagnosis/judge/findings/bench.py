@@ -65,24 +65,24 @@ class State:
             this set.
         shown: Effects among these that have passed all gates so far.
         barred: Effects and joints that may not be rivals.
-        nothing: Effects whose size does not differ from zero.
-        searched_again: Whether effects were searched for in the place of these.
+        near_zero: Effects whose size does not differ from zero.
+        searched_again: Whether a search has looked for effects that replace those near zero.
         displaced: Effects and joints that a rival replaced; they do not come back while it is there.
-        compared: Effects and joints that did not close the gap for sure, so that a rival was looked for.
-        exchanged: Pairs of replaced effects and the rivals that replaced them.
-        looked_at: Sets whose rivals were compared.
-        done: Whether the last of these is the result.
+        compared: Effects and joints that did not close the gap for sure, and for which a rival was searched.
+        exchanges: Pairs of replaced effects and the rivals that replaced them.
+        compared_sets: Sets whose rivals were compared, in this order.
+        done: Whether the last of these sets is the result.
     """
 
     found: frozenset[Term]
     shown: frozenset[Term]
     barred: frozenset[EffectJoint] = NONE_BARRED
-    nothing: frozenset[Term] = frozenset()
+    near_zero: frozenset[Term] = frozenset()
     searched_again: bool = False
     displaced: frozenset[EffectJoint] = frozenset()
     compared: frozenset[EffectJoint] = frozenset()
-    exchanged: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
-    looked_at: tuple[Shown, ...] = ()
+    exchanges: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
+    compared_sets: tuple[Shown, ...] = ()
     done: bool = False
 
     @classmethod
@@ -92,7 +92,7 @@ class State:
 
     def with_others(self, found: frozenset[Term]) -> State:
         """The state with another set, all of it shown again: an effect that failed beside the first may pass now."""
-        return replace(self, found=found, shown=found, nothing=frozenset())
+        return replace(self, found=found, shown=found, near_zero=frozenset())
 
 
 @dataclass(frozen=True)
@@ -139,9 +139,9 @@ class Bench:
         return self.plain, with_wide_tolerances(self.search)
 
     @cached_property
-    def loud(self) -> Callable[[frozenset[Term]], tuple[Search, dict[Term, Term]]]:
-        """The search where the motion is far above the noise that a set leaves."""
-        # Nothing in it refers to this bench, whose memory could else not be freed at once.
+    def with_strong_motion(self) -> Callable[[frozenset[Term]], tuple[Search, dict[Term, Term]]]:
+        """The search in the samples whose motion is far above the noise that a set leaves, and its terms."""
+        # The function does not refer to this bench, so that the bench's memory is freed at once.
         plain, noise = self.plain, self.noise
         return lru_cache(maxsize=1)(lambda found: loud_search(plain, found, found, noise))
 

@@ -46,7 +46,7 @@ Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 def in_band(bench: Bench, state: State) -> State:
     """The state after the gates of the judged band, those of rivals apart."""
-    return _until_all_pass(bench, state, (_motion,))
+    return _until_all_pass(bench, state, (_motion_gate,))
 
 
 def shown_effects(bench: Bench, state: State) -> Shown:
@@ -56,30 +56,41 @@ def shown_effects(bench: Bench, state: State) -> Shown:
     set a rival is more probable than a finding. Then the set with the smallest excess is shown, and the finding and its
     rival get equal probabilities.
     """
-    steps = (_motion, _sure, _noise, _simpler, _part, _searched_again, _rivals)
-    return _until_all_pass(bench, state, steps).looked_at[-1]
+    steps = (
+        _motion_gate,
+        _closing_gate,
+        _noise_gate,
+        _simpler_law_gate,
+        _missing_part_gate,
+        _with_replacements_found,
+        _rival_gate,
+    )
+    return _until_all_pass(bench, state, steps).compared_sets[-1]
 
 
 def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, State], State], ...]) -> State:
+    """The state after all steps, repeated until a whole round changes nothing."""
+
     def unless_done(step: Callable[[Bench, State], State]) -> Callable[[State], State]:
-        return lambda now: now if now.done else _without_exchanges(bench, now, step(bench, now))
+        return lambda now: now if now.done else _with_exchanges_undone(bench, now, step(bench, now))
 
     return until_nothing_changes(state, [unless_done(step) for step in steps])
 
 
-def _without_exchanges(bench: Bench, before: State, after: State) -> State:
-    """The state with replaced effects back in the set, where a rival in their place has failed a gate.
+def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
+    """The state with an exchange undone whose rivals have failed a gate: the effects that they replaced come back.
 
-    If several rivals had explained more together, the remaining ones may not, and the failed one is no longer a rival.
-    A single rival that fails may still exist and be too small: it stays a rival with the same probability as the
-    effects that come back. They come back if no other rival was more probable. So does a sum of parts of an effect.
+    Where several rivals replaced an effect, one of them has failed: the others alone may explain less than the effect.
+    The effect comes back, and the failed rival is barred. Where a single rival replaced it, the failed rival may exist
+    and be too small to be shown. The effect then comes back only if no other rival was more probable, and the failed
+    one remains its rival with the same probability. Rivals that are parts of the effect count as a single rival.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
         return after
-    for gone, rivals in after.exchanged:
+    for gone, rivals in after.exchanges:
         single = len(rivals) == 1 or _are_parts(rivals, gone)
-        if not rivals & fallen or (single and not _likeliest_but_for(rivals, gone, after.looked_at)):
+        if not rivals & fallen or (single and not _no_other_rival_likelier(rivals, gone, after.compared_sets)):
             continue
         found = after.found - rivals
         for term in ordered(gone):
@@ -92,7 +103,7 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
             after.with_others(found),
             barred=after.barred if single else after.barred | causes,
             displaced=displaced | causes if single else displaced,
-            exchanged=tuple(pair for pair in after.exchanged if pair[1] != rivals),
+            exchanges=tuple(pair for pair in after.exchanges if pair[1] != rivals),
         )
     return after
 
@@ -102,18 +113,18 @@ def _are_parts(rivals: frozenset[Term], gone: frozenset[Term]) -> bool:
     return all(any(rival.effect.name in term.effect.sum_parts for term in gone) for rival in rivals)
 
 
-def _likeliest_but_for(rivals: frozenset[Term], gone: frozenset[Term], looked_at: tuple[Shown, ...]) -> bool:
-    """True if no rival but these was more probable than an effect that they replaced."""
+def _no_other_rival_likelier(rivals: frozenset[Term], gone: frozenset[Term], compared_sets: tuple[Shown, ...]) -> bool:
+    """True if no rival other than these was more probable than an effect that they replaced."""
     causes = {term.effect_joint for term in rivals}
-    compared = next((shown.comparisons for shown in reversed(looked_at) if gone & shown.comparisons.keys()), {})
-    for comparison in (compared[term] for term in gone & compared.keys()):
-        others = [one for one in comparison.rivals if {(at.effect, at.joint) for at in one.effects} != causes]
-        if any(one.probability > comparison.probability for one in others):
+    comparisons = next((shown.comparisons for shown in reversed(compared_sets) if gone & shown.comparisons.keys()), {})
+    for comparison in (comparisons[term] for term in gone & comparisons.keys()):
+        others = [rival for rival in comparison.rivals if {(e.effect, e.joint) for e in rival.effects} != causes]
+        if any(rival.probability > comparison.probability for rival in others):
             return False
     return True
 
 
-def _take_away(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
+def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
     """The state without the effect that fails a gate worst; the same state if all pass. Results are recorded."""
     for term, result in results.items():
         if result.passed:
@@ -131,28 +142,30 @@ def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
     return replace(state, shown=state.shown - {term}), ()
 
 
-def _motion(bench: Bench, state: State) -> State:
+def _motion_gate(bench: Bench, state: State) -> State:
+    """The state without the effect that shows least where the motion is far above the noise."""
     if not any(accelerates(term) for term in state.shown):
         return state
-    loud, loud_terms = bench.loud(state.found | state.shown)
-    return _take_away(bench, state, motion_results(loud, loud_terms, state.shown), _hide)
+    search, terms = bench.with_strong_motion(state.found | state.shown)
+    return _without_worst(bench, state, motion_results(search, terms, state.shown), _hide)
 
 
-def _sure(bench: Bench, state: State) -> State:
-    """The state without the effect that closes the gap least surely, or with a rival of it that does."""
+def _closing_gate(bench: Bench, state: State) -> State:
+    """The state without the effect that closes the gap least surely; a rival that closes it for sure replaces it."""
     if not state.shown:
         return state
-    left, sound = bench.left(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
-    least = least_closed(left, state.shown, sound)
+    squares_of, sound = bench.left(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
+    least_shares = least_closed(squares_of, state.shown, sound)
     named = frozenset(term for term in state.shown if term.named)
     if named != state.shown:
-        # The corrected model has no structure without a name: what closes the gap only beside one would enlarge it.
-        alone = least_closed(left, named, sound)
-        least = {term: min(share, alone.get(term, share)) for term, share in least.items()}
+        # Structures without a name are not in the corrected model. An effect that closes the gap only beside such a
+        # structure would enlarge the gap of the corrected model.
+        beside_named = least_closed(squares_of, named, sound)
+        least_shares = {term: min(share, beside_named.get(term, share)) for term, share in least_shares.items()}
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         # An effect that closes some of the gap, but not everywhere, may be the wrong law of the right joint.
-        closes = least[term] > -1.0 and term.named and term in state.found
+        closes = least_shares[term] > -1.0 and term.named and term in state.found
         if not closes or term.effect_joint in state.compared:
             return _hide(state, term)
         state = replace(state, compared=state.compared | {term.effect_joint})
@@ -163,41 +176,42 @@ def _sure(bench: Bench, state: State) -> State:
         shown, displaced = (state.shown & rival_set) | rivals, state.displaced | {term.effect_joint}
         return replace(state, found=rival_set, shown=shown, displaced=displaced), rivals
 
-    return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, without)
+    return _without_worst(bench, state, {term: closes_for_sure(share) for term, share in least_shares.items()}, without)
 
 
 def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term] | None:
     """The set with the most probable rival of an effect that closes the gap for sure; None if there is none."""
     comparison = compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions)
-    for found, _ in sorted(comparison.rival_sets, key=lambda one: -one[1]):
+    for found, _ in sorted(comparison.rival_sets, key=lambda rival_set: -rival_set[1]):
         rivals = found - state.found
-        if not state.displaced.isdisjoint(one.effect_joint for one in rivals):
+        if not state.displaced.isdisjoint(rival.effect_joint for rival in rivals):
             continue
         sound = bench.residuals.judge_of(found).sound
-        least = least_closed(bench.left(found), found, sound)
-        if all(closes_for_sure(least.get(one, 0.0)).passed for one in rivals):
+        least_shares = least_closed(bench.left(found), found, sound)
+        if all(closes_for_sure(least_shares.get(rival, 0.0)).passed for rival in rivals):
             return found
     return None
 
 
-def _noise(bench: Bench, state: State) -> State:
-    # The special case of another law may be an effect that is barred: that has failed before.
-    made = [term for term in ordered(state.shown) if noise_may_make(term) and term.effect_joint not in state.barred]
-    if not made:
+def _noise_gate(bench: Bench, state: State) -> State:
+    """The state without an effect that noise may imitate, where there would be no gap without the effect."""
+    # A barred effect is in the set only as the special case of another law, and it has failed a gate before.
+    imitable = [term for term in ordered(state.shown) if noise_may_make(term) and term.effect_joint not in state.barred]
+    if not imitable:
         return state
     judge, results = bench.residuals.judge_of(state.shown), dict[Term, GateResult]()
-    left = np.maximum(left_by(judge, bench.plain, state.shown).rms(), 1e-300)
-    for term in made:
+    residual = np.maximum(left_by(judge, bench.plain, state.shown).rms(), 1e-300)
+    for term in imitable:
         others = state.shown - {term}
-        growth = (left_by(judge, bench.plain, others).rms() / left) ** 2 - 1.0
+        growth = (left_by(judge, bench.plain, others).rms() / residual) ** 2 - 1.0
         over_allowed = partial(bench.residuals.over_allowed, others)
         has_structure = partial(bench.residuals.has_structure, others)
-        loudest = partial(_in_the_loudest_noise, bench, state.shown, term)
-        results[term] = shown_above_noise(growth, over_allowed, has_structure, loudest)
-    return _take_away(bench, state, results, _bar)
+        in_highest_noise = partial(_gain_in_highest_noise, bench, state.shown, term)
+        results[term] = shown_above_noise(growth, over_allowed, has_structure, in_highest_noise)
+    return _without_worst(bench, state, results, _bar)
 
 
-def _in_the_loudest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
+def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
     """Gain of an effect in sample if the noise of each joint is as large as it may be, and what chance gains.
 
     It counts on joints that have a gap without the effect. The fits are weighted by the noise that flexible fits leave,
@@ -218,7 +232,7 @@ def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
     return replace(state, found=found, shown=state.shown & found, barred=state.barred | {term.effect_joint}), ()
 
 
-def _simpler(bench: Bench, state: State) -> State:
+def _simpler_law_gate(bench: Bench, state: State) -> State:
     """The state with an effect replaced by its special case, or removed, where neither fit distinguishes the two."""
     robot, fitted = bench.plain.problem.session.robot, bench.fit(state.shown)
     white = bench.search.evaluate(state.found)
@@ -236,7 +250,7 @@ def _simpler(bench: Bench, state: State) -> State:
         )
         if not results[term].passed and differs:
             nearest = nearest_case_of(robot, term, white, case[1])
-            # None where the simpler law has another shape: this fit has held it, and cannot say whether it differs.
+            # None if the simpler law has another shape: the shape is constant in this fit, which says nothing about it.
             if nearest is not None:
                 results[term] = differs_from_simpler(nearest[0])
 
@@ -245,47 +259,47 @@ def _simpler(bench: Bench, state: State) -> State:
         assert case is not None
         shown = state.shown - {term}
         if not case[1]:
-            return replace(state, shown=shown, nothing=state.nothing | {term}), ()
-        simpler = [one for one in bench.plain.terms if one.effect.name in case[1] and one.joint == term.joint]
+            return replace(state, shown=shown, near_zero=state.near_zero | {term}), ()
+        simpler = [other for other in bench.plain.terms if other.effect.name in case[1] and other.joint == term.joint]
         found = replaced(state.found, term, frozenset(simpler))
-        for one in simpler:
-            shown = with_term(shown, one) if possible(shown, one) else shown
+        for other in simpler:
+            shown = with_term(shown, other) if possible(shown, other) else shown
         return replace(state, found=found, shown=shown, barred=state.barred | {term.effect_joint}), shown - state.shown
 
-    return _take_away(bench, state, results, without)
+    return _without_worst(bench, state, results, without)
 
 
-def _part(bench: Bench, state: State) -> State:
+def _missing_part_gate(bench: Bench, state: State) -> State:
     """The state with inertial parameters replaced by a payload, where they express the absence of a part."""
     shares = missing_shares(bench.plain, state.shown, bench.fit(state.shown))
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         payload = payload_of(bench.plain)
         assert payload is not None
-        shown, found = (replaced(some, term, frozenset([payload])) for some in (state.shown, state.found))
+        shown, found = (replaced(terms, term, frozenset([payload])) for terms in (state.shown, state.found))
         barred = state.barred | {term.effect_joint} | named_as_part(bench.search, found, payload)
         return replace(state, found=found, shown=shown, barred=barred), [payload]
 
     results = {term: more_than_a_missing_part(share) for term, share in shares.items()}
-    return _take_away(bench, state, results, without)
+    return _without_worst(bench, state, results, without)
 
 
-def _searched_again(bench: Bench, state: State) -> State:
-    """The state after one more search for effects in the place of those whose size does not differ from zero."""
-    uncertain = state.nothing & state.found
+def _with_replacements_found(bench: Bench, state: State) -> State:
+    """The state after one more search, once, for effects that replace those whose size does not differ from zero."""
+    uncertain = state.near_zero & state.found
     if state.searched_again or not uncertain:
         return state
-    found = instead_of(bench.plain, uncertain, state.shown, state.barred)
+    found = replacements_of(bench.plain, uncertain, state.shown, state.barred)
     if not found:
         return state
     barred = state.barred | {term.effect_joint for term in uncertain}
     return replace(state.with_others((state.found - uncertain) | found), barred=barred, searched_again=True)
 
 
-def instead_of(
+def replacements_of(
     plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[EffectJoint]
 ) -> frozenset[Term]:
-    """Effects found by a search without those whose size does not differ from zero; an empty set if there are none."""
+    """Effects that a search finds once those whose size does not differ from zero are left out; empty if none is."""
     if not uncertain:
         return frozenset()
     gone = barred | {term.effect_joint for term in uncertain}
@@ -293,7 +307,7 @@ def instead_of(
     return forward(others, kept, lambda _: None) - kept
 
 
-def _rivals(bench: Bench, state: State) -> State:
+def _rival_gate(bench: Bench, state: State) -> State:
     """The state with findings replaced by more probable rivals, as long as that leads to new sets."""
     named = [term for term in ordered(state.shown) if term.named]
     comparisons = {
@@ -301,51 +315,51 @@ def _rivals(bench: Bench, state: State) -> State:
         for term in named
     }
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), comparisons, state.found)
-    looked_at = (*state.looked_at, shown)
-    replacements = {term: one.leading_set for term, one in comparisons.items() if one.leading_set is not None}
+    compared_sets = (*state.compared_sets, shown)
+    replacements = {term: each.leading_set for term, each in comparisons.items() if each.leading_set is not None}
     found = (
         with_replacements(state.found, list(replacements.values()), set(state.displaced))
         if replacements
         else state.found
     )
-    over = not replacements or found == state.found or len(looked_at) == _MOST_LEADERS
-    if over and replacements:
-        least = min(looked_at, key=lambda one: max(map(_lead_of_rival, one.comparisons.values()), default=0.0))
+    finished = not replacements or found == state.found or len(compared_sets) == _MOST_LEADERS
+    if finished and replacements:
+        least = min(compared_sets, key=lambda each: max(map(_lead_of_rival, each.comparisons.values()), default=0.0))
         for term in ordered(state.shown - least.chosen):
             if term.named:
-                own, rivals = comparisons[term].probability, comparisons[term].rivals
-                ahead = max((rival.probability for rival in rivals), default=0.0)
-                result = likelier_than_rivals(own, ahead, leads=False)
+                of_finding, rivals = comparisons[term].probability, comparisons[term].rivals
+                of_best_rival = max((rival.probability for rival in rivals), default=0.0)
+                result = likelier_than_rivals(of_finding, of_best_rival, leads=False)
                 bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
-        comparisons, looked_at = least.comparisons, (*looked_at, least)
-    if over:
-        comparisons = {term: with_equal_probabilities(one) for term, one in comparisons.items()}
+        comparisons, compared_sets = least.comparisons, (*compared_sets, least)
+    if finished:
+        comparisons = {term: with_equal_probabilities(each) for term, each in comparisons.items()}
     for term, comparison in comparisons.items():
-        if over or term in found:
+        if finished or term in found:
             bench.record.add_passed([term], *comparison.gates)
         else:
             bench.record.add_failed([term], *comparison.gates, replaced_by=found - state.found)
-    if over:
-        last = replace(looked_at[-1], comparisons=comparisons)
-        return replace(state, shown=last.chosen, looked_at=(*looked_at, last), done=True)
+    if finished:
+        last = replace(compared_sets[-1], comparisons=comparisons)
+        return replace(state, shown=last.chosen, compared_sets=(*compared_sets, last), done=True)
     displaced = state.displaced | {term.effect_joint for term in state.found - found}
-    exchanged = (*state.exchanged, (state.found - found, found - state.found))
-    return replace(state.with_others(found), displaced=displaced, exchanged=exchanged, looked_at=looked_at)
+    exchanges = (*state.exchanges, (state.found - found, found - state.found))
+    return replace(state.with_others(found), displaced=displaced, exchanges=exchanges, compared_sets=compared_sets)
 
 
 def with_replacements(
     chosen: frozenset[Term], replacements: list[frozenset[Term]], displaced: set[EffectJoint]
 ) -> frozenset[Term]:
-    """The set with all replacements at once that are on different joints and bring back no replaced effect.
+    """The set after all replacements that are on different joints and bring back no replaced effect.
 
-    Of two replacements on one joint only the first is made; the second is compared again beside it.
+    Of two replacements on the same joint only the first is made. The second is compared once more beside it.
     """
-    out, moved = chosen, set[str | None]()
-    for way in replacements:
-        joints = {term.joint for term in chosen ^ way}
-        alone = joints.isdisjoint(moved) and None not in moved and (None not in joints or not moved)
-        if alone and displaced.isdisjoint(term.effect_joint for term in way - chosen):
-            out, moved = (out - (chosen - way)) | (way - chosen), moved | joints
+    out, changed = chosen, set[str | None]()
+    for replacement in replacements:
+        joints = {term.joint for term in chosen ^ replacement}
+        separate = joints.isdisjoint(changed) and None not in changed and (None not in joints or not changed)
+        if separate and displaced.isdisjoint(term.effect_joint for term in replacement - chosen):
+            out, changed = (out - (chosen - replacement)) | (replacement - chosen), changed | joints
     return out
 
 
@@ -355,9 +369,9 @@ def _lead_of_rival(comparison: RivalComparison) -> float:
 
 
 def with_equal_probabilities(comparison: RivalComparison) -> RivalComparison:
-    """The comparison with equal probabilities of a finding and of rivals that are more probable and cannot lead.
+    """The comparison in which a finding and the rivals that are more probable than it have equal probabilities.
 
-    They would lead to a set that was seen before, or their sizes are not plausible.
+    Such rivals do not replace the finding, as that gives a set that was seen before, or their sizes are not plausible.
     """
     if all(rival.probability <= comparison.probability for rival in comparison.rivals):
         return comparison

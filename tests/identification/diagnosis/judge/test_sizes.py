@@ -13,7 +13,7 @@ from by_night import by_night
 from identification.data.recording import Recording
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
-from identification.diagnosis.judge.findings.shown import _noise
+from identification.diagnosis.judge.findings.shown import _noise_gate
 from identification.diagnosis.judge.findings.shown_numbers import only_shown, reach_of
 from identification.diagnosis.judge.findings.sound_sizes import all_sound, size_notes
 from identification.diagnosis.judge.judged_band import Judge, search_below
@@ -245,7 +245,7 @@ def test_an_inertia_that_noise_may_make_is_shown_where_there_would_be_a_gap_with
     chosen = frozenset([made.term("rotor_inertia", "elbow")])
     judge = Judge(made.problem, np.full(2, 0.01), np.full(2, loudest))
     residuals = Residuals(lambda _: judge, lambda *_: np.full(2, over), lambda _: has_structure)
-    after = _noise(Bench(made.search, made.search, made.noise, residuals), State.of(chosen))
+    after = _noise_gate(Bench(made.search, made.search, made.noise, residuals), State.of(chosen))
     assert after.shown == (chosen if shown else frozenset())
 
 

@@ -247,7 +247,7 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
         kept = frozenset(term for term in state.shown if term.joint == "elbow")
         return state if kept == state.shown else replace(state, shown=kept)
 
-    monkeypatch.setattr(shown, "_motion", hidden)
+    monkeypatch.setattr(shown, "_motion_gate", hidden)
     (finding,) = diagnose(planar2, (log,)).findings
     assert (finding.effect, finding.joint) == ("input_delay", "elbow")
     # With three times the tolerances a lag of both drives comes near in some replicates.

@@ -21,8 +21,8 @@ from identification.diagnosis.judge.findings import shown as shown_module
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
 from identification.diagnosis.judge.findings.findings import one_sided
 from identification.diagnosis.judge.findings.shown import (
-    _without_exchanges,
-    instead_of,
+    _with_exchanges_undone,
+    replacements_of,
     shown_effects,
     with_equal_probabilities,
     with_replacements,
@@ -82,9 +82,9 @@ def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     # Known truth: Coulomb friction; nothing is looked for where nothing was left out, nor what is barred.
     plain = narrow_search(rubbing.search, rubbing.noise)
     friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
-    assert instead_of(plain, offset, frozenset(), frozenset()) == {friction}
-    assert instead_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
-    assert friction not in instead_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
+    assert replacements_of(plain, offset, frozenset(), frozenset()) == {friction}
+    assert replacements_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
+    assert friction not in replacements_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
 
 
 def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing, monkeypatch):
@@ -102,7 +102,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
         )
 
     monkeypatch.setattr(shown_module, "compare_with_rivals", next_leads)
-    for step in ("_motion", "_sure", "_noise", "_simpler", "_part"):
+    for step in ("_motion_gate", "_closing_gate", "_noise_gate", "_simpler_law_gate", "_missing_part_gate"):
         monkeypatch.setattr(shown_module, step, lambda bench, state: state)
     bench = bench_of(rubbing)
     shown = shown_effects(bench, State.of(frozenset(terms[:1])))
@@ -124,7 +124,7 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
     elsewhere = ((frozenset([coulomb]), 0.4),)
     monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: RivalComparison(0.6, (), rival_sets=elsewhere))
     bench = bench_of(rubbing)
-    after = shown_module._sure(bench, State.of(frozenset([viscous])))
+    after = shown_module._closing_gate(bench, State.of(frozenset([viscous])))
     assert after.shown == (elsewhere[0][0] if in_its_place else frozenset())
     assert bench.record.replacements_of(viscous.effect_joint) == ((coulomb.effect_joint,) if in_its_place else ())
 
@@ -134,7 +134,7 @@ def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbin
     viscous = rubbing.term("viscous_friction", "elbow")
     monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, -1.0))
     monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: pytest.fail("a rival was looked for"))
-    assert not shown_module._sure(bench_of(rubbing), State.of(frozenset([viscous]))).shown
+    assert not shown_module._closing_gate(bench_of(rubbing), State.of(frozenset([viscous]))).shown
 
 
 def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown(rubbing, monkeypatch):
@@ -145,7 +145,7 @@ def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown
     monkeypatch.setattr(
         shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, by_set.get(chosen, 0.5))
     )
-    after = shown_module._sure(bench_of(rubbing), State.of(frozenset([viscous, structure])))
+    after = shown_module._closing_gate(bench_of(rubbing), State.of(frozenset([viscous, structure])))
     assert after.shown == {structure}
 
 
@@ -248,14 +248,14 @@ def exchanged(place, quiet):
     """Viscous friction gave way to a coupling and a spring together."""
     gone = frozenset([place("viscous_friction", "elbow")])
     rivals = frozenset([place("joint_coupling", "shoulder+elbow"), place("parasitic_spring", "elbow")])
-    state = State(rivals, rivals, displaced=frozenset(term.effect_joint for term in gone), exchanged=((gone, rivals),))
+    state = State(rivals, rivals, displaced=frozenset(term.effect_joint for term in gone), exchanges=((gone, rivals),))
     return SimpleNamespace(record=quiet.search.record.copy_for_trial()), state, gone, rivals
 
 
 def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
     bench, before, gone, rivals = exchanged
     fallen = min(rivals, key=lambda term: term.effect.name)
-    after = _without_exchanges(bench, before, replace(before, shown=rivals - {fallen}))
+    after = _with_exchanges_undone(bench, before, replace(before, shown=rivals - {fallen}))
     assert (after.found, after.shown) == (gone, gone)
     assert after.barred == {fallen.effect_joint}
     assert after.displaced == frozenset()
@@ -263,14 +263,14 @@ def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
 
 def test_it_stays_away_while_all_of_them_are_there(exchanged):
     bench, before, _, _ = exchanged
-    assert _without_exchanges(bench, before, before) is before
+    assert _with_exchanges_undone(bench, before, before) is before
 
 
 def test_it_stays_away_where_something_simpler_takes_the_place(exchanged, place):
     bench, before, _, rivals = exchanged
     simpler = frozenset([place("torque_offset", "elbow")])
     after = replace(before, shown=(rivals - {place("parasitic_spring", "elbow")}) | simpler)
-    assert _without_exchanges(bench, before, after) is after
+    assert _with_exchanges_undone(bench, before, after) is after
 
 
 @pytest.mark.parametrize(("spring", "offset", "back"), [(0.6, 0.1, True), (0.4, 0.5, False)])
@@ -284,8 +284,8 @@ def test_it_is_back_beside_the_only_rival_that_falls_if_no_other_is_likelier(exc
     comparison = RivalComparison(1.0 - spring - offset, likelier)
     shown = Shown(None, gone, None, dict.fromkeys(gone, comparison))
     # What fails to be shown by motion is hidden, and still found.
-    before = replace(before, found=rival, shown=rival, exchanged=((gone, rival),), looked_at=(shown,))
-    after = _without_exchanges(bench, before, replace(before, shown=frozenset()))
+    before = replace(before, found=rival, shown=rival, exchanges=((gone, rival),), compared_sets=(shown,))
+    after = _with_exchanges_undone(bench, before, replace(before, shown=frozenset()))
     assert after.shown == (gone if back else frozenset())
     assert after.barred == frozenset()
     # It may not take the place of what is back once more.
