@@ -45,7 +45,7 @@ class Value:
 class EffectAt:
     """An effect and the joint it acts on, None for the whole robot; and the recording, None for all of them.
 
-    ``words`` are those of an effect that a user brought, None for one of the catalogue, here and below.
+    ``words`` describes an effect that a user has defined; None for one of the catalogue. The same in other classes.
     """
 
     effect: str
@@ -66,13 +66,13 @@ class Rival:
 class Finding:
     """One named cause of the gap; ``recording`` is the one that it acts in, None for all.
 
-    ``loadings`` has one row for each parameter (for each number of a list); the products of rows, also of different
-    findings, are covariances. Empty where these are not known.
+    ``loadings`` has one row for each parameter (for each number of a list). The product of two rows, also of different
+    findings, is a covariance. It is empty where the covariances are not known.
 
-    ``gap_closed`` is the part of the gap that is open without this finding, all others fitted again; ``share`` is its
-    Shapley value, so that the shares of all findings add up to the part that they close together.
+    ``gap_closed`` is the part of the gap that is open without this finding, after all others are fitted again.
+    ``share`` is its Shapley value: the shares of all findings add up to the part that they close together.
 
-    ``law`` names the simulator whose own law of the effect the recordings show; None for that of the catalogue.
+    ``law`` names the simulator whose law of the effect the recordings show; None if it is that of the catalogue.
     """
 
     effect: str
@@ -108,12 +108,12 @@ class JointGap:
         hold_out_samples: Number of held-out samples.
         rms_torque: Measured torque; None where it is not known.
         rms_within_tolerance: Residual of the model with the best changes within its tolerances and no finding.
-        noise_floor_interval: Of the floor, at 95 % over all joints together. With the source ``sensors`` the upper end
-            is at least the noise that drives of this kind make, which their sensors do not show.
-        noise_floor_source: ``sensors``, ``repetitions`` or ``none``; the last is an upper limit only, the residual of
-            flexible predictors.
-        discrepancy: Error of a sound model on drives of this kind, root mean square; None: not stated.
-        left: Residual beyond noise where the joint creeps or reverses, and elsewhere; None: not known.
+        noise_floor_interval: Interval of the floor with 95 % confidence for all joints together. With the source
+            ``sensors`` its upper end is at least the noise that drives of this kind make and their sensors do not show.
+        noise_floor_source: ``sensors``, ``repetitions`` or ``none``. With ``none`` the floor is only an upper limit,
+            the residual of flexible predictors.
+        discrepancy: Root mean square of the error that a correct model has on drives of this kind; None: not stated.
+        left: Residual beyond noise where the joint creeps or reverses, and everywhere else; None: not known.
         closed: Part of the gap within tolerance that the findings close; None where there is no gap.
     """
 
@@ -148,33 +148,33 @@ class JointGap:
         return self.rms_before if self.rms_within_tolerance is None else self.rms_within_tolerance
 
     @property
-    def gives_way(self) -> bool:
-        """True if the residual of the given model is noise, and that of the model with its best changes is not.
+    def only_given_fits(self) -> bool:
+        """True if the residual of the given model may be noise, and that of the adjusted model may not.
 
-        Changes are fitted to all joints at once, so that a gap on other joints can make this one worse.
+        The model is adjusted to all joints at once. So a gap on other joints can make this joint worse.
         """
         return bool(self.rms_before <= self.allowed < self.tolerated)
 
     @property
-    def worse_within(self) -> bool:
+    def worse_adjusted(self) -> bool:
         """True if the model adjusted within its tolerances has the larger residual, by more than a printed digit."""
         return bool(self.tolerated > (1.0 + _PRINTED) * self.rms_before)
 
     @property
     def without_findings(self) -> float:
-        """Residual without the findings: of the model within its tolerances, or if `gives_way` the given."""
-        return self.rms_before if self.gives_way else self.tolerated
+        """Residual without the findings: of the adjusted model, or of the given one if `only_given_fits`."""
+        return self.rms_before if self.only_given_fits else self.tolerated
 
     @property
-    def is_noise(self) -> bool:
+    def torque_may_be_noise(self) -> bool:
         """True if the measured torque itself may be noise."""
         return self.rms_torque is not None and self.allowed >= self.rms_torque
 
 
-def noise_is_all(joints: tuple[JointGap, ...]) -> bool:
-    """True if the measured torque of every tested joint may be noise, as where columns of the log are mixed up."""
+def torques_may_be_noise(joints: tuple[JointGap, ...]) -> bool:
+    """True if the measured torque of every tested joint may be noise, as when columns of the log are mixed up."""
     judged = [joint for joint in joints if joint.hold_out_samples]
-    return bool(judged) and all(joint.is_noise for joint in judged)
+    return bool(judged) and all(joint.torque_may_be_noise for joint in judged)
 
 
 @dataclass(frozen=True)
@@ -219,14 +219,15 @@ class Adjusted:
 
 @dataclass(frozen=True)
 class FittedNumbers:
-    """Numbers of the corrected model that were fitted together; those from ``timing`` on are of the recordings.
+    """Numbers of the corrected model that were fitted together, and from ``timing`` on numbers of the recordings.
 
     Attributes:
         adjusted: Changes of the model within its tolerances, uncertain ones included.
-        sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
-        timing: Part of a sample by which the recorded torque is early; negative if it is late.
+        sizes: Parameters of findings by effect and joint, where they differ from those that the findings state.
+        timing: Time by which the recorded torque is early [samples]; negative if it is late.
         softness: Joints whose dry friction follows MuJoCo's soft law, each with the share of that law in its friction.
-        arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
+        arrivals: For joints whose references arrive at an unknown time in the controller's frame: how much later they
+            arrive than half a frame before a reading, as a share of the frame.
         base: Errors of the base's sensors by name, each with its size [SI].
     """
 
@@ -287,10 +288,10 @@ class Burst:
 
     Attributes:
         file: The recording.
-        joint: The one on which it is largest beside the noise.
+        joint: The joint on which it is largest relative to the noise.
         start, stop: Times of the recording [s].
         torque: Its largest torque [N m or N], positive along the joint.
-        ratio: Its size over the residual that noise and the model's error are expected to leave then.
+        ratio: Its size, divided by the residual that noise and the model's error are expected to leave at that time.
     """
 
     file: str
@@ -344,12 +345,11 @@ class Judgement:
 class Diagnosis:
     """Content of ``diagnosis.json``, the evidence behind the figures, and the motion of the next experiment.
 
-    ``wrong`` lists certain faults of recordings that were diagnosed anyway, one clause each. Findings, joints and
-    ``unexplained`` are of the torques, ``geometry`` of measured poses, and ``verdict`` of both together. ``files`` are
-    the written models and laws with their residuals; ``numbers`` are further sets of numbers for them, and ``replay``
-    the recordings that they are checked on, None without torques. ``driven`` is the model with the gains of its
-    controllers where these took the place of a torque, else None. ``command`` is the command line of the diagnosis,
-    empty where Python started it.
+    ``wrong`` lists certain faults of recordings that were diagnosed in spite of them, one clause each. Findings, joints
+    and ``unexplained`` are results for the torques, ``geometry`` for measured poses, and ``verdict`` for both together.
+    ``files`` are the written models and laws with their residuals, and ``numbers`` further sets of numbers for them.
+    ``replay`` holds the recordings on which they are checked; None without torques. ``driven`` is the model with the
+    gains of its controllers if these gave the torque, else None. ``command`` is the command line, empty from Python.
     """
 
     verdict: str

@@ -85,7 +85,7 @@ def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
         "",
         "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),
-        *_gives_way(diagnosis.joints),
+        *_worse_in_tolerance(diagnosis.joints),
         *_may_be_noise(diagnosis),
     ]
 
@@ -187,9 +187,9 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
     return [f"{'joint':<{width}}  " + "  ".join(f"{head:>12}" for head in heads), *rows]
 
 
-def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
+def _worse_in_tolerance(joints: tuple[JointGap, ...]) -> list[str]:
     """Why a joint may be worse within tolerance than given; empty if none is."""
-    worse = [joint.joint for joint in joints if joint.worse_within]
+    worse = [joint.joint for joint in joints if joint.worse_adjusted]
     if not worse:
         return []
     return [

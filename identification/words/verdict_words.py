@@ -11,7 +11,7 @@ from identification.diagnosis.result import (
     Finding,
     JointGap,
     Unexplained,
-    noise_is_all,
+    torques_may_be_noise,
 )
 from identification.engine import contract_levels
 from identification.notes import Code, Note
@@ -96,7 +96,7 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
     if diagnosis.verdict == "no_gap":
         return "The model fits the robot: nothing was found beyond noise and the tolerances that the model states."
-    if diagnosis.verdict == "not_testable" and noise_is_all(diagnosis.joints):
+    if diagnosis.verdict == "not_testable" and torques_may_be_noise(diagnosis.joints):
         return (
             "This recording cannot show a gap at all: on every joint the noise is as large as the torque. Check that "
             "the positions and the torques stand in the right columns, or record with less noise."
@@ -216,7 +216,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
-    noisy = [gap for gap in diagnosis.joints if not gap.gives_way]
+    noisy = [gap for gap in diagnosis.joints if not gap.only_given_fits]
     loud = [gap for gap in noisy if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
     if diagnosis.verdict == "no_gap" and loud:
         one = max(loud, key=_of_torque)
@@ -244,7 +244,7 @@ def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
 
 def _of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:
     """Joints whose noise is not known, where that alone keeps the verdict from being that there is no gap."""
-    if noise_is_all(diagnosis.joints) or ordinary_effects_hide(diagnosis.bounds):
+    if torques_may_be_noise(diagnosis.joints) or ordinary_effects_hide(diagnosis.bounds):
         return []
     return [gap for gap in diagnosis.joints if gap.hold_out_samples and not gap.noise_is_known and gap.rms_torque]
 
@@ -308,7 +308,7 @@ def left_over(diagnosis: Diagnosis) -> str:
         where = "" if left.structured else f" on {place('', left.joint)}"
         parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
-    above = [gap for gap in above if not gap.gives_way] or above
+    above = [gap for gap in above if not gap.only_given_fits] or above
     strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})
     if strays and not (parts or above or left.structured):
         joint = max(strays, key=lambda name: strays[name])

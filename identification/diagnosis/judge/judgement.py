@@ -253,7 +253,7 @@ def _without_rounding(found: Sums, square: Float[Array, " nv"]) -> Sums:
 
 def _with_joint(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:
     """The residual, with the joint that is furthest above its noise floor, unless its structure names another."""
-    above = [0.0 if joint.gives_way else joint.rms_after / joint.allowed for joint in joints]
+    above = [0.0 if joint.only_given_fits else joint.rms_after / joint.allowed for joint in joints]
     if left.joint is not None or max(above) <= 1.0:
         return left
     row = int(np.argmax(above))

@@ -15,7 +15,15 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained, noise_is_all
+from identification.diagnosis.result import (
+    Adjusted,
+    Bound,
+    Finding,
+    Hidden,
+    JointGap,
+    Unexplained,
+    torques_may_be_noise,
+)
 from identification.diagnosis.search.search import Search
 from identification.engine import contract_levels
 from phantom_dyn.array_types import Array, Float
@@ -35,7 +43,7 @@ def verdict(
         moved: True if some joint moves in the recording.
         hides: True if ordinary friction, inertia or drive effects could hide in the noise.
     """
-    if not moved or noise_is_all(joints):
+    if not moved or torques_may_be_noise(joints):
         return "not_testable"
     clean = not left.structured and not left.times
     if not findings:
@@ -68,7 +76,7 @@ def is_open(joint: JointGap) -> bool:
 
 def _least_left(joint: JointGap) -> float:
     """Residual of a joint with the corrected model, or with the given one where only that residual is noise."""
-    return joint.rms_before if joint.gives_way else joint.rms_after
+    return joint.rms_before if joint.only_given_fits else joint.rms_after
 
 
 def nearly_closed(joint: JointGap) -> bool:

@@ -34,7 +34,7 @@ from identification.diagnosis.law.formula_search import (
 from identification.diagnosis.law.joint_residual import JointResidual, joint_residual
 from identification.diagnosis.law.smooth import frequency_responses, input_curves, input_gains
 from identification.diagnosis.residual_law import Dependence, InputGain, Law, LawTerm, ModelTerm, Pair, ResidualModel
-from identification.diagnosis.result import JointGap, Judgement, noise_is_all
+from identification.diagnosis.result import JointGap, Judgement, torques_may_be_noise
 from identification.engine.products.block_products import NuisancePrior
 from identification.engine.resampling import REPLICATES, block_counts, interval
 from identification.engine.search.stepwise import extended
@@ -82,7 +82,7 @@ def with_law(judgement: Judgement, shown: Shown) -> Judgement:
     """
     left = judgement.unexplained
     # Where the measured torque is noise, the residual is the model's own torque.
-    if not left.structured or left.joint is None or noise_is_all(judgement.joints):
+    if not left.structured or left.joint is None or torques_may_be_noise(judgement.joints):
         return judgement
     residual = joint_residual(shown, left.joint, np.array([joint.noise_floor for joint in judgement.joints]))
     if np.count_nonzero(residual.weight) == 0:

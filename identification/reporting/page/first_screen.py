@@ -77,9 +77,9 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
     # A correction below the noise floor is no part of the gap.
     closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
-    if gap.gives_way or (closed is None and gap.tolerated <= gap.allowed):
+    if gap.only_given_fits or (closed is None and gap.tolerated <= gap.allowed):
         closed = "may be a gap" if is_open(gap) else "no gap"
-        if gap.gives_way:
+        if gap.only_given_fits:
             text = with_unit(number(gap.rms_before), gap.unit).replace(" ", NO_BREAK)
     if not gap.hold_out_samples:
         text, closed = "not judged", None

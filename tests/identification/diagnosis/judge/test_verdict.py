@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.judge.verdict import nearly_closed, not_explained, ordinary_effects_hide, verdict
-from identification.diagnosis.result import Bound, JointGap, Unexplained, noise_is_all
+from identification.diagnosis.result import Bound, JointGap, Unexplained, torques_may_be_noise
 
 # Oracle: the contract's table, row by row. All floors are one, with an interval up to 1.1.
 NOTHING = Unexplained(0.0, False, None, None)
@@ -117,12 +117,12 @@ def bound(of_torque: float | None) -> Bound:
     return Bound("coulomb_friction", "j1", "torque", 0.1, "N m", of_torque)
 
 
-def test_noise_is_all_where_no_joint_that_was_judged_has_more_torque():
+def test_all_torques_may_be_noise_where_no_joint_that_was_judged_has_more_torque():
     quiet, loud = (JointGap("j1", "N m", 2.0, 2.0, 2.0, 100, rms_torque=torque) for torque in (2.1, 2.0))
     unjudged = JointGap("j2", "N m", 0.0, 0.0, 1.0, 0, rms_torque=0.0)
-    assert noise_is_all((loud, unjudged))
-    assert not noise_is_all((loud, quiet))
-    assert not noise_is_all((unjudged,))
+    assert torques_may_be_noise((loud, unjudged))
+    assert not torques_may_be_noise((loud, quiet))
+    assert not torques_may_be_noise((unjudged,))
 
 
 def test_a_torque_within_the_interval_of_its_noise_is_noise_whatever_was_found(made_up):
