@@ -69,8 +69,12 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Traje
     commanded = np.empty((N if held else N * steps, nv))
     moving, mass, bias = plant.root.copy(), np.empty((nv, nv)), np.empty(nv)
     qm, vm, applied, force, speed = np.empty(nv), np.empty(nv), np.zeros(nv), np.empty(nv), np.empty(nv)
-    viscous, level, impulse = np.empty(len(plant.E)), np.empty(len(plant.E)), np.empty(len(plant.E))
-    places = FrictionPlaces(np.arange(nv), plant.E[nv:], np.empty((len(plant.E) - nv, nv + 1)))
+    viscous, level, impulse = (
+        np.empty(len(plant.J_friction)),
+        np.empty(len(plant.J_friction)),
+        np.empty(len(plant.J_friction)),
+    )
+    places = FrictionPlaces(np.arange(nv), plant.J_friction[nv:], np.empty((len(plant.J_friction) - nv, nv + 1)))
     q, v, a = q0.copy(), v0.copy(), np.zeros(nv)
     rewind(plant.chain.loops)
     for k in range(N):
@@ -88,16 +92,18 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Traje
                 write_command(controllers, k, share, at, rate, (q0, v0), out.q, commanded[k if held else k * steps + s])
             write_torque(controllers, k, s, commanded, applied, out.tau)
             # Mass matrix and bias torque at the middle of the step.
-            if not chained_mass_and_bias(plant.numbers, plant.places, moving, plant.chain, qm, vm, mass, bias):
+            if not chained_mass_and_bias(
+                plant.joint_constants, plant.joint_indices, moving, plant.chain, qm, vm, mass, bias
+            ):
                 return k
             for e in range(len(plant.passive)):
-                plant.E[nv + e] = plant.chain.slope[plant.passive[e]]
+                plant.J_friction[nv + e] = plant.chain.slope[plant.passive[e]]
             for i in range(nv):
-                force[i] = applied[i] + plant.push[i] - plant.spring[i] * qm[i] - bias[i]
+                force[i] = applied[i] + plant.constant_torque[i] - plant.stiffness[i] * qm[i] - bias[i]
                 for c in range(nv):
                     mass[i, c] += plant.rotor[i, c]
-            friction_levels(plant.E, plant.dry, vm, h, viscous, level)
-            add_viscous(plant.E, viscous, v, h, force, mass)
+            friction_levels(plant.J_friction, plant.friction, vm, h, viscous, level)
+            add_viscous(plant.J_friction, viscous, v, h, force, mass)
             if not invert(mass):
                 return k
             accelerate(mass, force, h, v, speed)

@@ -1,4 +1,4 @@
-"""A robot with parameters that are being estimated, as arrays that a compiled simulation takes."""
+"""The robot of a simulated closed loop, with the parameters that are estimated, as arrays for the compiled steps."""
 
 from __future__ import annotations
 
@@ -21,73 +21,76 @@ class Plant(NamedTuple):
     """The robot in a closed loop as arrays for the compiled steps; ``nt`` joints of the tree, ``nv`` active ones.
 
     Attributes:
-        numbers: The joints of the tree, root first, as `phantom_dyn._kernels.single_state.joint_rows` gives them.
-        places: The same.
+        joint_constants: Constants of each joint of the tree, root first, from
+            `phantom_dyn._kernels.single_state.joint_rows`.
+        joint_indices: Parent, kind and velocity index of each joint, from the same function.
         root: Motion of the root from `phantom_dyn._kernels.single_state.at_root`; copied before it is used.
-        chain: How the tree follows the active joints; friction of the passive ones is in ``dry`` instead.
-        rotor: What rotors on the active joints add to the mass matrix, ``(nv, nv)``.
-        passive: Places of the passive joints in the tree, ``(ne - nv,)``.
-        E: Speed of each rubbing joint per velocity of the active ones, ``(ne, nv)``; the first ``nv`` rows are the
-            active joints themselves, and those of the passive ones are overwritten at every state.
-        dry: Friction of each rubbing joint: level at speed, what it is higher by at rest, velocity over which that
-            fades, viscous coefficient forward, backward, ``(ne, 5)``.
-        push: Constant torques on the joints, ``(nv,)``.
-        spring: Stiffness of springs at the joints, at rest at zero, ``(nv,)``.
+        chain: Motion of the tree for that of the active joints; friction of the passive joints is in ``friction``.
+        rotor: Rotor inertia that is added to the mass matrix, ``(nv, nv)``.
+        passive: Indices of the passive joints in the tree, ``(ne - nv,)``.
+        J_friction: Velocity of each joint with friction per velocity of the active joints, ``(ne, nv)``. The
+            first ``nv`` rows are the active joints; the rows of the passive ones are overwritten at every state.
+        friction: Parameters of each joint with friction, ``(ne, 5)``: Coulomb torque, what is added to it at standstill
+            (Stribeck), Stribeck velocity, viscous coefficients forward and backward.
+        constant_torque: Constant torques on the joints, ``(nv,)``.
+        stiffness: Stiffness of springs at the joints, which are relaxed at position zero, ``(nv,)``.
     """
 
-    numbers: Array
-    places: Array
+    joint_constants: Array
+    joint_indices: Array
     root: Array
     chain: Chain
     rotor: Array
     passive: Array
-    E: Array
-    dry: Array
-    push: Array
-    spring: Array
+    J_friction: Array
+    friction: Array
+    constant_torque: Array
+    stiffness: Array
 
     @property
     def bodies(self) -> Float[Array, "nt 10"]:
-        """Ten parameters of each body, a view into ``numbers``."""
-        return self.numbers[1:, BODY:]
+        """Ten parameters of each body, a view into ``joint_constants``."""
+        return self.joint_constants[1:, BODY:]
 
 
 def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Plant:
-    """The robot with these base parameters: what regroups stays as the model has it, effects that regroup are none.
+    """The robot with the given base parameters, for the compiled simulation.
+
+    Dependent parameters keep the values of the model: inertial parameters those of its links, effects zero.
 
     Args:
         regressor: Gives robot and terms.
-        base: How the parameters regroup.
-        theta: Their values.
+        base: Base parameters: the independent columns, and how the dependent ones are grouped with them.
+        theta: Values of the base parameters.
 
     Raises:
         ParameterError: If a term has no law in the compiled simulation.
     """
     full = all_parameters(regressor, base, theta)
-    plant = _given(regressor.robot)
+    plant = _plant_of_model(regressor.robot)
     if regressor.rigid_body:
         plant.bodies[:] = full[: regressor.first_effect].reshape(-1, 10)
     for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
-        _laws(term)(plant, regressor.robot, term, full[list(columns)])
+        _law_of(term)(plant, regressor.robot, term, full[list(columns)])
     return plant
 
 
 def all_parameters(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Float[Array, " p"]:
-    """Values of all columns that have the given base parameters; those that regroup are the model's.
+    """Values of all columns for the given base parameters; dependent columns have the values of the model.
 
     Args:
         regressor: Gives robot and columns.
-        base: How the parameters regroup.
-        theta: Base parameters.
+        base: Base parameters: the independent columns, and how the dependent ones are grouped with them.
+        theta: Values of the base parameters.
     """
     full = model_parameters(regressor)
-    kept, rest = list(base.independent), list(base.dependent)
-    full[kept] = theta - base.grouping @ full[rest]
+    independent, dependent = list(base.independent), list(base.dependent)
+    full[independent] = theta - base.grouping @ full[dependent]
     return full
 
 
 def model_parameters(regressor: Regressor) -> Float[Array, " p"]:
-    """Values of all columns in the given model, which has none of the effects."""
+    """Values of all columns in the given model: standard parameters of its links, and zero for the effects."""
     full = np.zeros(len(regressor.names))
     if regressor.rigid_body:
         full[: regressor.first_effect] = standard_parameters(regressor.robot)
@@ -95,7 +98,7 @@ def model_parameters(regressor: Regressor) -> Float[Array, " p"]:
 
 
 def require_simulable(regressor: Regressor) -> None:
-    """Refuse what the compiled simulation does not know, before anything is computed.
+    """Refuse effects that the compiled simulation does not know, before anything is computed.
 
     Args:
         regressor: Gives robot and terms.
@@ -104,10 +107,10 @@ def require_simulable(regressor: Regressor) -> None:
         ParameterError: If a term has no law in the compiled simulation.
     """
     for term in regressor.terms:
-        _laws(term)
+        _law_of(term)
 
 
-def _laws(term: RegressorTerm) -> Callable[[Plant, Robot, RegressorTerm, Array], None]:
+def _law_of(term: RegressorTerm) -> Callable[[Plant, Robot, RegressorTerm, Array], None]:
     name = term.effect.name
     if name not in _LAWS:
         raise ParameterError(
@@ -117,43 +120,43 @@ def _laws(term: RegressorTerm) -> Callable[[Plant, Robot, RegressorTerm, Array],
     return _LAWS[name]
 
 
-def _given(robot: Robot) -> Plant:
-    """The model as it is; its arrays may be written to."""
+def _plant_of_model(robot: Robot) -> Plant:
+    """The given model without changes, as arrays that may be written to."""
     chain = robot.chain
     nt, nv = robot.model.nv, robot.nv
     passive = [] if chain is None else list(chain.passive)
-    dry = np.zeros((nt, 5))
-    dry[:, 2] = 1.0
-    dry[:nv, 0] = robot.coulomb_friction
-    dry[:nv, 3] = dry[:nv, 4] = robot.viscous_friction
+    friction = np.zeros((nt, 5))
+    friction[:, 2] = 1.0
+    friction[:nv, 0] = robot.coulomb_friction
+    friction[:nv, 3] = friction[:nv, 4] = robot.viscous_friction
     if chain is not None:
-        dry[nv:, 0] = chain.coulomb_friction
-        dry[nv:, 3] = dry[nv:, 4] = chain.viscous_friction
-    numbers, places = joint_rows(robot.arrays)
+        friction[nv:, 0] = chain.coulomb_friction
+        friction[nv:, 3] = friction[nv:, 4] = chain.viscous_friction
+    joint_constants, joint_indices = joint_rows(robot.arrays)
     return Plant(
-        numbers=numbers,
-        places=places,
-        root=at_root(len(places), robot.model.gravity.linear),
-        chain=_followed(robot),
+        joint_constants=joint_constants,
+        joint_indices=joint_indices,
+        root=at_root(len(joint_indices), robot.model.gravity.linear),
+        chain=_chain_without_friction(robot),
         rotor=np.diag(robot.rotor_inertia),
         passive=np.array(passive, dtype=np.int64),
-        E=np.concatenate([np.eye(nv), np.zeros((nt - nv, nv))]),
-        dry=dry,
-        push=np.zeros(nv),
-        spring=np.zeros(nv),
+        J_friction=np.concatenate([np.eye(nv), np.zeros((nt - nv, nv))]),
+        friction=friction,
+        constant_torque=np.zeros(nv),
+        stiffness=np.zeros(nv),
     )
 
 
-def _followed(robot: Robot) -> Chain:
-    """Motion of the tree for that of the active joints; friction of the passive ones is added elsewhere."""
+def _chain_without_friction(robot: Robot) -> Chain:
+    """Motion of the tree for that of the active joints, without friction, which is in ``Plant.friction``."""
     chain, nt = robot.chain, robot.model.nv
-    none, rotor = np.zeros(nt), np.zeros(nt)
+    zeros, rotor = np.zeros(nt), np.zeros(nt)
     if chain is None:
-        return chain_of(np.eye(nt), none, none, none, rotor)
+        return chain_of(np.eye(nt), zeros, zeros, zeros, rotor)
     passive = list(chain.passive)
     rotor[passive] = robot.model.armature[passive]
     loops = loop_closure_of(robot.model, chain, robot.arrays)
-    return chain_of(chain.linear_map[:, : chain.nv], chain.offset, none, none, rotor, loops)
+    return chain_of(chain.linear_map[:, : chain.nv], chain.offset, zeros, zeros, rotor, loops)
 
 
 def _row(robot: Robot, joint: str | None) -> int:
@@ -162,26 +165,26 @@ def _row(robot: Robot, joint: str | None) -> int:
 
 
 def _viscous(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.dry[_row(robot, term.joint), 3:] += c[0]
+    plant.friction[_row(robot, term.joint), 3:] += c[0]
 
 
 def _coulomb(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.dry[_row(robot, term.joint), 0] += c[0]
+    plant.friction[_row(robot, term.joint), 0] += c[0]
 
 
 def _stribeck(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.dry[_row(robot, term.joint), :3] += [c[0], c[1], term.shape[0] - 1.0]
+    plant.friction[_row(robot, term.joint), :3] += [c[0], c[1], term.shape[0] - 1.0]
 
 
 def _directions(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     row = _row(robot, term.joint)
-    plant.dry[row, 0] += 0.5 * (c[0] + c[1])
-    plant.push[row] -= 0.5 * (c[0] - c[1])
-    plant.dry[row, 3:] += c[2:]
+    plant.friction[row, 0] += 0.5 * (c[0] + c[1])
+    plant.constant_torque[row] -= 0.5 * (c[0] - c[1])
+    plant.friction[row, 3:] += c[2:]
 
 
 def _offset(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.push[_row(robot, term.joint)] += c[0]
+    plant.constant_torque[_row(robot, term.joint)] += c[0]
 
 
 def _rotor(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
@@ -191,8 +194,8 @@ def _rotor(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
 
 def _spring(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     row = _row(robot, term.joint)
-    plant.spring[row] += c[0]
-    plant.push[row] -= c[1]
+    plant.stiffness[row] += c[0]
+    plant.constant_torque[row] -= c[1]
 
 
 def _bodies(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
