@@ -1,7 +1,7 @@
-r"""Rigid-body dynamics of a robot over whole trajectories: torques, mass matrix, regressor and their slopes.
+r"""Rigid-body dynamics of a robot over whole trajectories: torques, mass matrix, regressor and derivatives.
 
-Of a closed chain, motion and torque are those of its active joints: `phantom_dyn._kernels.rigid_body` works on the
-tree, and `phantom_dyn.dynamics.tree_motion` projects.
+Motion and torque of a closed chain are those of its active joints. `phantom_dyn._kernels.rigid_body` computes the
+torques of all joints of its tree, and `phantom_dyn.dynamics.tree_motion` projects them on the active joints.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _DIFFERENCE = 1e-5
 
 
 def _require_finite(motion: Motion) -> None:
-    """Refuse motion that is not finite, which Pinocchio passes through silently."""
+    """Refuse motion that is not finite: Pinocchio computes with it and says nothing."""
     for name in ("q", "v", "a"):
         finite = np.isfinite(getattr(motion, name))
         if not finite.all():
@@ -31,16 +31,16 @@ def _require_finite(motion: Motion) -> None:
             raise LogError(f"{name} of joint number {joint} is not finite at sample {row}: give finite motion.")
 
 
-def _rigid_body_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
+def _tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
     """Torque on the joints of the tree with armature, without friction."""
-    return rigid_body.torque(robot.model, robot.arrays, tree.configuration, tree.v, tree.a, _root(robot, tree))
+    return rigid_body.torque(robot.model, robot.arrays, tree.configuration, tree.v, tree.a, _root_motion(robot, tree))
 
 
-def _root(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
-    """How the root moves as the loops take it.
+def _root_motion(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
+    """Motion of a floating base as the compiled loops need it; None for a fixed base.
 
     Raises:
-        RobotError: If the robot is not bolted down and nobody says how its base moves.
+        RobotError: If the base floats and its motion is not given.
     """
     if tree.base is not None:
         return tree.base.columns
@@ -52,21 +52,21 @@ def _root(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
     return None
 
 
-def _active(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
+def _on_active_joints(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
     return torque if robot.chain is None else project(tree.G, torque)
 
 
 def _friction(robot: Robot, motion: Motion, tree: TreeMotion) -> Float[Array, "N nv"]:
-    return own_friction(robot, motion.v) + passive_friction(robot, tree)
+    return active_friction(robot, motion.v) + passive_friction(robot, tree)
 
 
-def own_friction(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Drive torque that the modelled friction of the active joints takes at velocities, ``sign(0) = 0`` [N m or N]."""
+def active_friction(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Drive torque [N m or N] against the modelled friction of the active joints at velocities, ``sign(0) = 0``."""
     return v * robot.viscous_friction + np.sign(v) * robot.coulomb_friction
 
 
 def modelled_friction(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
-    """Drive torque that the modelled friction of active and passive joints takes, ``sign(0) = 0``, shape ``(N, nv)``.
+    """Drive torque against the modelled friction of active and passive joints, ``sign(0) = 0``, shape ``(N, nv)``.
 
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
@@ -93,17 +93,17 @@ def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     """
     _require_finite(motion)
     tree = tree_motion(robot, motion)
-    return _active(robot, tree, _rigid_body_torque(robot, tree)) + _friction(robot, motion, tree)
+    return _on_active_joints(robot, tree, _tree_torque(robot, tree)) + _friction(robot, motion, tree)
 
 
 def rotor_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
-    """Torque that the rotors need for a motion, those on passive joints included, shape ``(N, nv)`` [N m or N].
+    """Torque that accelerates the rotors, those on passive joints included, shape ``(N, nv)`` [N m or N].
 
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     tree = tree_motion(robot, motion)
-    return _active(robot, tree, robot.model.armature * tree.a)
+    return _on_active_joints(robot, tree, robot.model.armature * tree.a)
 
 
 def link_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
@@ -115,31 +115,32 @@ def link_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     """
     _require_finite(motion)
     tree = tree_motion(robot, motion)
-    return _active(robot, tree, _rigid_body_torque(robot, tree) - robot.model.armature * tree.a)
+    return _on_active_joints(robot, tree, _tree_torque(robot, tree) - robot.model.armature * tree.a)
 
 
 def body_torque_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv"]:
     """Torque that links and rotors need for a motion of the tree, without friction, shape ``(N, nv)`` [N m or N].
 
-    A rotor on a passive joint accelerates while no active joint does.
+    Rotors on passive joints are included: they may accelerate while no active joint does.
     """
-    return _active(robot, tree, _rigid_body_torque(robot, tree))
+    return _on_active_joints(robot, tree, _tree_torque(robot, tree))
 
 
 def inverse_dynamics_derivatives(
     robot: Robot, motion: Motion
 ) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
-    r"""Slopes :math:`\partial\tau/\partial q` and :math:`\partial\tau/\partial v` with armature, without friction.
+    r"""Derivatives :math:`\partial\tau/\partial q` and :math:`\partial\tau/\partial v` with armature, without friction.
 
-    Analytic where ``G`` is constant; where it is not, central differences of 1e-5 rad or m in the active joints, good
-    to about 1e-7 of the torque.
+    They are analytic if the motion of the tree is linear in that of the active joints (constant ``G``). Otherwise they
+    are central differences with steps of 1e-5 rad or m in the active joints, accurate to about 1e-7 of the torque.
 
     Args:
         robot: Gives the model.
         motion: N samples.
 
     Returns:
-        Entry ``[k, i, j]``: torque of joint i per position (then per velocity) of joint j, shapes ``(N, nv, nv)``.
+        The derivatives by position and by velocity, each ``(N, nv, nv)``; entry ``[k, i, j]`` is that of the torque of
+        joint i by joint j at sample k.
 
     Raises:
         LogError: If a value is not finite.
@@ -149,25 +150,25 @@ def inverse_dynamics_derivatives(
     if robot.chain is not None and robot.chain.anchors:
         return _difference(robot, motion, "q"), _difference(robot, motion, "v")
     tree = tree_motion(robot, motion)
-    to_q, to_v = rigid_body.torque_slopes(
-        robot.model, robot.arrays, tree.configuration, tree.v, tree.a, _root(robot, tree)
+    dtau_dq, dtau_dv = rigid_body.torque_slopes(
+        robot.model, robot.arrays, tree.configuration, tree.v, tree.a, _root_motion(robot, tree)
     )
     if robot.chain is None:
-        return to_q, to_v
-    return project(tree.G, to_q) @ tree.G, project(tree.G, to_v) @ tree.G
+        return dtau_dq, dtau_dv
+    return project(tree.G, dtau_dq) @ tree.G, project(tree.G, dtau_dv) @ tree.G
 
 
 def _difference(robot: Robot, motion: Motion, quantity: Literal["q", "v"]) -> Float[Array, "N nv nv"]:
-    """Slope of the rigid-body torque in one quantity of each active joint."""
+    """Derivative of the rigid-body torque by one quantity of each active joint, from central differences."""
     out = np.empty((*motion.q.shape, robot.nv))
     for j in range(robot.nv):
-        sides = []
+        torques = []
         for step in (_DIFFERENCE, -_DIFFERENCE):
-            moved = np.array(getattr(motion, quantity))
-            moved[:, j] += step
-            tree = tree_motion(robot, replace(motion, **{quantity: moved}))
-            sides.append(project(tree.G, _rigid_body_torque(robot, tree)))
-        out[:, :, j] = (sides[0] - sides[1]) / (2 * _DIFFERENCE)
+            shifted = np.array(getattr(motion, quantity))
+            shifted[:, j] += step
+            tree = tree_motion(robot, replace(motion, **{quantity: shifted}))
+            torques.append(project(tree.G, _tree_torque(robot, tree)))
+        out[:, :, j] = (torques[0] - torques[1]) / (2 * _DIFFERENCE)
     return out
 
 
@@ -184,9 +185,9 @@ def gravity_torque(
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
-    rest = np.zeros_like(q)
-    tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest))
-    return _active(robot, tree, rigid_body.weight(robot.model, robot.arrays, tree.configuration, gravity))
+    zeros = np.zeros_like(q)
+    tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, zeros, zeros))
+    return _on_active_joints(robot, tree, rigid_body.weight(robot.model, robot.arrays, tree.configuration, gravity))
 
 
 def rigid_body_regressor(
@@ -200,7 +201,7 @@ def rigid_body_regressor(
     Args:
         robot: Gives the model.
         motion: N samples.
-        columns: Which columns to make, ascending: the others take neither time nor memory. By default all.
+        columns: Which columns to compute, ascending; by default all.
         out: Zeros that receive them in their first columns, C-contiguous, ``c`` at least the number of columns.
 
     Returns:
@@ -217,7 +218,7 @@ def rigid_body_regressor(
     slope = None if robot.chain is None else tree.G
     samples = tree.configuration, tree.v, tree.a
     return rigid_body.regressor(
-        robot.model, robot.arrays, *samples, root=_root(robot, tree), slope=slope, columns=columns, out=out
+        robot.model, robot.arrays, *samples, root=_root_motion(robot, tree), slope=slope, columns=columns, out=out
     )
 
 
@@ -232,11 +233,11 @@ def mass_matrix(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nv nv"
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
-    rest = np.zeros_like(q)
-    return mass_matrix_of_tree(robot, tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest)))
+    zeros = np.zeros_like(q)
+    return mass_matrix_of_tree(robot, tree_motion(robot, Motion(np.arange(float(len(q))), q, zeros, zeros)))
 
 
 def mass_matrix_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv"]:
-    """As `mass_matrix`, for positions of the tree that are known already."""
+    """Joint-space mass matrix with armature, as `mass_matrix`, for known positions of the tree."""
     out = rigid_body.mass(robot.model, robot.arrays, tree.configuration)
     return out if robot.chain is None else project(tree.G, out) @ tree.G

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from identification.data.recording import Recording, Table
 from phantom_dyn.array_types import Array, Float, read_only
-from phantom_dyn.dynamics.dynamics import gravity_torque, own_friction
+from phantom_dyn.dynamics.dynamics import active_friction, gravity_torque
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Robot
 
@@ -92,7 +92,7 @@ def friction_taken(robot: Robot, recording: Recording, v: Float[Array, "N nv"]) 
         recording: Names the joints whose friction was subtracted.
         v: Velocities from which the model's friction is computed as well [rad/s or m/s], shape ``(N, nv)``.
     """
-    return own_friction(robot, v) * np.isin(robot.joint_names, recording.friction_taken)
+    return active_friction(robot, v) * np.isin(robot.joint_names, recording.friction_taken)
 
 
 def put_back_sentences(table: Table, robot: Robot) -> tuple[str, ...]:

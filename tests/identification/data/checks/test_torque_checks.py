@@ -16,7 +16,7 @@ from identification.data.checks.torques.taken_friction import check_friction_tak
 from identification.data.checks.torques.torque_lag import clear_samples, friction_columns, lags_and_low_passes
 from identification.data.checks.torques.weight_and_friction import computed_from_weight, lifted_less_lowered
 from identification.data.recording import Recording
-from phantom_dyn.dynamics.dynamics import inverse_dynamics, own_friction
+from phantom_dyn.dynamics.dynamics import active_friction, inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -232,7 +232,7 @@ def taken(clean, arm, changed):
 
     def build(shares: np.ndarray):
         recording = clean(friction=1.0)
-        return changed(recording, tau=recording.tau - shares * own_friction(arm, recording.v))
+        return changed(recording, tau=recording.tau - shares * active_friction(arm, recording.v))
 
     return build
 
@@ -275,7 +275,7 @@ def test_a_robot_whose_model_states_no_friction_lacks_none(taken, arm):
 
 def test_friction_below_what_the_fit_leaves_is_not_told(taken, arm, changed, rng):
     recording = taken(EVERY)
-    friction = own_friction(arm, recording.v).std(axis=0)
+    friction = active_friction(arm, recording.v).std(axis=0)
     noise = rng.standard_normal(recording.tau.shape) * 6.0 * friction
     noisy = changed(recording, tau=recording.tau + noise)
     assert check_friction_taken(noisy, arm, smoothed(noisy)) == ()
