@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit, within
+from phantom_dyn._kernels.jit import inlined_jit, jit
 from phantom_dyn.array_types import Array
 
 _SWEEPS = 200
@@ -65,7 +65,7 @@ def apply_dry_friction(
             speed[places.motors[j]] = 0.0
 
 
-@within
+@inlined_jit
 def start_search(
     mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
 ) -> None:
@@ -89,7 +89,7 @@ def start_search(
                 speed[i] += response[e, i] * (h * friction[m + e])
 
 
-@within
+@inlined_jit
 def sweep_motors(
     mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
 ) -> float:
@@ -108,7 +108,7 @@ def sweep_motors(
     return largest
 
 
-@within
+@inlined_jit
 def sweep_passive(speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float) -> float:
     """Largest change of a torque, relative to its limit, in one sweep over the passive joints."""
     n, m, largest = len(speed), len(places.motors), 0.0

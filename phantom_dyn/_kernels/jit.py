@@ -1,6 +1,6 @@
 """Decorators that compile functions with numba at their first call and keep the machine code on disk.
 
-Numba itself is imported by the first such call, because its import takes as long as a small command does.
+Numba itself is imported by the first of these calls, because its import takes as long as a small command.
 With `NUMBA_DISABLE_JIT=1` all functions are plain Python, for a debugger: the same results, far slower.
 """
 
@@ -19,7 +19,7 @@ from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_one_at_a_time = RLock()
+_compile_lock = RLock()
 
 
 @cache
@@ -28,7 +28,7 @@ def njit() -> Callable[..., Any]:
     from numba import njit as decorator
     from numba.core import event
 
-    event.register("numba:compile", _counting(event.Listener))
+    event.register("numba:compile", _counting_listener(event.Listener))
     return decorator
 
 
@@ -44,10 +44,10 @@ class Compiled:
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         functools.update_wrapper(self, function)
         self.py_func = inspect.unwrap(function)
-        self._options, self._made = options, None
+        self._options, self._dispatcher = options, None
 
     def __call__(self, *args: Any) -> Any:
-        return (self._made or self.compiled)(*args)
+        return (self._dispatcher or self.compiled)(*args)
 
     def __reduce__(self) -> Any:
         """Pickle by name if the function is a global of its module, as Python does with plain functions."""
@@ -60,10 +60,10 @@ class Compiled:
     @property
     def compiled(self) -> Any:
         """Numba's dispatcher of this function, made at the first use."""
-        with _one_at_a_time:
-            if self._made is None:
-                self._made = _decorated(njit(), self.py_func, self._options)
-        return self._made
+        with _compile_lock:
+            if self._dispatcher is None:
+                self._dispatcher = _decorated(njit(), self.py_func, self._options)
+        return self._dispatcher
 
     @property
     def signatures(self) -> list[Any]:
@@ -75,7 +75,7 @@ class Compiled:
         return self.compiled._numba_type_
 
 
-class Part(Compiled):
+class Inlined(Compiled):
     """A function that is inlined into the compiled functions that call it, and runs as plain Python if Python calls it.
 
     No wrapper for calls from Python is compiled, because only tests and plain functions make such calls.
@@ -88,22 +88,22 @@ class Part(Compiled):
         return self.py_func(*args)
 
 
-def _decorated(decorator: Callable[..., Any], plain: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _decorated(decorator: Callable[..., Any], function: Callable[..., Any], options: dict[str, Any]) -> Any:
     # C never calls these functions, and a wrapper for C takes a tenth of a compilation.
     options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
     try:
-        return _with_fast_loading(decorator(cache=True, **options)(plain))
+        return _with_fast_loading(decorator(cache=True, **options)(function))
     except RuntimeError:  # neither the folder of the package nor the user's cache can be written to
         _warn_without_cache()
-        return decorator(**options)(plain)
+        return decorator(**options)(function)
 
 
 def _with_fast_loading(dispatcher: Any) -> Any:
     """The dispatcher, changed to load cached machine code without numba's registries of everything it can compile.
 
     Loading the registries takes a tenth of the time of a small command. If a function has to be compiled after all,
-    numba loads them then. Machine code of a version that named its types otherwise is none: numba would fail to read it
-    before it sees that the source is another one.
+    numba loads them then. Cached code may refer to a type that a newer version of this package has renamed. It counts
+    as missing, because numba would fail to read it before it notices that the source has changed.
     """
     try:
         from numba.core.runtime.nrt import rtsys
@@ -123,7 +123,7 @@ def _with_fast_loading(dispatcher: Any) -> Any:
     def known_overloads() -> dict[Any, str]:
         try:
             return read_index()
-        except (AttributeError, ImportError):  # a type that has another name or place now
+        except (AttributeError, ImportError):  # a type that was renamed or moved
             return {}
 
     cached.load_overload, index._load_index = load_overload, known_overloads
@@ -142,8 +142,8 @@ def _warn_without_cache() -> None:
 def jit(function: F) -> F:
     """A function compiled at its first call: free of the GIL, division as in NumPy, machine code kept on disk.
 
-    Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes load
-    what the first one wrote, where it could be written.
+    Arguments are scalars, arrays and other compiled functions. A first call takes about a second. Later processes load
+    the machine code that the first one has written to the disk, if it could.
     """
     return cast(F, Compiled(function, {}))
 
@@ -154,13 +154,13 @@ def fused(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """As `fused`, for a short function that is inlined into the compiled functions that call it."""
-    return cast(F, Part(function, {"fastmath": {"contract"}}))
+    """As `fused`, and the function is inlined into the compiled functions that call it; for short functions."""
+    return cast(F, Inlined(function, {"fastmath": {"contract"}}))
 
 
-def within(function: F) -> F:
-    """As `jit`, for a part of a larger function that is inlined into it: as fast as if it were written there."""
-    return cast(F, Part(function, {}))
+def inlined_jit(function: F) -> F:
+    """As `jit`, and the function is inlined into the compiled functions that call it; for parts of long functions."""
+    return cast(F, Inlined(function, {}))
 
 
 @dataclass
@@ -193,7 +193,7 @@ def watched_compilation() -> Iterator[Compilation]:
         _watching[:] = [other for other in _watching if other is not count]
 
 
-def _counting(listener: type) -> Any:
+def _counting_listener(listener: type) -> Any:
     """Listener of numba's events that updates the counts of all open `watched_compilation` contexts."""
 
     class Counting(listener):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -120,7 +120,7 @@ class Cogging(Effect):
 
 
 @torque_law
-@within
+@inlined_jit
 def wave_law(q: float, order: float, amplitude: float, phase: float) -> float:
     """One wave of the law."""
     return amplitude * np.sin(order * q + phase)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -167,7 +167,7 @@ def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: fl
 
 
 @command_law
-@within
+@inlined_jit
 def delay_law(
     line: Float[Array, "n 2"], first: int, last: int, delay: float, dt: float, tau: float
 ) -> tuple[int, int, float]:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -132,7 +132,7 @@ class TorqueConstant(Effect):
 
 
 @command_law
-@within
+@inlined_jit
 def scaled_law(tau: float, ratio: float) -> float:
     """Torque of the drive for the command ``tau``."""
     return ratio * tau

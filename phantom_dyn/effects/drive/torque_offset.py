@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -85,7 +85,7 @@ class TorqueOffset(Effect):
 
 
 @torque_law
-@within
+@inlined_jit
 def constant_law(torque: float) -> float:
     """The torque itself."""
     return torque

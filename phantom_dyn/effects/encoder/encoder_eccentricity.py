@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -160,7 +160,7 @@ def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, 
 
 
 @reading_law
-@within
+@inlined_jit
 def eccentric_law(q: float, amplitude: float, phase: float, order: float) -> float:
     """Reading of a disc off its centre at position ``q``."""
     return q + amplitude * np.sin(order * q + phase)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -121,7 +121,7 @@ class EncoderOffset(Effect):
 
 
 @reading_law
-@within
+@inlined_jit
 def shifted_law(q: float, offset: float) -> float:
     """Reading of an encoder with a wrong zero at position ``q``."""
     return q + offset

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -85,7 +85,7 @@ class EncoderQuantization(Effect):
 
 
 @reading_law
-@within
+@inlined_jit
 def rounded_law(q: float, step: float) -> float:
     """Reading of a coarse encoder at position ``q``."""
     return np.rint(q / step) * step

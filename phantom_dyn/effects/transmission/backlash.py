@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit, within
+from phantom_dyn._kernels.jit import inlined_jit, jit
 from phantom_dyn.effects.author import (
     Array,
     Effect,
@@ -217,7 +217,7 @@ def _cross(
         lead[k] = side * half
 
 
-@within
+@inlined_jit
 def _fly(
     t: Array, pull: Array, half: float, start: int, side: float, lead: Array, rate: Array, loose: Array
 ) -> tuple[int, float]:

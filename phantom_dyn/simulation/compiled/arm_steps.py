@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.dry_friction import FrictionPlaces, apply_dry_friction
-from phantom_dyn._kernels.jit import jit, within
+from phantom_dyn._kernels.jit import inlined_jit, jit
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias, move_root
 from phantom_dyn.array_types import Array
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Laws, Moving, Plan, Rows
@@ -130,14 +130,14 @@ def ask(
         out[j] = tracking(control.tables, control.limits[j], control.cursor[0], share, j, reading[j], v[at])
 
 
-@within
+@inlined_jit
 def read_all(readings: Laws, seen: Array, x: Array, reading: Array) -> None:
     """Write what the encoders read at positions ``x``."""
     for j in range(len(seen)):
         reading[j] = read(readings.codes, readings.rows, readings.numbers, j, x[int(seen[j])])
 
 
-@within
+@inlined_jit
 def record(rows: Rows, k: int, reading: Array, asked: Array, given: Array, x: Array, v: Array, a: Array) -> None:
     """Write sample ``k``; what the drives gave before it is what they are asked for where there was no step yet."""
     for j in range(len(reading)):
@@ -147,7 +147,7 @@ def record(rows: Rows, k: int, reading: Array, asked: Array, given: Array, x: Ar
         rows.x[k, i], rows.v[k, i], rows.before[k, i], rows.after[k, i] = x[i], v[i], a[i], a[i]
 
 
-@within
+@inlined_jit
 def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bias: Array) -> None:
     """Write mass matrix, half a step of viscous friction in it, and the torque of the coasting links.
 
@@ -178,7 +178,7 @@ def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bia
         mass[arm.drives[j], arm.drives[j]] += 0.5 * h * arm.viscous[j]
 
 
-@within
+@inlined_jit
 def transmit(arm: Arm, y: Array, w: Array, push: Array, transmitted: Array) -> None:
     """Add the torques of the transmissions between loose motors and their links, and write them."""
     for i in range(len(arm.loose)):
@@ -201,7 +201,7 @@ def spring_torque(apart: float, rate: float, stiffness: float, damping: float, g
     return 0.0
 
 
-@within
+@inlined_jit
 def effects_passed(drives: Array, push: Array, transmitted: Array) -> None:
     """Begin the torque that rigid transmissions pass with that of effects on their joints."""
     for j in range(len(drives)):
@@ -209,7 +209,7 @@ def effects_passed(drives: Array, push: Array, transmitted: Array) -> None:
             transmitted[j] = push[j]
 
 
-@within
+@inlined_jit
 def drives_passed(arm: Arm, given: Array, v: Array, a: Array, friction: Array, transmitted: Array) -> None:
     """Add what drives give beyond what rotors and modelled friction take, where transmissions are rigid."""
     for j in range(len(given)):
@@ -217,7 +217,7 @@ def drives_passed(arm: Arm, given: Array, v: Array, a: Array, friction: Array, t
             transmitted[j] += given[j] - arm.rotor[j] * a[j] - arm.viscous[j] * v[j] + friction[j]
 
 
-@within
+@inlined_jit
 def accelerate(mobility: Array, push: Array, v: Array, h: float, speed: Array) -> None:
     """Write the speeds behind ``h`` seconds of a push, without dry friction."""
     for i in range(len(v)):
@@ -226,7 +226,7 @@ def accelerate(mobility: Array, push: Array, v: Array, h: float, speed: Array) -
             speed[i] += mobility[i, j] * h * push[j]
 
 
-@within
+@inlined_jit
 def advance(x: Array, v: Array, a: Array, y: Array, speed: Array, h: float, far: float) -> bool:
     """Write the state behind a step from the positions half-way and the new speeds; False if one is beyond ``far``."""
     slow = True

@@ -6,12 +6,12 @@ The number by which a law of an effect is called is an identifier, and not an in
 
 from __future__ import annotations
 
-from phantom_dyn._kernels.jit import within
+from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.array_types import Array
 from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, reading_of, torque_of
 
 
-@within
+@inlined_jit
 def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
     """Reading of encoder ``j`` at position ``q``."""
     for k in range(len(codes)):
@@ -20,7 +20,7 @@ def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
     return q
 
 
-@within
+@inlined_jit
 def place_in(times: Array, cursor: Array, t: float) -> float:
     """Share of the way from the table's row ``cursor[0]`` to the next at time ``t``; the ends hold beyond it."""
     k = cursor[0]
@@ -32,7 +32,7 @@ def place_in(times: Array, cursor: Array, t: float) -> float:
     return min(max(float((t - times[k]) / (times[k + 1] - times[k])), 0.0), 1.0)
 
 
-@within
+@inlined_jit
 def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float, v: float) -> float:
     """Torque that a tracking law asks of drive ``j``, see `phantom_dyn.simulation.control`."""
     rest, n = 1.0 - share, k + 1
@@ -44,7 +44,7 @@ def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float
     return min(max(asked, -limit), limit) + added
 
 
-@within
+@inlined_jit
 def given_by_drive(
     codes: Array, numbers: Array, state: Array, rings: Array, ends: Array, i: int, h: float, asked: float
 ) -> float:
@@ -67,7 +67,7 @@ def given_by_drive(
     return given
 
 
-@within
+@inlined_jit
 def effect_torque(codes: Array, numbers: Array, state: Array, i: int, q: float, v: float, load: float) -> float:
     """Torque of law ``i`` of the torque channel at a position, velocity and transmitted load; its state moves on."""
     state[i, 0], state[i, 1], state[i, 2], torque = torque_of(
