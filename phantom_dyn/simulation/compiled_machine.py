@@ -1,4 +1,4 @@
-"""A machine and its effects as arrays for compiled steps, where each of its effects has a compiled law."""
+"""A simulated machine and its effects as arrays for compiled steps, if each effect has a compiled law."""
 
 from __future__ import annotations
 
@@ -19,31 +19,33 @@ from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine
 
 
-def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> tuple[Arm, EffectLaws] | None:
-    """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``; None where Python has to step.
+def compiled(
+    machine: Machine, effects: tuple[Simulated, ...], t: Array, counts: Array
+) -> tuple[Arm, EffectLaws] | None:
+    """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``.
 
-    That is so for effects that have Python laws only.
+    None if some effect has a law in Python only, so that the steps cannot be compiled.
     """
-    laws = [law for part in parts for law in part.laws]
+    laws = [law for effect in effects for law in effect.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
-    if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):
+    if sum(map(len, channels)) < len(laws) or not all(effect.laws or _is_silent(effect) for effect in effects):
         return None
     torques, commands, readings = map(packed, channels)
     return _arm(machine), EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
 
 
-def require_closed_loops(machine: Arm, t: float, robot: Robot) -> None:
-    """Say which loop of a chain could not be closed where compiled steps ended; nothing if that is not why.
+def require_closed_loops(arm: Arm, t: float, robot: Robot) -> None:
+    """Raise an error that names the loop which could not be closed, if compiled steps ended for that reason.
 
     Args:
-        machine: What was stepped.
-        t: Time of the last sample before [s].
+        arm: The simulated machine.
+        t: Time of the last sample before the end [s].
         robot: Gives the loops.
 
     Raises:
         ChainError: If the loops cannot be closed or are singular at the state that was tried last.
     """
-    loops = machine.chain.loops
+    loops = arm.chain.loops
     if loops is None or robot.chain is None or not np.isfinite(loops.wanted).all():
         return
     try:
@@ -53,7 +55,7 @@ def require_closed_loops(machine: Arm, t: float, robot: Robot) -> None:
 
 
 def control_of(controller: Callable, robot: Robot) -> Control:
-    """A tracking law as arrays, empty ones for any other controller."""
+    """A tracking controller as arrays; empty arrays for any other controller."""
     if not isinstance(controller, Tracking):
         return Control(GIVEN, np.zeros(2), np.zeros((2, robot.nv, 6)), np.zeros(robot.nv), np.zeros(1, np.int64))
     law = controller
@@ -62,40 +64,40 @@ def control_of(controller: Callable, robot: Robot) -> Control:
     return Control(mode, np.array(law.t), np.ascontiguousarray(tables), np.array(law.limits), np.zeros(1, np.int64))
 
 
-def _is_silent(part: Simulated) -> bool:
-    """True if an effect needs no law: it changes the robot or its transmissions only."""
-    return part.command is None and part.torque is None and part.reading is None
+def _is_silent(effect: Simulated) -> bool:
+    """True if an effect needs no law, because it changes only the robot or its transmissions."""
+    return effect.command is None and effect.torque is None and effect.reading is None
 
 
 def _arm(machine: Machine) -> Arm:
     robot, nv, loose = machine.robot, machine.nv, list(machine.loose)
-    numbers, places = joint_rows(robot.arrays)
+    joint_constants, joint_indices = joint_rows(robot.arrays)
     drives = np.array(machine.drives, np.int64)
     n = nv + len(loose)
-    added = np.zeros((n, n))
-    added[drives, drives] = machine.rotor
-    added[np.ix_(drives, drives)] += machine.coupled
-    numbers_of_joints = (machine.rotor, robot.viscous_friction, robot.coulomb_friction)
-    rotor, viscous, coulomb = (np.array(part, dtype=float) for part in numbers_of_joints)
-    root = at_root(len(places), robot.model.gravity.linear)
+    added_inertia = np.zeros((n, n))
+    added_inertia[drives, drives] = machine.rotor
+    added_inertia[np.ix_(drives, drives)] += machine.coupled
+    joint_parameters = (machine.rotor, robot.viscous_friction, robot.coulomb_friction)
+    rotor, viscous, coulomb = (np.array(part, dtype=float) for part in joint_parameters)
+    root_motion = at_root(len(joint_indices), robot.model.gravity.linear)
     stiffness, damping, gap = (
         np.array(part, dtype=float) for part in (machine.stiffness, machine.damping, machine.gap)
     )
     return Arm(
-        numbers, places, root, added, rotor, viscous, coulomb, drives,
+        joint_constants, joint_indices, root_motion, added_inertia, rotor, viscous, coulomb, drives,
         np.array(machine.encoders, np.int64), np.array(loose, np.int64), stiffness, damping, gap, _chain(robot),
     )  # fmt: skip
 
 
 def _chain(robot: Robot) -> Chain:
-    """How the tree follows the active joints."""
-    given = robot.chain
-    if given is None:
-        none = np.zeros(0)
-        return chain_of(np.zeros((0, robot.nv)), none, none, none, none)
-    passive = list(given.passive)
+    """Motion of the tree for that of the active joints, with friction and rotors of the passive joints."""
+    chain = robot.chain
+    if chain is None:
+        empty = np.zeros(0)
+        return chain_of(np.zeros((0, robot.nv)), empty, empty, empty, empty)
+    passive = list(chain.passive)
     viscous, coulomb, rotor = np.zeros((3, robot.model.nv))
-    viscous[passive], coulomb[passive] = given.viscous_friction, given.coulomb_friction
+    viscous[passive], coulomb[passive] = chain.viscous_friction, chain.coulomb_friction
     rotor[passive] = robot.model.armature[passive]
-    slope = given.linear_map[:, : robot.nv]
-    return chain_of(slope, given.offset, viscous, coulomb, rotor, loop_closure_of(robot.model, given, robot.arrays))
+    slope = chain.linear_map[:, : robot.nv]
+    return chain_of(slope, chain.offset, viscous, coulomb, rotor, loop_closure_of(robot.model, chain, robot.arrays))

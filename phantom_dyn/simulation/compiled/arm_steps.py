@@ -19,34 +19,34 @@ from phantom_dyn.simulation.compiled.channels import effect_torque, given_by_dri
 
 
 class Arm(NamedTuple):
-    """A machine of ``nv`` joints and ``m`` loose motors behind them, ``n`` together.
+    """A machine whose state has ``nv`` joints and then ``m`` motors on elastic transmissions, ``n = nv + m``.
 
     Attributes:
-        numbers: Joints of the tree from `joint_rows`.
-        places: The same.
+        joint_constants: Constants of each joint of the tree, from `joint_rows`.
+        joint_indices: Parent, kind and velocity index of each joint, from `joint_rows`.
         root: Motion of the root from `at_root`; copied before it is used, as a plan may say how it moves.
-        added: Inertia besides that of the links (rotors, couplings), ``(n, n)``.
+        added_inertia: Inertia that is added to that of the links (rotors, couplings), ``(n, n)``.
         rotor: Inertias of the rotors, ``(nv,)``.
         viscous: Viscous coefficients, ``(nv,)``.
         coulomb: Coulomb torques, ``(nv,)``.
-        drives: Place of each joint's motor, ``(nv,)``.
-        seen: Place of what each joint's encoder sits on, ``(nv,)``.
-        loose: Joints with loose motors, ``(m,)``.
-        stiffness: Of their transmissions, ``(m,)``.
-        damping: The same, ``(m,)``.
-        gap: The same, ``(m,)``.
-        chain: How the tree follows the joints.
+        drives: Index of each joint's motor in the state, ``(nv,)``.
+        encoders: Index of what each joint's encoder measures, its motor or its link, ``(nv,)``.
+        loose: Joints whose motor and link may move apart, ``(m,)``.
+        stiffness: Stiffness of their transmissions, ``(m,)``.
+        damping: Damping of their transmissions, ``(m,)``.
+        gap: Backlash of their transmissions, ``(m,)``.
+        chain: Motion of the tree for that of the active joints.
     """
 
-    numbers: Array
-    places: Array
+    joint_constants: Array
+    joint_indices: Array
     root: Array
-    added: Array
+    added_inertia: Array
     rotor: Array
     viscous: Array
     coulomb: Array
     drives: Array
-    seen: Array
+    encoders: Array
     loose: Array
     stiffness: Array
     damping: Array
@@ -62,7 +62,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
         The sample behind which a speed was beyond ``plan.far`` or loops could not be closed, -1 if there is none.
     """
     row = arm.root.copy()
-    drives, seen, mode = arm.drives, arm.seen, control.mode
+    drives, seen, mode = arm.drives, arm.encoders, control.mode
     x, v, a, transmitted, friction = moving.x, moving.v, moving.a, moving.transmitted, moving.friction
     asked, given = moving.asked, moving.given
     torques, commands, readings, lines = laws
@@ -167,13 +167,13 @@ def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bia
         for j in range(n):
             mass[i, j] = 0.0
     if len(arm.chain.slope) > 0:
-        if not chained_mass_and_bias(arm.numbers, arm.places, row, arm.chain, y, w, mass, bias):
+        if not chained_mass_and_bias(arm.joint_constants, arm.joint_indices, row, arm.chain, y, w, mass, bias):
             bias[:] = np.nan
     else:
-        mass_and_bias(arm.numbers, arm.places, row, y, w, mass, bias)
+        mass_and_bias(arm.joint_constants, arm.joint_indices, row, y, w, mass, bias)
     for i in range(n):
         for j in range(n):
-            mass[i, j] += arm.added[i, j]
+            mass[i, j] += arm.added_inertia[i, j]
     for j in range(len(arm.drives)):
         mass[arm.drives[j], arm.drives[j]] += 0.5 * h * arm.viscous[j]
 
