@@ -200,7 +200,7 @@ class _Beside:
 
     def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: ChangedMinimum, wanted: Int[Array, " w"]):
         self._wanted, self._problem, free = wanted, solved.problem, ~solved.whole.held
-        cross, response, slope, self._scale = solved.pieces(wanted)
+        cross, response, slope, self._scale = solved.entering_parts(wanted)
         entered = solved.entering(new)
         n, k = len(solved.columns), len(found.flipped)
         places, action = found.action

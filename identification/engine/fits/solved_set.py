@@ -15,8 +15,8 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class _Pieces:
-    """Parts of one column as it enters a tableau, for several tableaus: see `Entering`."""
+class _EnteringParts:
+    """Parts of `Entering` for one column, in ``T`` tableaus."""
 
     cross: Float[Array, "T n"]
     response: Float[Array, "T n"]
@@ -56,8 +56,8 @@ class SolvedSet:
     problem: LinearProblem
     columns: Int[Array, " n"]
     whole: Tableau
-    _entering: dict[int, _Pieces] = field(default_factory=dict)
-    _fold_entering: dict[int, _Pieces] = field(default_factory=dict)
+    _entering: dict[int, _EnteringParts] = field(default_factory=dict)
+    _fold_entering: dict[int, _EnteringParts] = field(default_factory=dict)
     _core_lines: dict[int, Float[Array, "B n"]] = field(default_factory=dict)
 
     @cached_property
@@ -133,17 +133,21 @@ class SolvedSet:
         """Columns that are not in the set, as they enter its fit."""
         problem = self.problem
         square = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
-        return self.whole.joined(*self.pieces(columns), square)
+        return self.whole.entering_of(*self.entering_parts(columns), square)
 
-    def pieces(self, columns: Int[Array, " m"]) -> tuple[Array, Array, Array, Array]:
-        """Parts of `entering` without the products among the columns: see `Tableau.pieces`."""
+    def entering_parts(self, columns: Int[Array, " m"]) -> tuple[Array, Array, Array, Array]:
+        """Parts of `entering` without the products among the columns: see `Tableau.entering_parts`."""
         known = self._entering
         new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
         if len(new):
             problem = self.problem
             diagonal = np.diag(problem.total_a)[new] + problem.precision[new]
-            parts = self.whole.pieces(problem.total_a[np.ix_(new, self.columns)], diagonal, problem.total_b[new])
-            known.update((column, _Pieces(*(part[k][None] for part in parts))) for k, column in enumerate(new.tolist()))
+            parts = self.whole.entering_parts(
+                problem.total_a[np.ix_(new, self.columns)], diagonal, problem.total_b[new]
+            )
+            known.update(
+                (column, _EnteringParts(*(part[k][None] for part in parts))) for k, column in enumerate(new.tolist())
+            )
         return _together(self.whole, [known[k] for k in columns.tolist()], 0)
 
     def fold_entering(self, columns: Int[Array, " m"]) -> list[Entering]:
@@ -156,11 +160,11 @@ class SolvedSet:
             cross = problem.total_a[np.ix_(new, self.columns)] - problem.grams.fold_a.between(new, self.columns)
             b = problem.total_b[new] - problem.grams.fold_b[:, new]
             diagonal = np.diag(problem.total_a)[new] + problem.precision[new] - problem.grams.fold_a.diagonal(new)
-            parts = [one.pieces(cross[fold], diagonal[fold], b[fold]) for fold, one in enumerate(self.folds)]
+            parts = [one.entering_parts(cross[fold], diagonal[fold], b[fold]) for fold, one in enumerate(self.folds)]
             for k, column in enumerate(new.tolist()):
-                known[column] = _Pieces(*(np.array([part[i][k] for part in parts]) for i in range(4)))
+                known[column] = _EnteringParts(*(np.array([part[i][k] for part in parts]) for i in range(4)))
         pieces = [known[k] for k in columns.tolist()]
-        return [one.joined(*_together(one, pieces, k), squares[k]) for k, one in enumerate(self.folds)]
+        return [one.entering_of(*_together(one, pieces, k), squares[k]) for k, one in enumerate(self.folds)]
 
     def core_lines(self, columns: Int[Array, " m"]) -> Float[Array, "B m n"]:
         """Products of further columns with those of the set over the core of each block."""
@@ -186,7 +190,7 @@ def quadratic(problem: LinearProblem, columns: Int[Array, " n"]) -> tuple[Array,
     return a, problem.total_b[columns], problem.lower[columns], problem.upper[columns]
 
 
-def _together(one: Tableau, pieces: list[_Pieces], which: int) -> tuple[Array, Array, Array, Array]:
+def _together(one: Tableau, pieces: list[_EnteringParts], which: int) -> tuple[Array, Array, Array, Array]:
     """Parts of several columns as they enter one of the tableaus."""
     n = len(one.x)
     cross, response = (

@@ -1,8 +1,8 @@
 """The principal pivot transform of a quadratic problem that is solved within bounds.
 
 A free unknown lies within its bounds, a held one at a bound. The tableau holds the response of all unknowns to a force
-(a change of the linear part) on a free one, and to a shift of a held one. The minimum of a problem with some unknowns
-more or fewer follows from it: see `tableau_changes.py`.
+on a free one (a change of the linear part), and to a shift of a held one. The minimum of a problem with additional
+unknowns, or without some of them, follows from it: see `tableau_changes.py`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Added to the diagonal of ones: keeps problems with two equal columns solvable. It is larger than in `bounded`, as an
-# inverse loses twice the digits of a solution.
+# Added to the unit diagonal, so that a problem with two equal columns has a solution. It is larger than in `bounded`,
+# as an inverse loses twice the digits of a solution.
 TWINS = 1e-11
 # Newton steps that remove the rounding of the inverse.
 _REFINED = 3
@@ -24,21 +24,22 @@ _ROUNDING = 1e-12
 
 
 class Entering(NamedTuple):
-    """Further unknowns that a solved problem does not contain, in scaled units.
+    """Unknowns that enter a solved problem, in scaled units.
 
     Attributes:
-        cross: Products of the further unknowns with those of the solved problem, ``(m, n)``.
-        response: Response of the solved problem's unknowns to a shift of each further unknown, ``(m, n)``.
-        square: Products among the further unknowns, ``(m, m)``.
-        among: Response of their slopes to a shift of each of them, ``(m, m)``.
-        slope: Derivative of the loss by each further unknown, at zero, ``(m,)``.
-        scale: Unit of each further unknown, ``(m,)``.
+        cross: Products of the entering unknowns with those of the solved problem, ``(m, n)``.
+        response: Response of the solved problem's unknowns to a shift of each entering one, ``(m, n)``.
+        square: Products among the entering unknowns, ``(m, m)``.
+        schur_complement: Second derivatives of the loss by the entering unknowns after the free unknowns of the solved
+            problem have been eliminated, ``(m, m)``.
+        slope: Derivative of the loss by each entering unknown, at zero, ``(m,)``.
+        scale: Unit of each entering unknown, ``(m,)``.
     """
 
     cross: Float[Array, "m n"]
     response: Float[Array, "m n"]
     square: Float[Array, "m m"]
-    among: Float[Array, "m m"]
+    schur_complement: Float[Array, "m m"]
     slope: Float[Array, " m"]
     scale: Float[Array, " m"]
 
@@ -67,23 +68,23 @@ class Tableau(NamedTuple):
     response: Float[Array, "n n"]
     rounding: float
 
-    def pieces(
+    def entering_parts(
         self, cross: Float[Array, "m n"], diagonal: Float[Array, " m"], b: Float[Array, " m"]
     ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, " m"], Float[Array, " m"]]:
-        """Parts of `Entering` for further unknowns: cross products, response, slope and scale.
+        """Parts of `Entering` that do not depend on other entering unknowns: cross products, response, slope and scale.
 
         Args:
-            cross: Products of the further unknowns with those of the solved problem.
-            diagonal: Product of each further unknown with itself, prior included.
-            b: Linear part of the further unknowns.
+            cross: Products of the entering unknowns with those of the solved problem.
+            diagonal: Product of each entering unknown with itself, prior included.
+            b: Linear part of the entering unknowns.
         """
-        unit = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
-        cross = cross * self.scale * unit[:, None]
+        scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
+        cross = cross * self.scale * scale[:, None]
         response = -np.where(self.held, 0.0, cross) @ self.response
         response[:, self.held] += cross[:, self.held]
-        return cross, response, cross @ self.x - b * unit, unit
+        return cross, response, cross @ self.x - b * scale, scale
 
-    def joined(
+    def entering_of(
         self,
         cross: Float[Array, "m n"],
         response: Float[Array, "m n"],
@@ -91,7 +92,7 @@ class Tableau(NamedTuple):
         scale: Float[Array, " m"],
         square: Float[Array, "m m"],
     ) -> Entering:
-        """Further unknowns as `Entering`, from the arrays of `pieces` and the products among them, priors included."""
+        """Entering unknowns, from the arrays of `entering_parts` and the products among them, priors included."""
         square = square * scale[:, None] * scale
         square.flat[:: len(square) + 1] += TWINS
         free = ~self.held
@@ -114,29 +115,29 @@ def tableau(
         upper: Upper bounds.
         near: Minimum of a similar problem; NaN where there is none.
     """
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
-    x = bounded_solve(a, b, lower, upper, near) / unit
-    held = (x <= lower / unit) | (x >= upper / unit)
-    scaled, right = a * unit[:, None] * unit, b * unit
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
+    x = bounded_solve(a, b, lower, upper, near) / scale
+    held = (x <= lower / scale) | (x >= upper / scale)
+    scaled, rhs = a * scale[:, None] * scale, b * scale
     scaled.flat[:: len(scaled) + 1] += TWINS
-    free, fixed = np.flatnonzero(~held), np.flatnonzero(held)
+    free, at_bound = np.flatnonzero(~held), np.flatnonzero(held)
     inverse = _inverse(scaled[np.ix_(free, free)])
-    across = scaled[np.ix_(free, fixed)]
+    cross = scaled[np.ix_(free, at_bound)]
     response = np.empty_like(scaled)
-    made = inverse @ across
+    sensitivity = inverse @ cross
     response[np.ix_(free, free)] = inverse
-    response[np.ix_(fixed, free)] = -made.T
-    response[np.ix_(free, fixed)] = made
-    response[np.ix_(fixed, fixed)] = scaled[np.ix_(fixed, fixed)] - across.T @ made
+    response[np.ix_(at_bound, free)] = -sensitivity.T
+    response[np.ix_(free, at_bound)] = sensitivity
+    response[np.ix_(at_bound, at_bound)] = scaled[np.ix_(at_bound, at_bound)] - cross.T @ sensitivity
     # The inverse alone is not accurate where large terms cancel.
     for _ in range(_REFINED):
-        x[free] += inverse @ (right[free] - scaled[free] @ x)
-    state = np.where(held, scaled @ x - right, x)
-    return Tableau(scaled, right, unit, held, x, state, response, _ROUNDING * float(np.abs(right).max(initial=0.0)))
+        x[free] += inverse @ (rhs[free] - scaled[free] @ x)
+    state = np.where(held, scaled @ x - rhs, x)
+    return Tableau(scaled, rhs, scale, held, x, state, response, _ROUNDING * float(np.abs(rhs).max(initial=0.0)))
 
 
 def _inverse(a: Float[Array, "k k"]) -> Float[Array, "k k"]:
-    """Inverse of a positive definite matrix, by its Cholesky factor: half the work of a general one."""
+    """Inverse of a positive definite matrix from its Cholesky factor, at half the cost of a general inverse."""
     from scipy.linalg import get_lapack_funcs
 
     if not len(a):  # LAPACK prints a warning for an empty matrix
@@ -146,5 +147,5 @@ def _inverse(a: Float[Array, "k k"]) -> Float[Array, "k k"]:
     if failed:
         inverse = np.linalg.inv(a)
         return 0.5 * (inverse + inverse.T)
-    below = np.tril(potri(factor, lower=1)[0])
-    return below + np.tril(below, -1).T
+    lower_half = np.tril(potri(factor, lower=1)[0])
+    return lower_half + np.tril(lower_half, -1).T

@@ -108,8 +108,8 @@ def change(a, b, lower, upper, rng, near=np.nan):
     """A solved problem of the first unknowns changed by some that enter and leave; which they are, and the rest."""
     known = tableau(a[:KNOWN, :KNOWN], b[:KNOWN], lower[:KNOWN], upper[:KNOWN], np.full(KNOWN, np.nan))
     new, gone = KNOWN + rng.permutation(ALL - KNOWN)[:7], rng.permutation(KNOWN)[:5]
-    pieces = known.pieces(a[new][:, :KNOWN], np.diag(a)[new], b[new])
-    entering = known.joined(*pieces, a[np.ix_(new, new)])
+    pieces = known.entering_parts(a[new][:, :KNOWN], np.diag(a)[new], b[new])
+    entering = known.entering_of(*pieces, a[np.ix_(new, new)])
     index = np.concatenate([np.arange(KNOWN), new])
     start = np.where(rng.random(ALL) < 0.5, lower, upper)[index] * near
     found = changed(known, entering, gone, (lower[index], upper[index]), start)
@@ -131,11 +131,11 @@ def test_steps_within_the_bounds_end_at_the_minimum_wherever_they_begin(tableau_
     # All unknowns begin at a bound, the share of them at the upper one: most are held at the wrong end.
     a, b, lower, upper, rng = tableau_problem
     known = tableau(a, b, lower, upper, np.full(ALL, np.nan))
-    nothing = known.joined(*known.pieces(np.zeros((0, ALL)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
+    nothing = known.entering_of(*known.entering_parts(np.zeros((0, ALL)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
     low, high, free = lower / known.scale, upper / known.scale, np.zeros(ALL, dtype=bool)
-    bounds = tableau_changes._Held(low, high, free, np.full(ALL, known.rounding))
+    bounds = tableau_changes._Constraints(low, high, free, np.full(ALL, known.rounding))
     start = np.where(rng.random(ALL) < share, high, low)
-    found, _, converged = tableau_changes._step_by_step(known, nothing, ~free, start, bounds)
+    found, _, converged = tableau_changes._active_set_steps(known, nothing, ~free, start, bounds)
     assert converged
     np.testing.assert_allclose(found.x, bounded_solve(a, b, lower, upper) / known.scale, atol=1e-8)
 
@@ -153,7 +153,9 @@ def test_twins_that_enter_leave_what_one_of_them_leaves(tableau_problem):
     left = []
     for count in (1, 3):
         new = np.full(count, KNOWN)
-        entering = known.joined(*known.pieces(a[new][:, :KNOWN], np.diag(a)[new], b[new]), a[np.ix_(new, new)])
+        entering = known.entering_of(
+            *known.entering_parts(a[new][:, :KNOWN], np.diag(a)[new], b[new]), a[np.ix_(new, new)]
+        )
         # Without bounds of their own, so that three can do no more than one.
         far = np.full(count, np.inf)
         ends = np.append(lower[:KNOWN], -far), np.append(upper[:KNOWN], far)
@@ -173,7 +175,9 @@ def test_a_change_that_rounding_spoils_says_so(tableau_problem):
     known, found, _, _ = change(a, b, lower, upper, rng)
     # An inverse that is wrong by more than itself stands for one that has lost its digits.
     spoilt = known._replace(response=known.response * (1.0 + 3.0 * rng.normal(size=known.response.shape)))
-    nothing = spoilt.joined(*spoilt.pieces(np.zeros((0, KNOWN)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
+    nothing = spoilt.entering_of(
+        *spoilt.entering_parts(np.zeros((0, KNOWN)), np.zeros(0), np.zeros(0)), np.zeros((0, 0))
+    )
     gone = np.flatnonzero(~known.held)[:5]
     again = changed(spoilt, nothing, gone, (lower[:KNOWN], upper[:KNOWN]), np.full(KNOWN, np.nan))
     assert found.converged
