@@ -1,7 +1,8 @@
-"""Products of all columns, kept row by row: columns on different rows have none, and most are on one row only.
+"""Gram matrices of the regressor's columns by block of samples, stored separately for each row (joint).
 
-As full matrices, those of a robot with six joints would have a thousand columns for each block of samples, and nine
-tenths of them would be zero. Of each row the lower triangle is kept (see `products.triangles`), by symmetry.
+Most columns touch a single row, and the product of columns that touch no common row is zero. Full matrices for a robot
+with six joints would have a thousand columns for each block, and nine tenths of their entries would be zero. Of each
+symmetric matrix the lower triangle is stored, see `products.triangles`.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from phantom_dyn.array_types import Array, Float, Int
 
 @dataclass(frozen=True)
 class RowProducts:
-    """Columns times columns, block by block; rows are summed on demand.
+    """Gram matrices of ``B`` blocks; the sum over the rows is computed when it is needed.
 
     Attributes:
-        index: For each row, which of all columns touch it.
-        values: For each row, products of these as triangles, ``(B, k (k + 1) / 2)``.
-        columns: How many columns there are in all.
-        always: Columns that every fit contains, the first of its columns, ``(m,)``.
+        index: For each row, the columns that touch it (are not zero there).
+        values: For each row, the products of these columns as lower triangles, ``(B, k (k + 1) / 2)``.
+        columns: Number of all columns.
+        always: Columns that every fit contains; they are the first columns of each fit, ``(m,)``.
     """
 
     index: tuple[Int[Array, " k"], ...]
@@ -39,58 +40,58 @@ class RowProducts:
         return len(self.values[0]), self.columns, self.columns
 
     def among(self, columns: Int[Array, " k"]) -> Float[Array, "B k k"]:
-        """Products among some columns, which are all different."""
+        """Products among some columns, each of which is given once."""
         out = np.zeros((self.shape[0], len(columns), len(columns)))
-        known = self._known(columns)
-        if known:
-            out[:, :known, :known] = self._first
-        for place, values in zip(self._places, self.values, strict=True):
-            here = place[columns]
-            into = np.flatnonzero(here >= 0)
-            _add(out, values, here[into], into, int(np.count_nonzero(into < known)))
+        n_always = self._n_always(columns)
+        if n_always:
+            out[:, :n_always, :n_always] = self._among_always
+        for position, values in zip(self._position_in_row, self.values, strict=True):
+            positions = position[columns]
+            touching = np.flatnonzero(positions >= 0)
+            _add(out, values, positions[touching], touching, int(np.count_nonzero(touching < n_always)))
         return out
 
     def between(self, left: Int[Array, " k"], right: Int[Array, " m"]) -> Float[Array, "B k m"]:
-        """Products of some columns with others."""
+        """Products of the columns ``left`` with the columns ``right``."""
         out = np.zeros((self.shape[0], len(left), len(right)))
-        for place, values in zip(self._places, self.values, strict=True):
-            up, across = place[left], place[right]
-            rows, columns = np.flatnonzero(up >= 0), np.flatnonzero(across >= 0)
-            if len(rows) and len(columns):
-                out[:, rows[:, None], columns] += values[:, place_of(up[rows][:, None], across[columns])]
+        for position, values in zip(self._position_in_row, self.values, strict=True):
+            row_positions, col_positions = position[left], position[right]
+            rows, cols = np.flatnonzero(row_positions >= 0), np.flatnonzero(col_positions >= 0)
+            if len(rows) and len(cols):
+                out[:, rows[:, None], cols] += values[:, place_of(row_positions[rows][:, None], col_positions[cols])]
         return out
 
     def diagonal(self, columns: Int[Array, " k"]) -> Float[Array, "B k"]:
-        """Products of some columns with themselves."""
+        """Product of each of some columns with itself."""
         out = np.zeros((self.shape[0], len(columns)))
-        for place, values in zip(self._places, self.values, strict=True):
-            here = place[columns]
-            into = np.flatnonzero(here >= 0)
-            out[:, into] += diagonal(values, here[into])
+        for position, values in zip(self._position_in_row, self.values, strict=True):
+            positions = position[columns]
+            touching = np.flatnonzero(positions >= 0)
+            out[:, touching] += diagonal(values, positions[touching])
         return out
 
     def in_row(self, row: int, columns: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " m"]]:
-        """Those of some columns that touch one row: their places in the row, and among these columns."""
-        here = self._places[row][columns]
-        at = np.flatnonzero(here >= 0)
-        return here[at], at
+        """The columns among some that touch a row: their positions in ``index`` of the row, and in ``columns``."""
+        positions = self._position_in_row[row][columns]
+        touching = np.flatnonzero(positions >= 0)
+        return positions[touching], touching
 
     def of_row(self, row: int, chosen: Int[Array, " m"]) -> Float[Array, "B m m"]:
-        """Products of one row alone among some of the columns that touch it, by their places there."""
+        """Products in one row among some of the columns that touch it, given by their positions in its ``index``."""
         return square(self.values[row], chosen)
 
-    def column_of_row(self, row: int, chosen: Int[Array, " m"], own: int) -> Float[Array, "B m"]:
-        """Of `of_row` the column with the number ``own``."""
-        return self.values[row][:, place_of(chosen, chosen[own])]
+    def column_of_row(self, row: int, chosen: Int[Array, " m"], number: int) -> Float[Array, "B m"]:
+        """Column ``number`` of the matrices of `of_row`."""
+        return self.values[row][:, place_of(chosen, chosen[number])]
 
     def squares_of_row(self, row: int, chosen: Int[Array, " m"], x: Float[Array, "B m"]) -> Float[Array, " B"]:
-        """For each block ``x a x`` with its own ``x``, where ``a`` is that of `of_row`."""
+        """``x a x`` for each block, with an ``x`` for each block and ``a`` from `of_row`."""
         out = np.zeros(len(x))
         _square(out, self.values[row], chosen, np.ascontiguousarray(x), 0)
         return out
 
     def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
-        """Sums over the blocks of each group; groups count from zero, blocks below that belong to none."""
+        """Sums over the blocks of each group. Groups count from zero; blocks with a negative group are left out."""
         if np.array_equal(groups, np.arange(self.shape[0])):
             return self
         chosen = [np.flatnonzero(groups == group) for group in range(int(groups.max(initial=-1)) + 1)]
@@ -98,18 +99,26 @@ class RowProducts:
         return RowProducts(self.index, values, self.columns, self.always)
 
     def squares(self, columns: Int[Array, " k"], x: Float[Array, "B k"]) -> Float[Array, " B"]:
-        """For each block ``x a x`` with its own ``x`` among some columns, which are all different."""
-        known = self._known(columns)
-        first = np.ascontiguousarray(x[:, :known])
-        out = np.einsum("bi,bi->b", (self._first @ first[:, :, None])[:, :, 0], first) if known else np.zeros(len(x))
-        for place, values in zip(self._places, self.values, strict=True):
-            here = place[columns]
-            into = np.flatnonzero(here >= 0)
-            _square(out, values, here[into], np.ascontiguousarray(x[:, into]), int(np.count_nonzero(into < known)))
+        """``x a x`` for each block, with an ``x`` for each block and ``a`` the products among some columns."""
+        n_always = self._n_always(columns)
+        x0 = np.ascontiguousarray(x[:, :n_always])
+        out = (
+            np.einsum("bi,bi->b", (self._among_always @ x0[:, :, None])[:, :, 0], x0) if n_always else np.zeros(len(x))
+        )
+        for position, values in zip(self._position_in_row, self.values, strict=True):
+            positions = position[columns]
+            touching = np.flatnonzero(positions >= 0)
+            _square(
+                out,
+                values,
+                positions[touching],
+                np.ascontiguousarray(x[:, touching]),
+                int(np.count_nonzero(touching < n_always)),
+            )
         return out
 
     def sum(self, axis: int = 0) -> Float[Array, "K K"]:  # noqa: ARG002 - asked as an array of all products is
-        """Sum over all blocks as a full matrix; ``axis`` is zero, as of an array."""
+        """Sum over all blocks as a full matrix; ``axis`` is always zero, as if this were an array."""
         out = np.zeros((self.columns, self.columns))
         for index, values in zip(self.index, self.values, strict=True):
             out[np.ix_(index, index)] += square(values.sum(axis=0))
@@ -118,25 +127,27 @@ class RowProducts:
     def within(self, groups: Int[Array, "g m"]) -> Float[Array, "B g m m"]:
         """Products among the columns of each group."""
         out = np.zeros((self.shape[0], *groups.shape, groups.shape[1]))
-        for place, values in zip(self._places, self.values, strict=True):
-            here = place[groups]
-            there = here >= 0
-            some = np.flatnonzero(there.any(axis=1))
-            inside, at = there[some], np.maximum(here[some], 0)
-            products = values[:, place_of(at[:, :, None], at[:, None, :])]
-            out[:, some] += products * (inside[:, :, None] & inside[:, None, :])
+        for position, values in zip(self._position_in_row, self.values, strict=True):
+            positions = position[groups]
+            touches = positions >= 0
+            with_touch = np.flatnonzero(touches.any(axis=1))
+            mask, clipped = touches[with_touch], np.maximum(positions[with_touch], 0)
+            products = values[:, place_of(clipped[:, :, None], clipped[:, None, :])]
+            out[:, with_touch] += products * (mask[:, :, None] & mask[:, None, :])
         return out
 
     def __getitem__(self, key: int | Array | tuple[slice, list[int] | Array]) -> Float[Array, "*B k K"]:
-        """Blocks written out: ``[block]``, ``[blocks]`` or, in all blocks, some columns with all: ``[:, columns]``."""
+        """Full matrices of ``[block]`` or ``[blocks]``; products of some columns with all for ``[:, columns]``."""
         if isinstance(key, tuple):
             chosen = np.asarray(key[1])
             part = np.zeros((self.shape[0], len(chosen), self.columns))
-            for place, index, values in zip(self._places, self.index, self.values, strict=True):
-                here = place[chosen]
-                into = np.flatnonzero(here >= 0)
-                if len(into):
-                    part[:, into[:, None], index] += values[:, place_of(here[into][:, None], np.arange(len(index)))]
+            for position, index, values in zip(self._position_in_row, self.index, self.values, strict=True):
+                positions = position[chosen]
+                touching = np.flatnonzero(positions >= 0)
+                if len(touching):
+                    part[:, touching[:, None], index] += values[
+                        :, place_of(positions[touching][:, None], np.arange(len(index)))
+                    ]
             return part
         blocks = np.atleast_1d(np.arange(self.shape[0])[key])
         out = np.zeros((len(blocks), self.columns, self.columns))
@@ -148,27 +159,27 @@ class RowProducts:
         """All blocks as full matrices."""
         return self[np.arange(self.shape[0])]
 
-    def _known(self, columns: Int[Array, " k"]) -> int:
-        """How many of the first ones are, in order, the columns of every fit."""
+    def _n_always(self, columns: Int[Array, " k"]) -> int:
+        """Number of leading columns that are those of every fit: all of ``always``, or zero."""
         count = len(self.always)
         return count if np.array_equal(columns[:count], self.always) else 0
 
     @cached_property
-    def _first(self) -> Float[Array, "B n n"]:
-        """Among the columns of every fit."""
+    def _among_always(self) -> Float[Array, "B n n"]:
+        """Products among the columns of every fit."""
         return RowProducts(self.index, self.values, self.columns).among(self.always)
 
     @cached_property
-    def _places(self) -> tuple[Int[Array, " K"], ...]:
-        """For each row, the place of each column in it; -1 for columns that do not touch it."""
+    def _position_in_row(self) -> tuple[Int[Array, " K"], ...]:
+        """For each row, the position of each column in its ``index``; -1 for columns that do not touch the row."""
         out = np.full((len(self.index), self.columns), -1)
-        for place, index in zip(out, self.index, strict=True):
-            place[index] = np.arange(len(index))
+        for positions, index in zip(out, self.index, strict=True):
+            positions[index] = np.arange(len(index))
         return tuple(out)
 
 
 def _total(values: Float[Array, "B n"], blocks: Int[Array, " m"]) -> Float[Array, " n"]:
-    """Sum over some blocks, without a copy of them."""
+    """Sum over some blocks, which are not copied."""
     out = np.zeros(values.shape[1:])
     for block in blocks:
         out += values[block]
@@ -176,29 +187,29 @@ def _total(values: Float[Array, "B n"], blocks: Int[Array, " m"]) -> Float[Array
 
 
 @fused
-def _square(out: Array, values: Array, source: Array, x: Array, known: int) -> None:
-    """Add ``x values[:, source, source] x`` to ``out`` but for what is among the first ``known`` of them."""
+def _square(out: Array, values: Array, source: Array, x: Array, skipped: int) -> None:
+    """Add ``x values[:, source, source] x`` to ``out``, without the products among the first ``skipped`` columns."""
     for block in range(len(out)):
-        for i in range(known, len(source)):
+        for i in range(skipped, len(source)):
             s = source[i]
-            line = s * (s + 1) // 2
-            inner = 0.5 * values[block, line + s] * x[block, i]
+            row_start = s * (s + 1) // 2
+            inner = 0.5 * values[block, row_start + s] * x[block, i]
             for k in range(i):
                 t = source[k]
-                inner += values[block, line + t if t < s else t * (t + 1) // 2 + s] * x[block, k]
+                inner += values[block, row_start + t if t < s else t * (t + 1) // 2 + s] * x[block, k]
             out[block] += 2.0 * inner * x[block, i]
 
 
 @jit
-def _add(out: Array, values: Array, source: Array, into: Array, known: int) -> None:
-    """Add ``values[:, source, source]`` to ``out[:, into, into]`` but for what is among the first ``known`` of them."""
+def _add(out: Array, values: Array, source: Array, target: Array, skipped: int) -> None:
+    """Add ``values[:, source, source]`` to ``out[:, target, target]``, except among the first ``skipped`` columns."""
     for block in range(len(out)):
-        for i in range(known, len(into)):
+        for i in range(skipped, len(target)):
             s = source[i]
-            line = s * (s + 1) // 2
+            row_start = s * (s + 1) // 2
             for k in range(i):
                 t = source[k]
-                value = values[block, line + t if t < s else t * (t + 1) // 2 + s]
-                out[block, into[i], into[k]] += value
-                out[block, into[k], into[i]] += value
-            out[block, into[i], into[i]] += values[block, line + s]
+                value = values[block, row_start + t if t < s else t * (t + 1) // 2 + s]
+                out[block, target[i], target[k]] += value
+                out[block, target[k], target[i]] += value
+            out[block, target[i], target[i]] += values[block, row_start + s]
