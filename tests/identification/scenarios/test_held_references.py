@@ -10,7 +10,7 @@ import phantom_dyn as dyn
 from identification.data.recording import Recording
 from identification.notes import Code
 from identification.scenarios import held_references
-from identification.scenarios.held_references import answer_to_steps, with_held_references
+from identification.scenarios.held_references import aliased_step_response, with_held_references
 from identification.scenarios.motion_only import with_commanded_torque
 from phantom_dyn.array_types import read_only
 from phantom_dyn.model.robot import Robot
@@ -75,8 +75,8 @@ def recorded(robot: Robot, q: np.ndarray) -> Recording:
     return with_commanded_torque(Recording("a.csv", ("pin",), *columns, q_ref=read_only(wave(T)[:, None])), robot)
 
 
-def test_the_answer_to_steps_is_what_a_simulation_has_beside_the_smooth_motion(angles):
-    found = answer_to_steps(np.eye(1) * INERTIA, np.array([KP]), np.array([KD]), ROW, wave(T)[:, None])[:, 0]
+def test_the_aliased_step_response_is_what_a_simulation_has_beside_the_smooth_motion(angles):
+    found = aliased_step_response(np.eye(1) * INERTIA, np.array([KP]), np.array([KD]), ROW, wave(T)[:, None])[:, 0]
     inner = slice(100, -100)
     truth = (angles["held"] - followed(0.5 * ROW, mean_of_row=True))[inner]
     assert np.std(found[inner] - truth) < 0.01 * np.std(truth)
@@ -103,5 +103,5 @@ def test_what_the_robot_states_is_not_questioned(robot, angles):
 def test_rows_that_come_fast_are_not_asked(robot, angles, monkeypatch):
     recording = recorded(robot, angles["held"])
     fast = replace(recording, t=read_only(T * 0.002 / ROW))
-    monkeypatch.setattr(held_references, "left_by", lambda *_: pytest.fail("readings were compared"))
+    monkeypatch.setattr(held_references, "unexplained_torque", lambda *_: pytest.fail("readings were compared"))
     assert with_held_references(robot, fast) is fast
