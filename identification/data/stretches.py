@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identification.data.floating.base_columns import some_readings
+from identification.data.floating.base_columns import readings_at
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float, read_only
 
@@ -83,7 +83,7 @@ def part_of(recording: Recording, rows: slice) -> Recording:
         positions={frame: read_only(position[rows]) for frame, position in recording.positions.items()},
         orientations={frame: read_only(turn[rows]) for frame, turn in recording.orientations.items()},
         passive_q={joint: read_only(q[rows]) for joint, q in recording.passive_q.items()},
-        base=some_readings(recording.base, rows),
+        base=readings_at(recording.base, rows),
     )
 
 

@@ -1,7 +1,7 @@
-"""Columns of a base that is not bolted down (gyroscope ``w.``, accelerometer ``sf.``, ``contact.``), and its motion.
+"""Columns of a floating base (gyroscope ``w.``, accelerometer ``sf.``, contacts ``contact.``), and its motion.
 
 The motion goes through the same filter as the joints' positions. The effect of the sensors' white noise is found by
-drawing the readings again.
+drawing noise at random and filtering it in the same way.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def base_readings(
 
 
 def _one_frame(table: Table, robot: Robot, quantity: str, found: Mapping[str, Array]) -> str:
-    """The frame on the base in whose axes a sensor reads."""
+    """The frame on the base in whose axes a sensor measures."""
     if not found:
         raise LogError(
             f"{table.file} has no columns {quantity}.<frame>.x, .y and .z, and {robot.name} is not bolted down (base: "
@@ -98,13 +98,13 @@ def _require_contacts(table: Table, robot: Robot, contacts: Mapping[str, Array])
 
 
 def _uncovered_words(table: Table, robot: Robot, readings: BaseReadings) -> tuple[str, ...]:
-    """A sentence on joints whose links are covered by no column of contacts."""
+    """A sentence that names the joints for whose links there is no column of contacts."""
     if not readings.contacts:
         return ()
-    known = np.zeros(robot.nv, dtype=bool)
+    covered = np.zeros(robot.nv, dtype=bool)
     for frame in readings.contacts:
-        known |= carriers(robot, frame)
-    free = [name for name, own in zip(robot.joint_names, known, strict=True) if not own]
+        covered |= carrying_joints(robot, frame)
+    free = [name for name, covered_row in zip(robot.joint_names, covered, strict=True) if not covered_row]
     if not free:
         return ()
     return (
@@ -113,23 +113,23 @@ def _uncovered_words(table: Table, robot: Robot, readings: BaseReadings) -> tupl
     )
 
 
-def carriers(robot: Robot, frame: str) -> np.ndarray:
+def carrying_joints(robot: Robot, frame: str) -> np.ndarray:
     """True for joints on which a force at a frame exerts a torque, shape ``(nv,)``.
 
-    In a closed chain these are all its joints, as loops pass forces on.
+    If a passive joint of a closed chain carries the frame, these are all joints, as loops transmit forces.
     """
     model = robot.model
     joint = model.frames[model.getFrameId(frame)].parentJoint
-    above: set[int] = set()
+    rows_before: set[int] = set()
     while joint > 0:
-        above.add(model.joints[joint].idx_v)
+        rows_before.add(model.joints[joint].idx_v)
         joint = model.parents[joint]
-    if robot.chain is not None and any(row in above for row in robot.chain.passive):
+    if robot.chain is not None and any(row in rows_before for row in robot.chain.passive):
         return np.ones(robot.nv, dtype=bool)
-    return np.array([row in above for row in robot.tree_rows])
+    return np.array([row in rows_before for row in robot.tree_rows])
 
 
-def some_readings(base: BaseReadings | None, rows: slice) -> BaseReadings | None:
+def readings_at(base: BaseReadings | None, rows: slice) -> BaseReadings | None:
     """The readings at some samples."""
     if base is None:
         return None
@@ -151,19 +151,19 @@ def filtered_base(
     """
     base = recording.base
     assert base is not None
-    both = np.hstack([base.w, base.sf])
+    readings = np.hstack([base.w, base.sf])
     if t is not recording.t:
-        both = interpolated(t, recording.t, both)
-    w, dw, sf = _filtered(both, rate_hz, cutoff_hz)
+        readings = interpolated(t, recording.t, readings)
+    w, dw, sf = _filtered(readings, rate_hz, cutoff_hz)
     return base_motion(robot, base.gyroscope, base.accelerometer, w, dw, sf)
 
 
-def _filtered(both: Float[Array, "N 6"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
+def _filtered(readings: Float[Array, "N 6"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
     """Angular velocity, its derivative, and specific force after a low pass, each of shape ``(N, 3)``."""
     if cutoff_hz < 0.4 * rate_hz:
-        both = low_passed(both, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
-    w = both[:, :3]
-    return w, quintic_derivatives(w, rate_hz)[0], both[:, 3:]
+        readings = low_passed(readings, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
+    w = readings[:, :3]
+    return w, quintic_derivatives(w, rate_hz)[0], readings[:, 3:]
 
 
 def sensors_of_base(recording: Recording) -> BaseSensors | None:
@@ -178,8 +178,8 @@ def sensors_of_base(recording: Recording) -> BaseSensors | None:
     return BaseSensors(base.gyroscope, base.accelerometer, (float(w), float(sf)))
 
 
-def read_once_more(log: Log, rng: np.random.Generator, cutoff_hz: float) -> BaseMotion | None:
-    """Motion of the base of a log with noise of its sensors drawn again; None if it is bolted down."""
+def with_redrawn_noise(log: Log, rng: np.random.Generator, cutoff_hz: float) -> BaseMotion | None:
+    """Motion of the base of a log, with more noise of its sensors drawn at random; None if the base is fixed."""
     base, sensors = log.motion.base, log.base_sensors
     if base is None or sensors is None:
         return base

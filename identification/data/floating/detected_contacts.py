@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from identification.data.floating.base_columns import carriers, filtered_base
+from identification.data.floating.base_columns import carrying_joints, filtered_base
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Bool, Float, read_only
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -82,7 +82,7 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
     rate, weight = (len(t) - 1) / (t[-1] - t[0]), _weight(robot)
     contacts = {}
     for frame, length in _legs(robot).items():
-        largest = rest[:, carriers(robot, frame)].max(axis=1)
+        largest = rest[:, carrying_joints(robot, frame)].max(axis=1)
         reach = 2 * max(1, round(_MARGIN * rate)) + 1
         touches = ndimage.maximum_filter1d(_stands(largest, weight * length), reach, axis=0)
         contacts[frame] = read_only(np.interp(recording.t, t, touches) > 0.5, float)

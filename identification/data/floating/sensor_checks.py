@@ -11,7 +11,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from identification.data.floating.base_columns import carriers
+from identification.data.floating.base_columns import carrying_joints
 from identification.data.floating.detected_contacts import torque_rest
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import BaseReadings, Fault, Recording
@@ -161,7 +161,7 @@ def _contacts(recording: Recording, base: BaseReadings, robot: Robot) -> tuple[s
         touches = np.interp(t, recording.t, values) > 0.5
         if min(touches.sum(), (~touches).sum()) < _FEWEST:
             continue
-        rows = carriers(robot, frame)
+        rows = carrying_joints(robot, frame)
         air, ground = (float(np.median(rest[some][:, rows].max(axis=1))) for some in (~touches, touches))
         if air > _WORSE * ground:
             out.append(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from identification.data.floating.base_columns import carriers
+from identification.data.floating.base_columns import carrying_joints
 from identification.data.floating.detected_contacts import slow_motion
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array
@@ -42,7 +42,9 @@ def stance_words(recording: Recording, robot: Robot) -> str:
     swings = 0
     for k, row in enumerate(rows):
         frames = [frame for frame, one in touches.items() if one[row]]
-        held = np.any([carriers(robot, frame) for frame in frames], axis=0) if frames else np.zeros(robot.nv, bool)
+        held = (
+            np.any([carrying_joints(robot, frame) for frame in frames], axis=0) if frames else np.zeros(robot.nv, bool)
+        )
         swings += int((~held).sum())
         if frames:
             some = np.concatenate([np.ones(6, dtype=bool), held])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from identification.data.floating.base_columns import carriers
+from identification.data.floating.base_columns import carrying_joints
 from identification.data.log import Log
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Bool, Float
@@ -41,7 +41,7 @@ def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> B
         touches = np.interp(t, recording.t, values) > 0
         changes = np.diff(touches, prepend=touches[0])
         out |= _about(changes, _IMPACT * rate)[:, None]
-        out |= _about(touches, _MARGIN * rate)[:, None] & carriers(robot, frame)
+        out |= _about(touches, _MARGIN * rate)[:, None] & carrying_joints(robot, frame)
     return out
 
 

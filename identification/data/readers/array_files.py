@@ -18,13 +18,13 @@ from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.libraries import is_installed, missing_library
 
 MOST_IN_LIST = 256
-"""Numbers of a list in a column; more are no joints of one robot but an image or a point cloud."""
+"""Largest length of a list in a column; a longer one is an image or a point cloud, not joints of a robot."""
 _NAMES = ("joint_names", "joints", "joint_sequence", "names")
 """Arrays of texts that name the joints."""
 
 
 def numbered(name: str, values: Array) -> dict[str, Array]:
-    """One column per place of a list, as ``q[0]``, from an array ``(N, n)``; an array ``(N,)`` stays as it is."""
+    """Columns of an array ``(N, n)``, one for each index, such as ``q[0]``; a single column of an array ``(N,)``."""
     if values.ndim == 1:
         return {name: values}
     return {f"{name}[{k}]": values[:, k] for k in range(values.shape[1])}
@@ -54,7 +54,7 @@ def read_npz(path: Path) -> RawTable:
     Raises:
         LogError: If it holds no arrays, or Python objects (those are never loaded).
     """
-    # Opened here, as NumPy leaves a file open that it cannot read.
+    # The file is opened here because NumPy does not close a file that it cannot read.
     with path.open("rb") as file:
         require_small_npz(path, file)
         return _arrays(path, file)
@@ -84,26 +84,33 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
                 continue
             sentence = _problem(path.name, name, array)
             if sentence is None:
-                columns |= numbered(name, _kept(array.astype(float, copy=False)))
+                columns |= numbered(name, _read_only_view(array.astype(float, copy=False)))
             else:
                 problems[name] = sentence
     return RawTable(path.name, columns, problems, joint_names=names)
 
 
-def _kept(array: Array) -> Array:
-    """The same, not to be written to, so that nobody needs a copy: what NumPy reads is a view of all of another."""
-    whole = array.base
-    if isinstance(whole, np.ndarray) and (whole.shape, whole.dtype) == (array.shape, array.dtype) and array.ndim == 1:
-        array = whole
+def _read_only_view(array: Array) -> Array:
+    """The array as read-only, so that no later stage has to copy it.
+
+    An array that NumPy has read may be a view of a whole other array. Then that array is made read-only.
+    """
+    original = array.base
+    if (
+        isinstance(original, np.ndarray)
+        and (original.shape, original.dtype) == (array.shape, array.dtype)
+        and array.ndim == 1
+    ):
+        array = original
     array.flags.writeable = False
     return array
 
 
 def _require_unique(path: Path, names: Iterable[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
         raise LogError(
-            f"{path.name}: the column name {shortened(twice[0])} is there twice: give every column its own name."
+            f"{path.name}: the column name {shortened(repeated[0])} is there twice: give every column its own name."
         )
 
 
@@ -131,7 +138,7 @@ def _floats(chunks: Any) -> Array:
     return np.concatenate([np.empty(0), *map(np.from_dlpack, values.chunks)])
 
 
-def _lists(file: str, name: str, chunks: Any) -> Array | str:
+def _list_column(file: str, name: str, chunks: Any) -> Array | str:
     """A column of lists as an array ``(N, n)``, or the sentence on why it cannot be one."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -150,11 +157,11 @@ def _lists(file: str, name: str, chunks: Any) -> Array | str:
 
 
 def parquet_columns(file: str, table: Any) -> tuple[dict[str, Array], dict[str, str]]:
-    """Columns of a table of Arrow, lists as one column per place, and a sentence for each that holds no numbers."""
+    """Columns of an Arrow table, lists as one column for each index, and the problem of each that has no numbers."""
     columns: dict[str, Array] = {}
     problems: dict[str, str] = {}
     for name, kind in zip(table.schema.names, table.schema.types, strict=True):
-        values = _lists(file, name, table.column(name)) if _holds_lists(kind) else _floats(table.column(name))
+        values = _list_column(file, name, table.column(name)) if _holds_lists(kind) else _floats(table.column(name))
         if isinstance(values, str):
             problems[name] = values
         else:
@@ -163,7 +170,7 @@ def parquet_columns(file: str, table: Any) -> tuple[dict[str, Array], dict[str, 
 
 
 def open_parquet(path: Path) -> Any:
-    """A Parquet file that holds no more than a file of its size can.
+    """An open Parquet file, after its declared sizes have been checked.
 
     Raises:
         LogError: If it declares more, a column name is there twice, or the library is not installed.

@@ -21,13 +21,13 @@ import numpy as np
 
 from phantom_dyn.errors import LogError
 
-_ALWAYS = 200_000_000
-"""Decompressed size that is always allowed [bytes]: an hour of seven joints at 1 kHz, position and torque."""
-_TIMES = 50
-"""Largest allowed ratio of compression for larger logs: measured numbers do not reach ten."""
-_STEP = 1_000_000
-_MAGIC = 8  # bytes at the end of an MCAP file
-_SAMPLE = 8  # bytes of a number once it is read
+_ALLOWED_SIZE = 200_000_000
+"""Decompressed size that is always allowed [bytes]: position and torque of seven joints for an hour at 1 kHz."""
+_ALLOWED_RATIO = 50
+"""Largest compression ratio that is allowed for larger logs; that of measured numbers is below ten."""
+_STEP_SIZE = 1_000_000
+_MAGIC_SIZE = 8  # bytes at the end of an MCAP file
+_NUMBER_SIZE = 8  # bytes of a number in memory
 
 
 class DamagedError(ValueError):
@@ -44,10 +44,10 @@ def require_unpacked_size(path: Path, size: int) -> None:
     Raises:
         LogError: If it is too large; the message states both sizes.
     """
-    packed = path.stat().st_size
-    if size > max(_ALWAYS, _TIMES * packed):
+    compressed = path.stat().st_size
+    if size > max(_ALLOWED_SIZE, _ALLOWED_RATIO * compressed):
         raise LogError(
-            f"{path.name} has {packed / 1e6:.3g} MB and unpacks to {size / 1e6:.3g} MB or more, which no recording "
+            f"{path.name} has {compressed / 1e6:.3g} MB and unpacks to {size / 1e6:.3g} MB or more, which no recording "
             "does: record it again, or write it without compression."
         )
 
@@ -61,12 +61,12 @@ def require_small_npz(path: Path, file: BinaryIO) -> None:
             if entry.filename.endswith(".npy"):
                 with archive.open(entry) as array:
                     numbers += _declared_numbers(array)
-        require_unpacked_size(path, _SAMPLE * numbers)
+        require_unpacked_size(path, _NUMBER_SIZE * numbers)
     file.seek(0)
 
 
 def _declared_numbers(array: Any) -> int:
-    """Numbers that the head of an array file declares; 0 where it is no array file."""
+    """Count of numbers that the header of an array file declares; 0 if it is not an array file."""
     try:
         version = np.lib.format.read_magic(array)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -76,26 +76,26 @@ def _declared_numbers(array: Any) -> int:
     count = 1
     for length in shape:
         count *= max(int(length), 0)
-    return count * max(1, kind.itemsize // _SAMPLE)
+    return count * max(1, kind.itemsize // _NUMBER_SIZE)
 
 
 def require_small_parquet(path: Path, metadata: Any) -> None:
     """Refuse a Parquet file that declares more numbers, or larger pages, than a file of its size can hold."""
-    require_unpacked_size(path, _SAMPLE * metadata.num_rows * max(1, metadata.num_columns))
+    require_unpacked_size(path, _NUMBER_SIZE * metadata.num_rows * max(1, metadata.num_columns))
     groups = (metadata.row_group(k) for k in range(metadata.num_row_groups))
     columns = [group.column(k) for group in groups for k in range(group.num_columns)]
     require_unpacked_size(path, sum(max(0, column.total_uncompressed_size) for column in columns))
     # In columns of lists, a row may hold any count of numbers.
-    require_unpacked_size(path, _SAMPLE * sum(max(0, column.num_values) for column in columns))
+    require_unpacked_size(path, _NUMBER_SIZE * sum(max(0, column.num_values) for column in columns))
 
 
 @dataclass(frozen=True)
 class _Chunk:
     """Compressed chunk of a bag: method of compression, place and length of its bytes, declared size."""
 
-    packing: str
+    compression: str
     start: int
-    packed: int
+    compressed: int
     declared: int
 
 
@@ -114,9 +114,9 @@ def require_small_mcap(path: Path) -> None:
             starts.add(start)
             if kind == 6:
                 *_, declared, _, name = struct.unpack("<QQQII", file.read(32))
-                packing = file.read(name).decode()
-                (packed,) = struct.unpack("<Q", file.read(8))
-                chunks.append((start, _Chunk(packing, file.tell(), min(packed, length), declared)))
+                compression = file.read(name).decode()
+                (compressed,) = struct.unpack("<Q", file.read(8))
+                chunks.append((start, _Chunk(compression, file.tell(), min(compressed, length), declared)))
             elif kind == 8:
                 indexed.add(_indexed_chunk(file.read(length), path.stat().st_size))
             elif kind == 2:
@@ -136,7 +136,7 @@ def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
         kind, length = struct.unpack("<BQ", file.read(9))
         if start + 9 + length > size:
             raise DamagedError("a record is longer than the file")
-        if kind == 2 and start + 9 + length + _MAGIC != size:
+        if kind == 2 and start + 9 + length + _MAGIC_SIZE != size:
             raise DamagedError("its footer is not at its end")
         yield start, kind, length
         if kind == 2:  # the footer, the last one
@@ -147,11 +147,11 @@ def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
 def _indexed_chunk(record: bytes, size: int) -> int:
     """Start of the chunk to which an entry of the index points; the size is that of the file."""
     (start,) = struct.unpack_from("<Q", record, 16)
-    at = 32
+    offset = 32
     # Skips the offsets of messages, their length, and the name of the compression.
-    at += 4 + struct.unpack_from("<I", record, at)[0] + 8
-    at += 4 + struct.unpack_from("<I", record, at)[0]
-    if struct.unpack_from("<Q", record, at)[0] > size:
+    offset += 4 + struct.unpack_from("<I", record, offset)[0] + 8
+    offset += 4 + struct.unpack_from("<I", record, offset)[0]
+    if struct.unpack_from("<Q", record, offset)[0] > size:
         raise DamagedError("its index declares a chunk that is longer than the file")
     return start
 
@@ -186,49 +186,49 @@ def require_small_bag(path: Path) -> None:
 
 def _bag_fields(head: bytes) -> dict[bytes, bytes]:
     """Fields in the header of a record of a ROS 1 bag."""
-    out, at = {}, 0
-    while at + 4 <= len(head):
-        (length,) = struct.unpack_from("<I", head, at)
-        name, _, value = head[at + 4 : at + 4 + length].partition(b"=")
+    out, offset = {}, 0
+    while offset + 4 <= len(head):
+        (length,) = struct.unpack_from("<I", head, offset)
+        name, _, value = head[offset + 4 : offset + 4 + length].partition(b"=")
         out[name] = value
-        at += 4 + length
+        offset += 4 + length
     return out
 
 
 def _require_small_chunks(path: Path, file: BinaryIO, chunks: list[_Chunk]) -> None:
     require_unpacked_size(path, sum(chunk.declared for chunk in chunks))
     for chunk in chunks:
-        if chunk.packing in _OPENERS:
+        if chunk.compression in _DECOMPRESSORS:
             file.seek(chunk.start)
-            _require_declared(file.read(chunk.packed), chunk)
+            _require_declared(file.read(chunk.compressed), chunk)
 
 
 def _require_declared(data: bytes, chunk: _Chunk) -> None:
-    """Decompress a chunk in small steps, none of which is kept, and refuse it if it exceeds the size it declares."""
+    """Refuse a chunk that exceeds the size it declares; it is decompressed in small steps, which are not kept."""
     size = 0
     while data:
-        one = _OPENERS[chunk.packing]()
-        while not one.eof:
-            step = one.decompress(data, max_length=_STEP)
+        decompressor = _DECOMPRESSORS[chunk.compression]()
+        while not decompressor.eof:
+            data_out = decompressor.decompress(data, max_length=_STEP_SIZE)
             data = b""
-            size += len(step)
+            size += len(data_out)
             if size > chunk.declared:
                 raise DamagedError("a chunk unpacks to more than it declares")
-            if not step and one.needs_input:
+            if not data_out and decompressor.needs_input:
                 raise DamagedError("a chunk is cut off")
-        data = one.unused_data or b""
+        data = decompressor.unused_data or b""
 
 
-def _lz4() -> Any:
+def _lz4_decompressor() -> Any:
     from lz4.frame import LZ4FrameDecompressor
 
     return LZ4FrameDecompressor()
 
 
-def _zstd() -> Any:
+def _zstd_decompressor() -> Any:
     # In the standard library since Python 3.14; before that, rosbags depends on the backport.
     zstd = import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
     return zstd.ZstdDecompressor()
 
 
-_OPENERS = {"bz2": bz2.BZ2Decompressor, "lz4": _lz4, "zstd": _zstd}
+_DECOMPRESSORS = {"bz2": bz2.BZ2Decompressor, "lz4": _lz4_decompressor, "zstd": _zstd_decompressor}

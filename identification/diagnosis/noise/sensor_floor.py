@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.derivatives import differentiate, motion_edge, position_edges
-from identification.data.floating.base_columns import read_once_more
+from identification.data.floating.base_columns import with_redrawn_noise
 from identification.data.log import Log
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series, Session
@@ -150,7 +150,7 @@ def reading_error_torque(
     q, v, a = differentiate(log.motion.q + error, log.band.rate_hz, position_edges(log))
     noisy = log.motion.with_joints(q, v, a)
     if log.motion.base is not None:
-        noisy = replace(noisy, base=read_once_more(log, rng, motion_edge(log.band)))
+        noisy = replace(noisy, base=with_redrawn_noise(log, rng, motion_edge(log.band)))
     with_errors, smooth = (
         inverse_dynamics(robot, motion) - modelled_friction(robot, motion) for motion in (noisy, log.motion)
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floating_leg import URDF, written_leg
-from identification.data.floating.base_columns import carriers
+from identification.data.floating.base_columns import carrying_joints
 from identification.data.reading import recording
 from identification.data.recording import Table
 from identification.data.stretches import part_of
@@ -90,8 +90,8 @@ def test_joints_of_which_no_contact_is_known_are_named(leg):
 
 
 def test_a_force_puts_a_torque_on_the_joints_before_it(leg):
-    assert carriers(leg, "foot").tolist() == [True, True]
-    assert carriers(leg, "thigh").tolist() == [True, False]
+    assert carrying_joints(leg, "foot").tolist() == [True, True]
+    assert carrying_joints(leg, "thigh").tolist() == [True, False]
 
 
 def test_torques_without_gravity_are_refused_on_a_base_that_turns(leg):

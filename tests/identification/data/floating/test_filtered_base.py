@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floating_leg import written_leg
-from identification.data.floating.base_columns import filtered_base, read_once_more, sensors_of_base
+from identification.data.floating.base_columns import filtered_base, sensors_of_base, with_redrawn_noise
 from identification.data.recording import BaseReadings, Recording
 from identification.data.signals import process
 from phantom_dyn.dynamics.moving_base import base_motion
@@ -51,9 +51,9 @@ def test_a_base_that_is_bolted_down_has_no_noise():
     assert sensors_of_base(replace(turning(), base=None)) is None
 
 
-def test_read_once_more_the_base_differs_by_its_noise_in_the_band(leg, rng):
+def test_with_redrawn_noise_the_base_differs_by_its_noise_in_the_band(leg, rng):
     log = process(turning(w=0.004, sf=0.07), leg, cutoff_hz=20.0)
-    again = read_once_more(log, rng, 50.0)
+    again = with_redrawn_noise(log, rng, 50.0)
     # White noise up to a quarter of its band of 250 Hz; Butterworth's edge leaves a little more.
     share = np.sqrt(50.0 / 250.0)
     assert np.std(again.w - log.motion.base.w) == pytest.approx(0.004 * share, rel=0.1)
