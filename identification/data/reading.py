@@ -273,8 +273,8 @@ def recording(
         tau, unfiltered = before_low_pass(table, robot, tau)
     weightless, torque_from = joints_without(table, robot, "gravity"), torque_sources(table, joints)
     loops = loops_of(table, joints)
-    slowing = voltage_slowing(table, robot, torque_from)
-    follows, follows_up_to = computed_from_references(table, robot, loops, torque_from)
+    velocity_gain = voltage_slowing(table, robot, torque_from)
+    reference_gain, reference_torque_limit = computed_from_references(table, robot, loops, torque_from)
     # Frees the memory of the torques before positions are read, unless the caller keeps the table.
     table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
     q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
@@ -300,11 +300,11 @@ def recording(
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },
         torque_from=torque_from,
-        slowing=slowing,
+        velocity_gain=velocity_gain,
         loops=loops,
         references_held=table.references_held if robot.reference_hold is None else robot.reference_hold == "zoh",
-        follows=follows,
-        follows_up_to=follows_up_to,
+        reference_gain=reference_gain,
+        reference_torque_limit=reference_torque_limit,
         friction_taken=joints_without(table, robot, "friction"),
         temperature=_per_joint(table, "temp", joints),
         supply=table.columns.get("supply"),

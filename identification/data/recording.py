@@ -152,18 +152,18 @@ class Recording:
         controlled: True if no torque was recorded, and ``tau`` is computed from the stated controllers.
         gains_estimated: Joints with unstated controllers, whose gains were estimated from the motion.
         torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty if unknown.
-        slowing: Torque per velocity [N m s/rad or N s/m] by which ``tau`` falls with speed, where it was computed with
-            differences of positions (back-EMF, damping of a controller), ``(nv,)``: it is computed again when the
-            positions are filtered. None without such joints.
+        velocity_gain: Torque per velocity [N m s/rad or N s/m] by which ``tau`` falls with speed, ``(nv,)``, if it was
+            computed with differences of positions (back-EMF, velocity gain of a controller): this part is computed
+            again when the positions are filtered. None if there is no such joint.
         loops: Estimated control loop of each drive, None where there is none; empty if not estimated.
         references_held: True if the format or the robot says that a reference acts from its sample to the next.
-        follows: Torque per unit of the reference [N m/rad or N/m] where ``tau`` was computed from references, zero
-            elsewhere, ``(nv,)``; None without such joints.
-        follows_up_to: Limit of that part of the torque, ``(nv,)``; None if ``follows`` is.
+        reference_gain: Torque per unit of the reference [N m/rad or N/m] if ``tau`` was computed from references, zero
+            for other joints, ``(nv,)``; None if there is no such joint.
+        reference_torque_limit: Limit of the torque from references, ``(nv,)``; None if ``reference_gain`` is None.
         friction_taken: Joints from whose torque a controller had subtracted friction: the model's friction is added
             again once the velocities are known.
         wrong: Certain faults; such a recording is refused, see `identification.data.refusal`.
-        anyway: True if the recording is to be used in spite of certain faults.
+        anyway: True if the recording is used in spite of certain faults.
         named: For each standard name the column of the file, by the user's map; empty without one.
         base: Readings of the sensors on a floating base; None for a fixed one.
     """
@@ -191,11 +191,11 @@ class Recording:
     controlled: bool = False
     gains_estimated: tuple[str, ...] = ()
     torque_from: Mapping[str, str] = field(default_factory=dict)
-    slowing: Float[Array, " nv"] | None = None
+    velocity_gain: Float[Array, " nv"] | None = None
     loops: tuple[DriveLoop | None, ...] = ()
     references_held: bool = False
-    follows: Float[Array, " nv"] | None = None
-    follows_up_to: Float[Array, " nv"] | None = None
+    reference_gain: Float[Array, " nv"] | None = None
+    reference_torque_limit: Float[Array, " nv"] | None = None
     friction_taken: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False

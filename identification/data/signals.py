@@ -215,8 +215,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     edges = edges_of_readings(q, steps, valid, band)
     smooth, v, a = differentiate(q, rate, edges)
-    if recording.slowing is not None:
-        tau = tau + recording.slowing * (_on_grid(recording.t, differences(recording), t) - v)
+    if recording.velocity_gain is not None:
+        tau = tau + recording.velocity_gain * (_on_grid(recording.t, differences(recording), t) - v)
     if recording.friction_taken:
         tau = tau + friction_taken(robot, recording, v)
     temperature = None if recording.temperature is None else _on_grid(recording.t, recording.temperature, t)
@@ -251,12 +251,12 @@ def _references(
     recording: Recording, robot: Robot, t: Float[Array, " N"], q_ref: Array, q: Array, v: Array
 ) -> References | None:
     """Torque that the controllers command, if the torque was computed from references; else None."""
-    gain, limits = recording.follows, recording.follows_up_to
+    gain, limits = recording.reference_gain, recording.reference_torque_limit
     if gain is None or limits is None:
         return None
     # The damping of a controller is part of a torque that is clipped; where a voltage is, back-EMF comes on top.
     inside = recording.controlled & np.isinf([voltage_bound(actuator) for actuator in robot.actuators])
-    damping = np.zeros(len(gain)) if recording.slowing is None else np.where(inside, recording.slowing, 0.0)
+    damping = np.zeros(len(gain)) if recording.velocity_gain is None else np.where(inside, recording.velocity_gain, 0.0)
     commanded = gain * (q_ref - q) - damping * v
     if robot.torque_hold == "zoh":
         q_ref, commanded = align_held_torque(q_ref), align_held_torque(commanded)

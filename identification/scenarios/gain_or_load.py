@@ -18,7 +18,7 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival
 from identification.engine import contract_levels
 from identification.engine.resampling import probabilities
 from identification.notes import Code, Note
-from identification.scenarios.motion_only import commanded_torque
+from identification.scenarios.motion_only import limited_controller_torque
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
@@ -80,7 +80,7 @@ def with_scaled_gains(
     for k, one in enumerate(recordings):
         kept = tuple(n for n in one.notes if n.code is not Code.GAINS_ESTIMATED or n.joint not in scales)
         notes = (*kept, *higher) if k == 0 else kept
-        out.append(replace(one, tau=commanded_torque(one, driven), notes=notes))
+        out.append(replace(one, tau=limited_controller_torque(one, driven), notes=notes))
     return driven, tuple(out)
 
 

@@ -53,7 +53,7 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
         The recording, with a note if the log shows held references that the robot does not state. The step response
         depends on the inertia of the model: it is subtracted only if that leaves less torque unexplained.
     """
-    gain, q_ref = recording.follows, recording.q_ref
+    gain, q_ref = recording.reference_gain, recording.q_ref
     if gain is None or q_ref is None or not gain.any() or robot.nv > _MOST_JOINTS or not _has_slow_even_rows(recording):
         return recording
     held = holds_references(recording, robot)
@@ -107,9 +107,9 @@ def _delayed(recording: Recording, part: float) -> Recording:
     """The recording with references, and the torque that they cause, delayed by a part of a row."""
     assert recording.q_ref is not None
     assert recording.tau is not None
-    assert recording.follows is not None
+    assert recording.reference_gain is not None
     q_ref = (1 - part) * recording.q_ref + part * np.vstack([recording.q_ref[:1], recording.q_ref[:-1]])
-    tau = recording.tau + recording.follows * (q_ref - recording.q_ref)
+    tau = recording.tau + recording.reference_gain * (q_ref - recording.q_ref)
     return replace(recording, q_ref=read_only(q_ref), tau=read_only(tau))
 
 
@@ -117,14 +117,14 @@ def without_step_response(robot: Robot, recording: Recording) -> Recording:
     """The recording with the positions and torques that smooth references with the same mean would have given."""
     assert recording.q_ref is not None
     assert recording.tau is not None
-    assert recording.follows is not None
+    assert recording.reference_gain is not None
     t = recording.t
-    kd = np.zeros(robot.nv) if recording.slowing is None else recording.slowing
+    kd = np.zeros(robot.nv) if recording.velocity_gain is None else recording.velocity_gain
     postures = recording.q[:: max(len(t) // _POSTURES, 1)]
     mobility = np.linalg.inv(mass_matrix(robot, postures)).mean(axis=0)
     step = float(np.median(np.diff(t)))
-    response = aliased_step_response(np.linalg.inv(mobility), recording.follows, kd, step, recording.q_ref)
-    tau = recording.tau + recording.follows * response + kd * np.gradient(response, t, axis=0)
+    response = aliased_step_response(np.linalg.inv(mobility), recording.reference_gain, kd, step, recording.q_ref)
+    tau = recording.tau + recording.reference_gain * response + kd * np.gradient(response, t, axis=0)
     return replace(recording, q=read_only(recording.q - response), tau=read_only(tau))
 
 

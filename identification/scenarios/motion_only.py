@@ -49,24 +49,24 @@ def with_controller_torque(recording: Recording, robot: Robot) -> Recording:
             f"{recording.file}: its controllers ask for no torque at all: check their gains, and that q_ref is not q."
         )
     note = Note(Code.TORQUE_ASKED, numbers={"file": recording.file})
-    return _computed(replace(recording, tau=read_only(torque), notes=(*recording.notes, note)), robot)
+    return _with_controller_gains(replace(recording, tau=read_only(torque), notes=(*recording.notes, note)), robot)
 
 
-def _computed(recording: Recording, robot: Robot) -> Recording:
-    """The recording with the torque of its controllers, and with its derivatives by references and speed."""
-    stated = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
-    supplied = np.array([float(np.mean(_supplied(recording, actuator))) for actuator in robot.actuators])
-    limits = np.array([_bound(actuator) for actuator in robot.actuators]) * supplied
-    # A torque that is delayed as a whole has no derivative by the speed at the same time.
-    at_once = np.array([controller.delay == 0 for controller in stated])
-    slowing = np.array([controller.kd for controller in stated]) * at_once if recording.v is None else None
-    gain = np.array([controller.kp for controller in stated]) * supplied
+def _with_controller_gains(recording: Recording, robot: Robot) -> Recording:
+    """The recording with the gains by which its controllers' torque depends on references and velocities."""
+    controllers = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
+    supply_ratio = np.array([float(np.mean(_supplied(recording, actuator))) for actuator in robot.actuators])
+    limits = np.array([_bound(actuator) for actuator in robot.actuators]) * supply_ratio
+    # The torque of a controller with delay depends on an earlier velocity, not on that of the same time.
+    undelayed = np.array([controller.delay == 0 for controller in controllers])
+    velocity_gain = np.array([controller.kd for controller in controllers]) * undelayed if recording.v is None else None
+    reference_gain = np.array([controller.kp for controller in controllers]) * supply_ratio
     return replace(
         recording,
         controlled=True,
-        slowing=None if slowing is None else read_only(slowing),
-        follows=read_only(gain),
-        follows_up_to=read_only(limits),
+        velocity_gain=None if velocity_gain is None else read_only(velocity_gain),
+        reference_gain=read_only(reference_gain),
+        reference_torque_limit=read_only(limits),
     )
 
 
@@ -134,16 +134,16 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
     Raises:
         LogError: If a controller, its gain or the references are missing, and no voltage gives the torque.
     """
-    lacking = [
+    without_gain = [
         joint
         for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
         if actuator.actuated and (actuator.controller is None or actuator.controller.kp <= 0)
     ]
-    if recording.q_ref is not None and not lacking:
+    if recording.q_ref is not None and not without_gain:
         numbers = {"file": recording.file, "has_torque": recording.tau is not None, "gains": gains_of_file(robot)}
-        tau = commanded_torque(recording, robot)
+        tau = limited_controller_torque(recording, robot)
         note = Note(Code.MOTION_ONLY, numbers=numbers)
-        return _computed(replace(recording, tau=tau, notes=(*recording.notes, note)), robot)
+        return _with_controller_gains(replace(recording, tau=tau, notes=(*recording.notes, note)), robot)
     if recording.voltage is not None and recording.tau is not None:
         return recording
     if recording.q_ref is None:
@@ -152,7 +152,7 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
             "controllers, or motor voltages u.<joint> with resistance and torque_constant in robot.yaml."
         )
     raise LogError(
-        f"{recording.file}: robot.yaml states no controller with a gain kp of {', '.join(lacking)}: --motion-only "
+        f"{recording.file}: robot.yaml states no controller with a gain kp of {', '.join(without_gain)}: --motion-only "
         "needs it to know the torque, as positions alone do not separate a gain from the inertia that it moves. Add "
         "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the joint. "
         "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "
@@ -160,7 +160,7 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
     )
 
 
-def commanded_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
+def limited_controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
     """Torque [N m or N] of the stated controllers (see `controller_torque`) within the drives' limits; read-only.
 
     Args:

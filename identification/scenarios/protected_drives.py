@@ -52,7 +52,7 @@ def needed_loop(log: Log, recording: Recording, needed: Float[Array, "N nv"], j:
     references = log.references
     if references is None or log.q_ref is None or not references.gain[j]:
         return None
-    slowing = 0.0 if recording.slowing is None else recording.slowing[j] * log.motion.v[:, j]
+    slowing = 0.0 if recording.velocity_gain is None else recording.velocity_gain[j] * log.motion.v[:, j]
     q = log.motion.q if log.raw_q is None else log.raw_q
     return drive_loop("tau", log.motion.t, needed[:, j] + slowing, log.q_ref[:, j], q[:, j])
 

@@ -59,9 +59,9 @@ def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
 
 def check_computed(recording: Recording) -> tuple[str, ...]:
     """A warning on voltages that were computed from reference and position: they do not show the drive's delay."""
-    if recording.follows is None or recording.controlled:
+    if recording.reference_gain is None or recording.controlled:
         return ()
-    joints = [joint for joint, gain in zip(recording.joint_names, recording.follows, strict=True) if gain]
+    joints = [joint for joint, gain in zip(recording.joint_names, recording.reference_gain, strict=True) if gain]
     names = ", ".join(f"u.{joint}" for joint in joints)
     return (
         f"{recording.file}: {names} was computed from reference and position, not measured: that the drive gets its "

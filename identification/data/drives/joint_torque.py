@@ -89,7 +89,8 @@ def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array
     r"""Torque from the voltage of a motor that warms: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`.
 
     Without a recorded velocity, positions are differentiated. They are mended first, as a dropout of one sample is no
-    motion. When positions are filtered later, the back-EMF of the filtered ones replaces this one: `Recording.slowing`.
+    motion. When positions are filtered later, the back-EMF is computed again from the filtered positions, see
+    `Recording.velocity_gain`.
     """
     _constant(table, joint, actuator, f"u.{joint}")
     if actuator.resistance is None:

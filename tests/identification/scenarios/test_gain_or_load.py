@@ -19,7 +19,7 @@ from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.motion_limits import limited_to_motion
-from identification.scenarios.motion_only import commanded_torque, states_controllers, with_controller_torque
+from identification.scenarios.motion_only import limited_controller_torque, states_controllers, with_controller_torque
 from identification.scenarios.recordings_file import read_changes
 from identification.words.note_words import sentence
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -74,7 +74,7 @@ def test_a_gain_that_was_stated_is_not_scaled(made_up, driven, estimated):
 def test_the_torque_of_a_higher_gain_is_as_many_times_larger(driven, estimated):
     robot, (recording,) = with_scaled_gains(driven, (estimated,), {"pin": 1.5})
     plain = replace(driven, actuators=(Actuator(controller=Controller(kp=KP, kd=0.0)),))
-    np.testing.assert_allclose(recording.tau, 1.5 * commanded_torque(estimated, plain))
+    np.testing.assert_allclose(recording.tau, 1.5 * limited_controller_torque(estimated, plain))
     controller = robot.actuators[0].controller
     assert controller is not None
     assert (controller.kp, controller.kd) == (60.0, 0.0)

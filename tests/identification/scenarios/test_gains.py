@@ -242,7 +242,7 @@ def servo(kind: str, seed: int, folder: Path) -> tuple[Robot, Recording, DriveLo
     drive = robot.actuators[0]
     controller = Controller(kp=loop.gain * per_volt(drive), kd=per_speed(drive))
     stated = motion_robot(replace(robot, actuators=(replace(drive, controller=controller),)))
-    return stated, replace(measured, tau=None, voltage=None, loops=(), torque_from={}, slowing=None), loop
+    return stated, replace(measured, tau=None, voltage=None, loops=(), torque_from={}, velocity_gain=None), loop
 
 
 def notes_of(robot: Robot, recording: Recording) -> tuple[Note, ...]:

@@ -14,7 +14,7 @@ from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
 from identification.scenarios.gains import estimated_gains
 from identification.scenarios.motion_limits import limited_to_motion
-from identification.scenarios.motion_only import commanded_torque, motion_robot, with_commanded_torque
+from identification.scenarios.motion_only import limited_controller_torque, motion_robot, with_commanded_torque
 from identification.words.note_words import sentences
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
@@ -68,25 +68,25 @@ def rubbing(pendulum):
 
 def test_the_torque_is_the_one_that_the_simulated_controller_asked_for(pendulum):
     recording, found = moved(pendulum, noise=1e-7)
-    rebuilt = commanded_torque(recording, pendulum)
+    rebuilt = limited_controller_torque(recording, pendulum)
     assert np.abs(rebuilt - found.tau)[20:-20].max() < 0.1
 
 
 def test_a_late_controller_asks_later(pendulum, recording):
     late = replace(pendulum, actuators=(Actuator(controller=Controller(kp=KP, kd=KD, delay=0.008)),))
-    ours, plain = commanded_torque(recording, late), commanded_torque(recording, pendulum)
+    ours, plain = limited_controller_torque(recording, late), limited_controller_torque(recording, pendulum)
     np.testing.assert_allclose(ours[2:], plain[:-2], atol=1e-9)
 
 
 def test_a_controller_asks_no_more_than_its_drive_gives(pendulum, recording):
     weak = replace(pendulum, actuators=(replace(pendulum.actuators[0], torque_limit=2.0),))
-    assert np.abs(commanded_torque(recording, weak)).max() == 2.0
+    assert np.abs(limited_controller_torque(recording, weak)).max() == 2.0
 
 
 def test_a_controller_whose_reference_is_late_follows_the_earlier_one(pendulum, recording):
     # Five samples of 4 ms: position and speed are as they are, the reference is that of 20 ms before.
     late = replace(pendulum, actuators=(Actuator(controller=Controller(kp=KP, kd=KD, reference_delay=0.02)),))
-    ours, plain = commanded_torque(recording, late), commanded_torque(recording, pendulum)
+    ours, plain = limited_controller_torque(recording, late), limited_controller_torque(recording, pendulum)
     q_ref = recording.q_ref
     np.testing.assert_allclose((ours - plain)[5:], KP * (q_ref[:-5] - q_ref[5:]), atol=1e-9)
 
@@ -94,7 +94,7 @@ def test_a_controller_whose_reference_is_late_follows_the_earlier_one(pendulum, 
 def test_a_torque_that_drops_where_the_error_is_large_is_asked_for_as_it_is(pendulum, recording):
     # Closed form on every sample: no more than 0.5 N m of stiffness where the error is above 0.02 rad.
     protected = Controller("duty", kp=KP, kd=0.0, drops_beyond=0.02, drops_to=0.5)
-    ours = commanded_torque(recording, replace(pendulum, actuators=(Actuator(controller=protected),)))
+    ours = limited_controller_torque(recording, replace(pendulum, actuators=(Actuator(controller=protected),)))
     error = recording.q_ref - recording.q
     large = np.abs(error) > 0.02
     assert large.any()
@@ -106,13 +106,15 @@ def test_a_servo_puts_a_share_of_the_measured_supply_on_its_motor(pendulum, reco
     drive = Actuator(torque_constant=1.0, resistance=2.0, voltage_limit=12.0, controller=Controller("duty", kp=KP))
     robot = replace(pendulum, actuators=(drive,))
     sagging = replace(recording, supply=np.linspace(12.0, 9.0, len(recording.t)))
-    plain, ours = commanded_torque(recording, robot), commanded_torque(sagging, robot)
+    plain, ours = limited_controller_torque(recording, robot), limited_controller_torque(sagging, robot)
     np.testing.assert_allclose(ours[:, 0], plain[:, 0] * np.linspace(1.0, 0.75, len(ours)), atol=1e-12)
 
 
 def test_a_supply_does_not_change_gains_that_are_stated_as_torques(pendulum, recording):
     sagging = replace(recording, supply=np.full(len(recording.t), 9.0))
-    np.testing.assert_array_equal(commanded_torque(sagging, pendulum), commanded_torque(recording, pendulum))
+    np.testing.assert_array_equal(
+        limited_controller_torque(sagging, pendulum), limited_controller_torque(recording, pendulum)
+    )
 
 
 def test_friction_is_named_from_positions_alone(rubbing):
@@ -285,4 +287,4 @@ def test_the_largest_voltage_bounds_what_follows_the_reference(pendulum, recordi
     weak = replace(pendulum, actuators=(drive,))
     v = np.gradient(recording.q, recording.t, axis=0)
     wanted = np.clip(KP * (recording.q_ref - recording.q), -1.5, 1.5) - KD * v
-    np.testing.assert_allclose(commanded_torque(recording, weak), wanted, atol=1e-12)
+    np.testing.assert_allclose(limited_controller_torque(recording, weak), wanted, atol=1e-12)

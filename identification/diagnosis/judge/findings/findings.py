@@ -162,7 +162,7 @@ def drive_sums(shown: Shown) -> tuple[Note, ...]:
     for j, joint in enumerate(robot.joint_names):
         if not recordings or any(one.torque_from.get(joint) != "u" for one in recordings):
             continue
-        gains = [0.0 if one.follows is None else float(one.follows[j]) for one in recordings]
+        gains = [0.0 if one.reference_gain is None else float(one.reference_gain[j]) for one in recordings]
         if np.ptp(gains) > 1e-3 * max(gains):
             # With several gains of the controller the parts of the sum are determined.
             continue

@@ -261,7 +261,7 @@ def test_protection_is_said_with_its_error(robot):
 
 def test_a_torque_that_follows_a_law_makes_no_late_reference(robot):
     # Whoever commands a torque knows the reference at that instant.
-    assert read(robot, **{"tau.pin": 12.0 * (Q_REF - Q)}).follows is None
+    assert read(robot, **{"tau.pin": 12.0 * (Q_REF - Q)}).reference_gain is None
 
 
 def test_a_controller_that_gives_the_logged_torque_is_not_doubted(robot):

@@ -347,5 +347,7 @@ def test_a_computed_voltage_follows_its_reference_with_less_torque(warm_robot):
     # By hand: 24 V/rad times 0.75 N m/V, less by the copper's 0.393 % per K, on average.
     q_ref, warm = np.sin(T + 0.1), np.linspace(25.0, 65.0, len(T))
     found = read(warm_robot, **{"q_ref.pin": q_ref, "u.pin": 24.0 * (q_ref - Q), "temp.pin": warm})
-    assert found.follows is not None
-    assert found.follows[0] == pytest.approx(24.0 * K / R * np.mean(1.0 / (1.0 + 0.00393 * (warm - 25.0))), rel=1e-6)
+    assert found.reference_gain is not None
+    assert found.reference_gain[0] == pytest.approx(
+        24.0 * K / R * np.mean(1.0 / (1.0 + 0.00393 * (warm - 25.0))), rel=1e-6
+    )
