@@ -1,17 +1,18 @@
 # pyright: reportAttributeAccessIssue=false
 r"""Exact gradient of a scalar made of the rigid-body regressor, :math:`\sum_k \mathrm{tr}(S_k^T Y(q_k, v_k, a_k))`.
 
-Every criterion of excitation, and every torque, is such a scalar to first order. One pass over the bodies gives its
-slope in all positions, velocities and accelerations, at the cost of about two regressors and without differences.
+To first order, every excitation criterion and every torque is such a scalar. One pass over the bodies gives its
+gradient with respect to all positions, velocities and accelerations, at the cost of about two regressors and without
+finite differences.
 
 In the frame of body b, let :math:`J_i` be the axes of the joints that carry it, V and A its velocity and acceleration
 (gravity included), and :math:`I^{(i)}` the inertia whose parameters are row i of S. Then
 
 .. math:: L = \sum_b \sum_i J_i \cdot f_i, \qquad f_i = I^{(i)} A + V \times^* I^{(i)} V .
 
-As seen from body b, a motion of joint j moves only what lies before j. With l the parent of j and
-:math:`D_j = V_l \times J_j`, it is :math:`\delta J_i = J_i \times J_j` for i before j, :math:`\delta V = D_j`, and
-:math:`\delta A = A_l \times J_j + D_j \times (V - V_l)`.
+Seen from body b, a motion of joint j moves only the joints and bodies before j. With l the parent of j and
+:math:`D_j = V_l \times J_j`, the changes are :math:`\delta J_i = J_i \times J_j` for i before j,
+:math:`\delta V = D_j`, and :math:`\delta A = A_l \times J_j + D_j \times (V - V_l)`.
 
 In the compiled loop over samples, a spatial vector is six numbers, the linear part first. For each joint before it a
 body carries J, D and :math:`M_j = A_l \times J_j - D_j \times V_l`. All three are motions, which transform alike from
@@ -31,7 +32,7 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class Slope:
-    """Slope of a scalar in the positions, velocities and accelerations of N samples of the tree, each ``(N, nt)``."""
+    """Gradient of a scalar by positions, velocities and accelerations of N samples of the tree, each ``(N, nt)``."""
 
     q: Float[Array, "N nt"]
     v: Float[Array, "N nt"]
@@ -81,7 +82,7 @@ def _twist(model: pin.Model, b: int) -> Float[Array, "6"]:
 
 @inlined
 def to_child(R: Array, p: Array, x: Array, out: Array) -> None:
-    """Write a motion of the parent's frame as seen from a child at ``p``, whose axes are the columns of ``R``."""
+    """Write a motion ``x`` from the parent's frame into that of a child at ``p``; ``R`` has the child's axes as columns."""
     u = x[0] - (p[1] * x[5] - p[2] * x[4])
     v = x[1] - (p[2] * x[3] - p[0] * x[5])
     w = x[2] - (p[0] * x[4] - p[1] * x[3])
@@ -91,36 +92,36 @@ def to_child(R: Array, p: Array, x: Array, out: Array) -> None:
 
 
 @inlined
-def add_motion_cross(x: Array, y: Array, size: float, out: Array) -> None:
-    """Add the change of a motion ``y`` that is carried along by the motion ``x``, times ``size``."""
-    out[0] += size * (x[4] * y[2] - x[5] * y[1] + x[1] * y[5] - x[2] * y[4])
-    out[1] += size * (x[5] * y[0] - x[3] * y[2] + x[2] * y[3] - x[0] * y[5])
-    out[2] += size * (x[3] * y[1] - x[4] * y[0] + x[0] * y[4] - x[1] * y[3])
-    out[3] += size * (x[4] * y[5] - x[5] * y[4])
-    out[4] += size * (x[5] * y[3] - x[3] * y[5])
-    out[5] += size * (x[3] * y[4] - x[4] * y[3])
+def add_motion_cross(x: Array, y: Array, factor: float, out: Array) -> None:
+    """Add the spatial cross product of the motions ``x`` and ``y``, times ``factor``."""
+    out[0] += factor * (x[4] * y[2] - x[5] * y[1] + x[1] * y[5] - x[2] * y[4])
+    out[1] += factor * (x[5] * y[0] - x[3] * y[2] + x[2] * y[3] - x[0] * y[5])
+    out[2] += factor * (x[3] * y[1] - x[4] * y[0] + x[0] * y[4] - x[1] * y[3])
+    out[3] += factor * (x[4] * y[5] - x[5] * y[4])
+    out[4] += factor * (x[5] * y[3] - x[3] * y[5])
+    out[5] += factor * (x[3] * y[4] - x[4] * y[3])
 
 
 @inlined
-def add_force_cross(x: Array, f: Array, size: float, out: Array) -> None:
-    """Add the change of a force ``f`` that is carried along by the motion ``x``, times ``size``."""
-    out[0] += size * (x[4] * f[2] - x[5] * f[1])
-    out[1] += size * (x[5] * f[0] - x[3] * f[2])
-    out[2] += size * (x[3] * f[1] - x[4] * f[0])
-    out[3] += size * (x[4] * f[5] - x[5] * f[4] + x[1] * f[2] - x[2] * f[1])
-    out[4] += size * (x[5] * f[3] - x[3] * f[5] + x[2] * f[0] - x[0] * f[2])
-    out[5] += size * (x[3] * f[4] - x[4] * f[3] + x[0] * f[1] - x[1] * f[0])
+def add_force_cross(x: Array, f: Array, factor: float, out: Array) -> None:
+    """Add the spatial cross product of the motion ``x`` and the force ``f`` (dual), times ``factor``."""
+    out[0] += factor * (x[4] * f[2] - x[5] * f[1])
+    out[1] += factor * (x[5] * f[0] - x[3] * f[2])
+    out[2] += factor * (x[3] * f[1] - x[4] * f[0])
+    out[3] += factor * (x[4] * f[5] - x[5] * f[4] + x[1] * f[2] - x[2] * f[1])
+    out[4] += factor * (x[5] * f[3] - x[3] * f[5] + x[2] * f[0] - x[0] * f[2])
+    out[5] += factor * (x[3] * f[4] - x[4] * f[3] + x[0] * f[1] - x[1] * f[0])
 
 
 @inlined
-def add_momentum(pi: Array, x: Array, size: float, out: Array) -> None:
-    """Add inertia times motion, times ``size``; parameters are ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``."""
-    out[0] += size * (pi[0] * x[0] - (pi[2] * x[5] - pi[3] * x[4]))
-    out[1] += size * (pi[0] * x[1] - (pi[3] * x[3] - pi[1] * x[5]))
-    out[2] += size * (pi[0] * x[2] - (pi[1] * x[4] - pi[2] * x[3]))
-    out[3] += size * (pi[2] * x[2] - pi[3] * x[1] + pi[4] * x[3] + pi[5] * x[4] + pi[7] * x[5])
-    out[4] += size * (pi[3] * x[0] - pi[1] * x[2] + pi[5] * x[3] + pi[6] * x[4] + pi[8] * x[5])
-    out[5] += size * (pi[1] * x[1] - pi[2] * x[0] + pi[7] * x[3] + pi[8] * x[4] + pi[9] * x[5])
+def add_momentum(pi: Array, x: Array, factor: float, out: Array) -> None:
+    """Add inertia times motion, times ``factor``; parameters are ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``."""
+    out[0] += factor * (pi[0] * x[0] - (pi[2] * x[5] - pi[3] * x[4]))
+    out[1] += factor * (pi[0] * x[1] - (pi[3] * x[3] - pi[1] * x[5]))
+    out[2] += factor * (pi[0] * x[2] - (pi[1] * x[4] - pi[2] * x[3]))
+    out[3] += factor * (pi[2] * x[2] - pi[3] * x[1] + pi[4] * x[3] + pi[5] * x[4] + pi[7] * x[5])
+    out[4] += factor * (pi[3] * x[0] - pi[1] * x[2] + pi[5] * x[3] + pi[6] * x[4] + pi[8] * x[5])
+    out[5] += factor * (pi[1] * x[1] - pi[2] * x[0] + pi[7] * x[3] + pi[8] * x[4] + pi[9] * x[5])
 
 
 @inlined
@@ -130,7 +131,7 @@ def inner(x: Array, f: Array) -> float:
 
 
 @inlined
-def turn(twist: Array, angle: float, R: Array) -> None:
+def write_rotation(twist: Array, angle: float, R: Array) -> None:
     """Write the rotation about the axis of a twist, of unit length, or the identity for one of zero length."""
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = twist[3], twist[4], twist[5]
@@ -143,31 +144,37 @@ def turn(twist: Array, angle: float, R: Array) -> None:
 
 
 @fused
-def reach(b: int, tree: tuple[Array, ...], carried: Array, turned: Array, at: Array, state: Array) -> None:
-    """Write J, D, M, V and A of a body from those of its parent.
+def propagate(
+    b: int, tree: tuple[Array, ...], carried: Array, buffer: Array, joint_motion: Array, state: Array
+) -> None:
+    """Write J, D, M, V and A of a body from those of its parent (forward pass).
 
     Args:
         b: Index of the body.
         tree: Parents, rotations, translations, twists and numbers of joints, as in `slope_loop`.
         carried: J, D and M of each joint of each body, ``(n, n, 3, 6)``.
-        turned: Space for two rotations, ``(2, 3, 3)``.
-        at: Position, velocity and acceleration of the body's joint, ``(3,)``.
+        buffer: Working memory for two rotations, ``(2, 3, 3)``.
+        joint_motion: Position, velocity and acceleration of the body's joint, ``(3,)``.
         state: V and A of each body, ``(n, 2, 6)``.
     """
     parents, rotations, translations, twists, counts = tree
-    parent, twist, place, (own, R) = parents[b], twists[b], rotations[b], (turned[0], turned[1])
-    last = counts[parent]
-    turn(twist, at[0], own)
+    parent, twist, R_placement, (R_joint, R) = parents[b], twists[b], rotations[b], (buffer[0], buffer[1])
+    index = counts[parent]
+    write_rotation(twist, joint_motion[0], R_joint)
     p = np.empty(3)
     for i in range(3):
         p[i] = translations[b, i]
         for j in range(3):
-            p[i] += place[i, j] * twist[j] * at[0]
-            R[i, j] = place[i, 0] * own[0, j] + place[i, 1] * own[1, j] + place[i, 2] * own[2, j]
-    for j in range(last):
+            p[i] += R_placement[i, j] * twist[j] * joint_motion[0]
+            R[i, j] = (
+                R_placement[i, 0] * R_joint[0, j]
+                + R_placement[i, 1] * R_joint[1, j]
+                + R_placement[i, 2] * R_joint[2, j]
+            )
+    for j in range(index):
         for part in range(3):
             to_child(R, p, carried[parent, j, part], carried[b, j, part])
-    J, D, M, V, A = carried[b, last, 0], carried[b, last, 1], carried[b, last, 2], state[b, 0], state[b, 1]
+    J, D, M, V, A = carried[b, index, 0], carried[b, index, 1], carried[b, index, 2], state[b, 0], state[b, 1]
     to_child(R, p, state[parent, 0], V)
     to_child(R, p, state[parent, 1], A)
     for i in range(6):
@@ -176,10 +183,10 @@ def reach(b: int, tree: tuple[Array, ...], carried: Array, turned: Array, at: Ar
     add_motion_cross(A, J, 1.0, M)
     add_motion_cross(D, V, -1.0, M)
     for i in range(6):
-        V[i] += at[1] * J[i]
+        V[i] += joint_motion[1] * J[i]
     for i in range(6):
-        A[i] += at[2] * J[i]
-    add_motion_cross(V, J, at[1], A)
+        A[i] += joint_motion[2] * J[i]
+    add_motion_cross(V, J, joint_motion[1], A)
 
 
 @fused
@@ -195,43 +202,43 @@ def add_slope(
         carried: J, D and M of each joint of each body, ``(n, n, 3, 6)``.
         state: V and A of each body, ``(n, 2, 6)``.
         S: Weights of the ten parameters on each row of each body, ``(n - 1, n - 1, 10)``.
-        work: Space for five spatial vectors and one for each joint, ``(5 + n, 6)``.
+        work: Working memory for five spatial vectors and one for each joint, ``(5 + n, 6)``.
         slope: Slope to which is added, ``(3, n - 1)``.
     """
-    h, f, to_A, to_V, x = work[0], work[1], work[2], work[3], work[4]
+    h, f, dL_dA, dL_dV, x = work[0], work[1], work[2], work[3], work[4]
     V, A = state[b, 0], state[b, 1]
     for i in range(6):
-        to_A[i] = to_V[i] = 0.0
+        dL_dA[i] = dL_dV[i] = 0.0
     total = 0.0
     for j in range(count):
-        J, pi, pull = carried[b, j, 0], S[joints[b, j], b - 1], work[5 + j]
+        J, pi, dJf = carried[b, j, 0], S[joints[b, j], b - 1], work[5 + j]
         for i in range(6):
-            h[i] = f[i] = x[i] = pull[i] = 0.0
+            h[i] = f[i] = x[i] = dJf[i] = 0.0
         add_momentum(pi, V, 1.0, h)
         add_momentum(pi, A, 1.0, f)
         add_force_cross(V, h, 1.0, f)
-        add_momentum(pi, J, 1.0, to_A)
+        add_momentum(pi, J, 1.0, dL_dA)
         add_motion_cross(V, J, 1.0, x)
-        add_momentum(pi, x, -1.0, to_V)
-        add_force_cross(J, h, -1.0, to_V)
-        add_force_cross(J, f, 1.0, pull)
+        add_momentum(pi, x, -1.0, dL_dV)
+        add_force_cross(J, h, -1.0, dL_dV)
+        add_force_cross(J, f, 1.0, dJf)
         total += inner(J, f)
-    pulled = h
+    sum_dJf = h
     for i in range(6):
-        pulled[i] = 0.0
+        sum_dJf[i] = 0.0
     for j in range(count):
         J, D, M, row = carried[b, j, 0], carried[b, j, 1], carried[b, j, 2], joints[b, j]
         for i in range(6):
             x[i] = M[i]
         add_motion_cross(D, V, 1.0, x)
-        slope[0, row] += inner(D, to_V) + inner(x, to_A) - inner(J, pulled)
+        slope[0, row] += inner(D, dL_dV) + inner(x, dL_dA) - inner(J, sum_dJf)
         for i in range(6):
             x[i] = 2.0 * D[i]
-            # Force on the axes before j as j turns.
-            pulled[i] += work[5 + j, i]
+            # Force on the axes before j as j moves.
+            sum_dJf[i] += work[5 + j, i]
         add_motion_cross(J, V, 1.0, x)
-        slope[1, row] += inner(J, to_V) + inner(x, to_A)
-        slope[2, row] += inner(J, to_A)
+        slope[1, row] += inner(J, dL_dV) + inner(x, dL_dA)
+        slope[2, row] += inner(J, dL_dA)
     return total
 
 
@@ -251,7 +258,7 @@ def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: A
     """
     counts = tree[4]
     n = len(counts)
-    carried, state, work, turned = (
+    carried, state, work, rotation_buffer = (
         np.zeros((n, n, 3, 6)),
         np.zeros((n, 2, 6)),
         np.zeros((5 + n, 6)),
@@ -262,6 +269,6 @@ def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: A
     total = 0.0
     for k in range(len(motion)):
         for b in range(1, n):
-            reach(b, tree, carried, turned, motion[k, b - 1], state)
+            propagate(b, tree, carried, rotation_buffer, motion[k, b - 1], state)
             total += add_slope(b, counts[b], joints, carried, state, S[k], work, slope[k])
     return total
