@@ -82,7 +82,7 @@ def _twist(model: pin.Model, b: int) -> Float[Array, "6"]:
 
 @inlined
 def to_child(R: Array, p: Array, x: Array, out: Array) -> None:
-    """Write a motion ``x`` from the parent's frame into that of a child at ``p``; ``R`` has the child's axes as columns."""
+    """Write a motion of the parent's frame in that of a child at ``p`` with the axes that are the columns of ``R``."""
     u = x[0] - (p[1] * x[5] - p[2] * x[4])
     v = x[1] - (p[2] * x[3] - p[0] * x[5])
     w = x[2] - (p[0] * x[4] - p[1] * x[3])

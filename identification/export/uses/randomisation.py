@@ -1,8 +1,9 @@
-"""Robots for training in simulation: distribution of effects that a diagnosis found, and of some it cannot exclude.
+"""Domain randomisation: distribution of the effects that a diagnosis found, and of some that it cannot rule out.
 
 Effects that were found are drawn from their joint normal distribution, with correlations if the diagnosis has them.
-Effects that were not seen are drawn uniformly between zero and the smallest size that the recordings would have shown;
-few at a time, as together they would have been seen. Ranges are two standard deviations to either side.
+Effects that were not seen are drawn uniformly between zero and the smallest size that the recordings would have shown.
+Only a few of these are drawn at a time, as many together would have been seen. Ranges are two standard deviations wide
+on either side.
 """
 
 from __future__ import annotations
@@ -24,20 +25,20 @@ from phantom_dyn.model.robot import Robot
 SIGMAS = 2.0
 """Half width of a range in standard deviations."""
 _SLIGHT = 1e-3
-"""Share of a size at which an effect is nearly absent: it shows which value its parameter approaches."""
+"""Share of a size at which an effect is nearly absent: its parameter there is near the value without the effect."""
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """Distribution of a robot after a diagnosis: effects that were found, and effects that it may have unseen.
+    """Distribution of a robot after a diagnosis: effects that were found, and effects that it may have all the same.
 
     Attributes:
         robot: The given model.
         findings: Findings of the diagnosis.
-        found: The same as effects, with their parameters in the order of the catalogue.
-        loadings: Matrix that turns ``k`` independent standard normal numbers into the errors of all ``p`` numbers.
+        found: The effects of these findings, with parameters in the order of the catalogue.
+        loadings: Matrix that maps ``k`` independent standard normal numbers to the errors of all ``p`` numbers.
         unseen: Effects that were not seen, with the size from which they would have been seen.
-        control_step: Time from one command to the next [s], that between samples; None if it is not known.
+        control_step: Time between commands [s], which is the time between samples; None if it is not known.
         posture: Mean recorded positions [rad or m]; the zero posture by default.
     """
 
@@ -101,20 +102,20 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
 
 def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
     """Range of sizes of an effect that would not have been seen; a size is the distance from no effect."""
-    known = effect_named(bound.effect, robot).parameters(robot, bound.joint)
-    either = any(one.either_sign for one in known if one.name == bound.parameter)
-    return (-bound.below if either else 0.0, bound.below)
+    parameters = effect_named(bound.effect, robot).parameters(robot, bound.joint)
+    either_sign = any(parameter.either_sign for parameter in parameters if parameter.name == bound.parameter)
+    return (-bound.below if either_sign else 0.0, bound.below)
 
 
 @dataclass(frozen=True)
 class UnseenRange:
-    """Range of a parameter of an effect that was not seen, in the terms in which a finding would state it.
+    """Range of a parameter of an effect that was not seen, in the parameter and unit that a finding would state.
 
     Attributes:
         parameter: Name of the parameter in the catalogue.
         unit: Unit of the parameter.
         low, high: The range; an end is infinite if the effect vanishes towards infinity, as that of a stiffness.
-        nothing: Value for a robot without the effect: 1 for a factor, infinity for a stiffness, otherwise 0.
+        nothing: Value of the parameter without the effect: 1 for a factor, infinity for a stiffness, otherwise 0.
     """
 
     parameter: str
@@ -135,23 +136,23 @@ def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
     parameters = effect.parameters(robot, bound.joint)
     names = [parameter.name for parameter in parameters]
     # A size with another name determines the first parameter.
-    place = names.index(bound.parameter) if bound.parameter in names else 0
-    one = parameters[place]
+    index = names.index(bound.parameter) if bound.parameter in names else 0
+    chosen = parameters[index]
 
-    def value(size: float) -> float | None:
+    def value_at(size: float) -> float | None:
         theta = effect.sized(robot, bound.joint, bound.parameter, size, np.zeros(robot.nv))
-        return None if theta is None else float(np.clip(theta[place], one.lower, one.upper))
+        return None if theta is None else float(np.clip(theta[index], chosen.lower, chosen.upper))
 
-    largest, slight = value(high), value(_SLIGHT * high)
+    at_largest, at_slight = value_at(high), value_at(_SLIGHT * high)
     # If the size alone does not define an effect, it is the value of the parameter itself.
-    if largest is None or slight is None:
+    if at_largest is None or at_slight is None:
         return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)
-    # If the parameter has no value at size zero or at the lower end, the range ends at a bound of the parameter.
-    away = one.lower if largest > slight else one.upper
-    absent, other = value(0.0), value(low)
-    absent = away if absent is None else absent
-    ends = largest, away if other is None else other
-    return UnseenRange(one.name, one.unit, min(ends), max(ends), absent)
+    # If size zero or the lowest size has no value, the range ends at the bound towards which the parameter goes.
+    far_bound = chosen.lower if at_largest > at_slight else chosen.upper
+    without_effect, at_low = value_at(0.0), value_at(low)
+    without_effect = far_bound if without_effect is None else without_effect
+    ends = at_largest, far_bound if at_low is None else at_low
+    return UnseenRange(chosen.name, chosen.unit, min(ends), max(ends), without_effect)
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:

@@ -170,7 +170,7 @@ def test_threads_may_make_the_first_call_together():
         assert list(threads.map(call, (1.0, 2.0, 3.0, 4.0))) == [2.0, 4.0, 6.0, 8.0]
 
 
-@pytest.mark.parametrize("decorator", [jit.inlined, jit.within])
+@pytest.mark.parametrize("decorator", [jit.inlined, jit.inlined_jit])
 def test_a_part_is_called_by_compiled_functions_and_by_python(decorator):
     # Oracle: 2 * 3; a part without what Python's call needs would end the process.
     part = decorator(lambda x: 2 * x)
