@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""The robot in three dimensions, with each joint coloured by its share of the gap, in postures of the recording.
+"""3D scene of the report: the robot in postures of the recording, each joint coloured by its share of the gap.
 
-The report's picture shows one posture, a slider the others.
+The picture shows one posture at first; a slider shows the others.
 """
 
 from __future__ import annotations
@@ -27,16 +27,19 @@ EYE = (0.9, -1.09, 0.56)
 """Direction from which the robot is seen at first."""
 LIGHT = np.array([0.53, -0.8, 0.27])  # direction of the light, from beside the camera
 _LINK_TINT = 0.4  # a link is paler than its joint
-_WIDER = 1.3  # least ratio of width to height of the viewer
+_ASPECT = 1.3  # least ratio of width to height of the viewer
 _LABELLED = 0.05  # least share of the gap for which a joint has a label
 
 Colour = Float[Array, "3"]
 
-NONE, ALL = np.array([0xD3, 0xDA, 0xE3], dtype=float), np.array([0xE8, 0x66, 0x00], dtype=float)
+NO_SHARE_COLOUR, FULL_SHARE_COLOUR = (
+    np.array([0xD3, 0xDA, 0xE3], dtype=float),
+    np.array([0xE8, 0x66, 0x00], dtype=float),
+)
 _GAMMA = 0.7  # makes a tenth of the largest share still visible
 SHOWN = 41
-"""Postures of the slider, including the middle one: for a robot of seven joints they take 15 kB of the page."""
-_SOLVED = 2000  # samples for which loops are closed, so dense that neighbours stay on one branch
+"""Number of postures of the slider, the middle one included: 15 kB of the page for a robot with seven joints."""
+_SOLVED_SAMPLES = 2000  # samples for which loops are closed, so dense that neighbours stay on one branch
 
 
 @dataclass(frozen=True)
@@ -63,19 +66,17 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
         Links and joints in the colour of their share; a passive joint has the colour of no share.
     """
     model = robot.model
-    over_time = postures(robot, diagnosis)
-    places = [
-        (over_time.rotation[over_time.middle, k], over_time.place[over_time.middle, k]) for k in range(model.njoints)
-    ]
+    recorded = postures(robot, diagnosis)
+    places = [(recorded.rotation[recorded.middle, k], recorded.place[recorded.middle, k]) for k in range(model.njoints)]
     shapes = robot_shapes(robot)
     links = [moved(mesh, *places[k]) for k, mesh in enumerate(shapes.links)]
-    rails = _rails(robot, diagnosis, over_time)
+    rails = _rails(robot, diagnosis, recorded)
     origins = np.array([place for _, place in places[1:]])
     size = extent(np.concatenate([*(mesh.points for mesh in [*links, *rails.values()]), origins]))
     joints = [moved(joint_solid(model, k, size), *places[k]) for k in range(1, model.njoints)]
-    own = shares_of(diagnosis)
-    shares = dict(zip((gap.joint for gap in diagnosis.joints), own.tolist(), strict=True))
-    strengths = dict(zip(shares, relative(own).tolist(), strict=True))
+    share_values = shares_of(diagnosis)
+    shares = dict(zip((gap.joint for gap in diagnosis.joints), share_values.tolist(), strict=True))
+    strengths = dict(zip(shares, relative(share_values).tolist(), strict=True))
     # A rail is fixed to the body before its joint.
     fixed = [(0, links[0]), *((int(model.parents[joint]), mesh) for joint, mesh in rails.items())]
     solids = [_solid(body, mesh, "", share_colour(0.0)) for body, mesh in fixed if len(mesh.faces)]
@@ -85,41 +86,43 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
             solids.append(_solid(k, link, text, share_colour(share, _LINK_TINT)))
         solids.append(_solid(k, joint, text, share_colour(share)))
     bodies = [*fixed, *enumerate(links[1:], start=1), *enumerate(joints, start=1)]
-    middle, half = _seen(over_time, bodies)
+    middle, half_side = _visible_cube(recorded, bodies)
     figure = {
         "middle": middle.tolist(),
-        "half": half,
+        "half": half_side,
         "eye": EYE,
         "solids": solids,
         "labels": _labels(model, origins, shares),
-        "moves": _moves(over_time, middle, half),
+        "moves": _motion_json(recorded, middle, half_side),
     }
     return Scene(json.dumps(figure), shapes.from_meshes)
 
 
-def _seen(over_time: Postures, bodies: list[tuple[int, Mesh]]) -> tuple[Float[Array, " 3"], float]:
-    """Middle of the space that the robot reaches [m], and half the side of the cube that fits the viewer [m]."""
-    turned, shift = over_time.moved_from_the_middle()
-    now = joined([mesh for _, mesh in bodies]).points
-    every = [mesh.points @ turned[k, body].T + shift[k, body] for body, mesh in bodies for k in range(len(turned))]
-    points = np.concatenate(every)
+def _visible_cube(recorded: Postures, bodies: list[tuple[int, Mesh]]) -> tuple[Float[Array, " 3"], float]:
+    """Centre of the space that the robot occupies in all postures, and half the side of the cube that shows it [m]."""
+    rotation, shift = recorded.moved_from_the_middle()
+    middle_points = joined([mesh for _, mesh in bodies]).points
+    all_points = [
+        mesh.points @ rotation[k, body].T + shift[k, body] for body, mesh in bodies for k in range(len(rotation))
+    ]
+    points = np.concatenate(all_points)
     low, high = points.min(axis=0), points.max(axis=0)
     # The viewer is wider than it is high.
-    sides = (high - low) / np.array([_WIDER, _WIDER, 1.0])
-    return (low + high) / 2, max(float(np.ptp(now, axis=0).max()) / 2, float(sides.max()) / 2, 1e-3)
+    sides = (high - low) / np.array([_ASPECT, _ASPECT, 1.0])
+    return (low + high) / 2, max(float(np.ptp(middle_points, axis=0).max()) / 2, float(sides.max()) / 2, 1e-3)
 
 
-def _moves(over_time: Postures, middle: Float[Array, " 3"], half: float) -> dict | None:
+def _motion_json(recorded: Postures, middle: Float[Array, " 3"], half_side: float) -> dict | None:
     """Rotation (row by row) and shift of each body at each instant, in the viewer's cube; None for a single posture."""
-    if len(over_time.t) < 2:
+    if len(recorded.t) < 2:
         return None
-    turned, shift = over_time.moved_from_the_middle()
-    inside = (turned @ middle + shift - middle) / half
-    numbers = np.concatenate([turned.reshape(*turned.shape[:2], 9), inside], axis=2)
+    rotation, shift = recorded.moved_from_the_middle()
+    scaled_shift = (rotation @ middle + shift - middle) / half_side
+    numbers = np.concatenate([rotation.reshape(*rotation.shape[:2], 9), scaled_shift], axis=2)
     return {
-        "times": np.round(over_time.t - over_time.t[0], 3).tolist(),
-        "start": over_time.middle,
-        "bodies": turned.shape[1],
+        "times": np.round(recorded.t - recorded.t[0], 3).tolist(),
+        "start": recorded.middle,
+        "bodies": rotation.shape[1],
         "places": packed(numbers, "<f4"),
     }
 
@@ -130,17 +133,17 @@ def extent(points: Float[Array, "P 3"]) -> float:
     return side if side > 1e-6 else 0.1
 
 
-def _rails(robot: Robot, diagnosis: Diagnosis, over_time: Postures) -> dict[int, Mesh]:
+def _rails(robot: Robot, diagnosis: Diagnosis, recorded: Postures) -> dict[int, Mesh]:
     """For each linear joint, by its index, a thin rod along its recorded travel, in the middle posture."""
     rails = {}
     for joint, row in zip([robot.model.getJointId(name) for name in robot.joint_names], range(robot.nv), strict=True):
         axis, linear = joint_axis(robot.model, joint)
-        way = diagnosis.evidence.q[:, row]
-        if not linear or not np.isfinite(way).any():
+        travel = diagnosis.evidence.q[:, row]
+        if not linear or not np.isfinite(travel).any():
             continue
-        low, high = np.nanmin(way) - over_time.q[row], np.nanmax(way) - over_time.q[row]
+        low, high = np.nanmin(travel) - recorded.q[row], np.nanmax(travel) - recorded.q[row]
         rod = capsule(low * axis, high * axis, 0.02 * (high - low))
-        rails[joint] = moved(rod, over_time.rotation[over_time.middle, joint], over_time.place[over_time.middle, joint])
+        rails[joint] = moved(rod, recorded.rotation[recorded.middle, joint], recorded.place[recorded.middle, joint])
     return rails
 
 
@@ -156,7 +159,7 @@ def _solid(body: int, mesh: Mesh, text: str, colour: Colour) -> dict[str, str | 
 
 
 def packed(values: Array, kind: str) -> str:
-    """Numbers of one kind as base64, in which a page takes them."""
+    """Numbers of one type, encoded as base64 for the page."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 
@@ -209,7 +212,7 @@ def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
 
 def share_colour(share: float, tint: float = 1.0) -> Colour:
     """Red, green and blue, from grey for no share to orange for a share of 1; paler for a small tint."""
-    return NONE + (ALL - NONE) * tint * np.clip(share, 0.0, 1.0) ** _GAMMA
+    return NO_SHARE_COLOUR + (FULL_SHARE_COLOUR - NO_SHARE_COLOUR) * tint * np.clip(share, 0.0, 1.0) ** _GAMMA
 
 
 def relative(shares: Float[Array, " nv"]) -> Float[Array, " nv"]:
@@ -243,8 +246,8 @@ class Postures:
 
     def moved_from_the_middle(self) -> tuple[Float[Array, "K n 3 3"], Float[Array, "K n 3"]]:
         """Rotation and shift that move the body of each joint from the middle posture to the others."""
-        turned = self.rotation @ np.swapaxes(self.rotation[self.middle], 1, 2)
-        return turned, self.place - np.einsum("knij,nj->kni", turned, self.place[self.middle])
+        rotation = self.rotation @ np.swapaxes(self.rotation[self.middle], 1, 2)
+        return rotation, self.place - np.einsum("knij,nj->kni", rotation, self.place[self.middle])
 
 
 def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
@@ -256,22 +259,22 @@ def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
     q, t = diagnosis.evidence.q, diagnosis.evidence.t
     finite = np.flatnonzero(np.isfinite(q).all(axis=1)) if q.size else np.zeros(0, dtype=int)
     if not len(finite):
-        return _placed(robot, np.zeros(1), pin.neutral(robot.model)[None, :], 0, np.full(robot.nv, np.nan))
-    half = finite[len(finite) // 2]
-    middle = robot.configuration(q[half][None, :])
-    rows = finite[np.unique(np.linspace(0, len(finite) - 1, _SOLVED).round().astype(int))]
+        return _postures_of(robot, np.zeros(1), pin.neutral(robot.model)[None, :], 0, np.full(robot.nv, np.nan))
+    middle_row = finite[len(finite) // 2]
+    middle_configuration = robot.configuration(q[middle_row][None, :])
+    rows = finite[np.unique(np.linspace(0, len(finite) - 1, _SOLVED_SAMPLES).round().astype(int))]
     try:
-        every = robot.configuration(q[rows])
+        configurations = robot.configuration(q[rows])
     except ChainError:
-        return _placed(robot, t[[half]], middle, 0, q[half])
+        return _postures_of(robot, t[[middle_row]], middle_configuration, 0, q[middle_row])
     shown = np.unique(np.linspace(0, len(rows) - 1, SHOWN).round().astype(int))
-    at = int(np.argmin(np.abs(rows[shown] - half)))
-    times, configurations = t[rows[shown]].copy(), every[shown].copy()
-    times[at], configurations[at] = t[half], middle[0]
-    return _placed(robot, times, configurations, at, q[half])
+    index = int(np.argmin(np.abs(rows[shown] - middle_row)))
+    times, shown_configurations = t[rows[shown]].copy(), configurations[shown].copy()
+    times[index], shown_configurations[index] = t[middle_row], middle_configuration[0]
+    return _postures_of(robot, times, shown_configurations, index, q[middle_row])
 
 
-def _placed(
+def _postures_of(
     robot: Robot, t: Float[Array, " K"], configurations: Float[Array, "K nq"], middle: int, q: Float[Array, " nv"]
 ) -> Postures:
     model = robot.model

@@ -1,4 +1,4 @@
-"""Result of measured poses as plain data of ``diagnosis.json``, and its reading.
+"""The result of measured poses in ``diagnosis.json``: written as plain data, and read again.
 
 Frames and findings of poses are in the same lists as those of torques (docs/files.md); ``geometry`` holds the rest.
 """
@@ -13,7 +13,7 @@ from identification.geometry.result import GeometryResult, PoseFinding
 from identification.geometry.terms import ELASTIC
 from identification.words.note_words import sentences
 
-_BESIDE = ("frames", "findings", "evidence", "warnings", "claims")
+_STORED_ELSEWHERE = ("frames", "findings", "evidence", "warnings", "claims")
 
 
 def frames_json(found: GeometryResult) -> list[dict[str, Any]]:
@@ -46,7 +46,7 @@ def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
 
 def geometry_json(found: GeometryResult) -> dict[str, Any]:
     """The entry ``geometry``: everything but frames and findings, which are listed with those of torques."""
-    rest = {name: value for name, value in vars(found).items() if name not in _BESIDE}
+    rest = {name: value for name, value in vars(found).items() if name not in _STORED_ELSEWHERE}
     lists = ("bounds", "not_testable", "fitted", "delays")
     return (
         rest
@@ -63,10 +63,10 @@ def geometry_of(content: Mapping[str, Any]) -> dict[str, Any] | None:
     rest = content.get("geometry")
     if rest is None:
         return None
-    as_joints = ("rms_torque", "rms_within_tolerance")
+    joint_keys = ("rms_torque", "rms_within_tolerance")
     return {
         **rest,
-        "frames": [{key: value for key, value in one.items() if key not in as_joints} for one in content["frames"]],
+        "frames": [{key: value for key, value in one.items() if key not in joint_keys} for one in content["frames"]],
         "findings": [_finding_fields(one) for one in content["findings"] if is_of_poses(one)],
         "minor": [_finding_fields(one) for one in rest["minor"]],
         "warnings": [],
@@ -81,5 +81,5 @@ def is_of_poses(finding: Mapping[str, Any]) -> bool:
 def _finding_fields(finding: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a `PoseFinding`, without those that the file has for readers of findings in torque."""
     rivals = [{"places": one["effects"], "probability": one["probability"]} for one in finding["rivals"]]
-    as_torques = ("regime", "verdict", "measured")
-    return {key: value for key, value in finding.items() if key not in as_torques} | {"rivals": rivals}
+    torque_keys = ("regime", "verdict", "measured")
+    return {key: value for key, value in finding.items() if key not in torque_keys} | {"rivals": rivals}
