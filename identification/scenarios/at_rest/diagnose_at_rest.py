@@ -30,7 +30,7 @@ from identification.engine.claims import Claim, GateResult, until_failed
 from identification.gates.rivalry import likelier_than_rivals
 from identification.notes import Code, Note
 from identification.scenarios.at_rest.giving_way import WAYS, GivingWay, Way, giving_way, testable
-from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
+from identification.scenarios.at_rest.rests import LOADED, StandstillSamples, stills_under_load
 from identification.scenarios.measured_poses import with_poses
 from identification.words.user_words import user_words
 from phantom_dyn import __version__
@@ -108,13 +108,15 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         wrong=wrong_with(recordings),
         run=uuid4().hex,
         ledger=tuple(
-            claim for row in rows for claim in claims_at_rest(robot.joint_names[row], ways[row], every[row].repeat)
+            claim
+            for row in rows
+            for claim in claims_at_rest(robot.joint_names[row], ways[row], every[row].repeatability)
         ),
     )
     return with_poses(found, robot, recordings)
 
 
-def _why_not(robot: Robot, stills: Stills, row: int) -> str | None:
+def _why_not(robot: Robot, stills: StandstillSamples, row: int) -> str | None:
     if robot.actuators[row].encoder_side == "motor":
         return _ON_MOTOR
     return None if testable(stills) else _ONE_SIGN
@@ -130,7 +132,7 @@ def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
     return tuple(out)
 
 
-def _findings(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[Finding]:
+def _findings(robot: Robot, row: int, stills: StandstillSamples, found: GivingWay) -> list[Finding]:
     """Findings on one joint: one for each effect of the most probable model of its rests."""
     if not found.ways:
         return []
@@ -143,7 +145,7 @@ def _findings(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[
     # Probabilities of models that are not listed are distributed over the listed ones.
     listed = found.probabilities[0] + sum(rival.probability for rival in rivals)
     rivals = tuple(Rival(rival.effects, rival.probability / listed) for rival in rivals)
-    gap = max(_square(found.before) - stills.repeat**2, 1e-300)
+    gap = max(_square(found.before) - stills.repeatability**2, 1e-300)
     low, high = (float(x) for x in np.percentile(found.replicates, [2.5, 97.5]))
     return [
         Finding(
@@ -169,10 +171,10 @@ def _parameters(robot: Robot, row: int, way: Way, k: int) -> dict[str, Value]:
     return {"stiffness": Value(1.0 / value, std / value**2, unit)}
 
 
-def _rest_notes(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[Note]:
+def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: GivingWay) -> list[Note]:
     """Distance of the positions at rest, in the joint's unit and in steps of its reading, and their load."""
     joint, unit = robot.joint_names[row], robot.position_units[row]
-    load = np.abs(stills.middles(stills.load))
+    load = np.abs(stills.rest_medians(stills.load))
     numbers = {
         "shift": found.shift,
         "unit": unit,
@@ -191,22 +193,22 @@ def _bound(robot: Robot, row: int, found: GivingWay) -> Bound:
     return Bound("backlash", robot.joint_names[row], "gap", found.detectable_sizes, robot.position_units[row])
 
 
-def _gap(robot: Robot, row: int, stills: Stills, found: GivingWay | None) -> JointGap:
+def _gap(robot: Robot, row: int, stills: StandstillSamples, found: GivingWay | None) -> JointGap:
     joint, unit = robot.joint_names[row], robot.position_units[row]
     if found is None:
-        return JointGap(joint, unit, 0.0, 0.0, max(stills.repeat, 1e-12), 0)
+        return JointGap(joint, unit, 0.0, 0.0, max(stills.repeatability, 1e-12), 0)
     left = found.ways[0].left if found.ways else found.before
     before, after = np.sqrt(_square(found.before)), np.sqrt(_square(left))
-    return JointGap(joint, unit, before, after, max(min(stills.repeat, after), 1e-12), len(stills.t))
+    return JointGap(joint, unit, before, after, max(min(stills.repeatability, after), 1e-12), len(stills.t))
 
 
-def _unexplained(robot: Robot, every: list[Stills], ways: dict[int, GivingWay]) -> Unexplained:
+def _unexplained(robot: Robot, every: list[StandstillSamples], ways: dict[int, GivingWay]) -> Unexplained:
     """Share of the residual at rest beyond repeatability, and the joint with the largest residual."""
     found = {row: way for row, way in ways.items() if way.ways}
     if not found:
         return Unexplained(0.0, False, None, None)
-    left = {row: max(_square(way.ways[0].left) - every[row].repeat ** 2, 0.0) for row, way in found.items()}
-    gap = {row: max(_square(way.before) - every[row].repeat ** 2, 1e-300) for row, way in found.items()}
+    left = {row: max(_square(way.ways[0].left) - every[row].repeatability ** 2, 0.0) for row, way in found.items()}
+    gap = {row: max(_square(way.before) - every[row].repeatability ** 2, 1e-300) for row, way in found.items()}
     share = {row: left[row] / gap[row] for row in found}
     worst = max(share, key=lambda row: share[row])
     mean = float(np.mean(list(share.values())))
@@ -222,7 +224,7 @@ def _verdict(ways: dict[int, GivingWay], findings: tuple[Finding, ...], rest: Un
     return "partly_explained" if rest.structured else "explained"
 
 
-def _evidence(robot: Robot, every: list[Stills], ways: dict[int, GivingWay], rows: list[int]) -> Evidence:
+def _evidence(robot: Robot, every: list[StandstillSamples], ways: dict[int, GivingWay], rows: list[int]) -> Evidence:
     """Samples at rest of the joint that gives way most, with its position error instead of a torque."""
     row = rows[0] if rows else 0
     stills, found = every[row], ways.get(row)
@@ -230,7 +232,7 @@ def _evidence(robot: Robot, every: list[Stills], ways: dict[int, GivingWay], row
     error, after, load = np.zeros(count), np.zeros(count), np.zeros(count)
     error[:, row], load[:, row] = stills.error, stills.load
     if found is not None:
-        rest_error = stills.middles(stills.error)
+        rest_error = stills.rest_medians(stills.error)
         held_out = found.ways[0].left if found.ways else found.before
         after[:, row] = (rest_error - held_out)[stills.rest]
     still = read_only(np.zeros(count))

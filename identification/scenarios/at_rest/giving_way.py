@@ -18,7 +18,7 @@ from identification.engine.products.block_products import block_products, left_o
 from identification.engine.resampling import block_counts, probabilities, share_by_likelihood
 from identification.gates.above_chance import more_than_chance
 from identification.gates.special_case import both_are_there
-from identification.scenarios.at_rest.rests import Stills
+from identification.scenarios.at_rest.rests import StandstillSamples
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
@@ -77,13 +77,13 @@ class GivingWay:
     both: GateResult | None = None
 
 
-def testable(stills: Stills) -> bool:
+def testable(stills: StandstillSamples) -> bool:
     """True if the joint rests often enough under loads of either sign."""
-    load = stills.middles(stills.load)
+    load = stills.rest_medians(stills.load)
     return bool(min(np.sum(load > 0), np.sum(load < 0)) >= LEAST_RESTS)
 
 
-def giving_way(stills: Stills) -> GivingWay:
+def giving_way(stills: StandstillSamples) -> GivingWay:
     """Fits of backlash and compliance to the rests of a joint; each rest is predicted by fits without it.
 
     Args:
@@ -91,7 +91,7 @@ def giving_way(stills: Stills) -> GivingWay:
     """
     from scipy.special import stdtr, stdtrit
 
-    error, load = stills.middles(stills.error), stills.middles(stills.load)
+    error, load = stills.rest_medians(stills.error), stills.rest_medians(stills.load)
     side = np.sign(load)
     before = _fit(error, ()).left
     shift = _fit(error, (("backlash", -0.5 * side),))
@@ -117,7 +117,7 @@ def giving_way(stills: Stills) -> GivingWay:
     ranked = sorted(range(len(ways)), key=lambda k: (-wins[k], k))
     shares = block_counts(len(error), random_stream("bootstrap of rests")) / len(error)
     given = shares @ before**2
-    closed = (given - shares @ losses[:, ranked[0]]) / np.maximum(given - stills.repeat**2, 1e-300)
+    closed = (given - shares @ losses[:, ranked[0]]) / np.maximum(given - stills.repeatability**2, 1e-300)
     return GivingWay(
         before,
         tuple(ways[k] for k in ranked),

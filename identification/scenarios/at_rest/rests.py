@@ -18,20 +18,20 @@ from phantom_dyn.model.robot import Robot
 
 # Share of the largest load below which friction and not the load decides where a joint with backlash rests.
 LOADED = 0.2
-# Load [N m or N] below which it is rounding, as on a vertical axis.
+# Load [N m or N] below which it is only rounding, as that on a vertical axis.
 _LEAST_LOAD = 1e-6
 
 
 @dataclass(frozen=True)
-class Stills:
-    """Samples of one joint in which the whole robot stands still, of all recordings one after the other.
+class StandstillSamples:
+    """Samples of one joint while the whole robot stands still, from all recordings in sequence.
 
     Attributes:
         t: Time [s], recordings one second apart.
         q: Positions of all joints [rad or m].
         error: Position minus reference of the joint [rad or m].
-        load: Torque [N m or N] that its transmission has to pass to the link, from the model and measured forces.
-        rest: Number of the rest that a sample belongs to: a stretch of standstill under one sign of load.
+        load: Torque [N m or N] that its transmission transmits to the link, from the model and measured forces.
+        rest: Index of the rest of each sample; a rest is a stretch of standstill under one sign of load.
         quantum: Step of the joint's reading [rad or m].
     """
 
@@ -42,8 +42,8 @@ class Stills:
     rest: Int[Array, " N"]
     quantum: float
 
-    def middles(self, values: Float[Array, " N"]) -> Float[Array, " R"]:
-        """Median over each rest, as the load changes at its start and end."""
+    def rest_medians(self, values: Float[Array, " N"]) -> Float[Array, " R"]:
+        """Median of values over each rest; the median, because the load changes at its start and end."""
         return np.array([np.median(values[self.rest == k]) for k in range(self.rests)])
 
     @property
@@ -52,14 +52,14 @@ class Stills:
         return int(self.rest.max()) + 1 if len(self.rest) else 0
 
     @property
-    def repeat(self) -> float:
-        """Standard deviation of the samples within a rest, at least that from rounding of the readings."""
-        within = self.error - self.middles(self.error)[self.rest]
+    def repeatability(self) -> float:
+        """Standard deviation of the error within a rest, at least that from rounding of the readings."""
+        within = self.error - self.rest_medians(self.error)[self.rest]
         freedom = max(len(within) - self.rests, 1)
         return max(float(np.sqrt((within @ within) / freedom)), self.quantum / np.sqrt(12.0))
 
 
-def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int) -> Stills:
+def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int) -> StandstillSamples:
     """Samples in which the robot stands still while a joint is under load, by rests.
 
     A joint stands still where it differs by at most one step of its reading from both neighbouring samples. After a
@@ -84,14 +84,14 @@ def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int)
     largest = max((float(np.abs(load[still]).max()) for *_, load, still in parts if still.any()), default=0.0)
     chosen, rest, count = [], [], 0
     for *_, load, still in parts:
-        side = np.where(still & (np.abs(load) > max(LOADED * largest, _LEAST_LOAD)), np.sign(load), 0.0)
-        begins = (side != 0) & (side != np.concatenate([[0.0], side[:-1]]))
+        load_sign = np.where(still & (np.abs(load) > max(LOADED * largest, _LEAST_LOAD)), np.sign(load), 0.0)
+        begins = (load_sign != 0) & (load_sign != np.concatenate([[0.0], load_sign[:-1]]))
         number = np.cumsum(begins) - 1 + count
-        chosen.append(side != 0)
-        rest.append(number[side != 0])
+        chosen.append(load_sign != 0)
+        rest.append(number[load_sign != 0])
         count += int(begins.sum())
     t, q, error, load = (np.concatenate([p[k][c] for p, c in zip(parts, chosen, strict=True)]) for k in range(4))
-    return Stills(t, q, error, load, np.concatenate(rest), float(steps[row]))
+    return StandstillSamples(t, q, error, load, np.concatenate(rest), float(steps[row]))
 
 
 def _references(recording: Recording, row: int) -> Float[Array, " N"]:

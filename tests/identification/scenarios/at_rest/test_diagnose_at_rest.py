@@ -10,7 +10,7 @@ from identification.diagnosis.result import Finding
 from identification.reporting.page.explaining import explaining_variable, joint_motions
 from identification.scenarios.at_rest.diagnose_at_rest import claims_at_rest, diagnose_at_rest, judged_at_rest
 from identification.scenarios.at_rest.giving_way import GivingWay, _probabilities, giving_way
-from identification.scenarios.at_rest.rests import Stills, stills_under_load
+from identification.scenarios.at_rest.rests import StandstillSamples, stills_under_load
 from identification.words.ledger_words import REASONS, why
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.errors import LogError
@@ -245,7 +245,7 @@ def way(rng: np.random.Generator, gap: float = 0.0, compliance: float = 0.0, siz
     load = np.tile([1.0, -1.0], 20) * (1.0 + sizes * np.repeat(np.arange(20), 2) / 10.0)
     error = -0.5 * gap * np.sign(load) - compliance * load + 1e-4 * rng.standard_normal(40)
     rest = np.arange(40)
-    return giving_way(Stills(rest.astype(float), load[:, None], error, load, rest, 0.0))
+    return giving_way(StandstillSamples(rest.astype(float), load[:, None], error, load, rest, 0.0))
 
 
 def outcomes(found: GivingWay) -> dict[tuple[str, ...], str]:
