@@ -116,7 +116,7 @@ def report_html(found: IdentifiedModel) -> str:
             for parameter in found.others
         ],
         columns=STANDARD_NAMES,
-        shares=words.SHARES,
+        shares=words.IDENTIFIABILITY,
         exports=[
             (export, words.export_sentence(export.difference, export.tolerance, export.loaded_with))
             for export in found.exports

@@ -9,8 +9,8 @@ from identification.words.diagnosis_words import capital, parameter_name
 from identification.words.effect_words import effect_words
 from identification.words.numbers_and_names import NO_BREAK, number, with_std, with_unit
 
-SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
-"""How a standard inertial parameter can be identified, by the value in ``identification.json``."""
+IDENTIFIABILITY = {"alone": "alone", "combination": "in combination", "none": "not at all"}
+"""Words for how a standard inertial parameter can be identified, by the value in ``identification.json``."""
 
 
 def error_percent(share: float) -> str:
@@ -39,10 +39,10 @@ def headline(found: IdentifiedModel) -> str:
     return f"{head}; on held-out data the torque error is {error} (given model: {given}{middle})."
 
 
-def law_cell(parameter: Parameter, everything: tuple[Parameter, ...]) -> str:
+def law_cell(parameter: Parameter, parameters: tuple[Parameter, ...]) -> str:
     """Law of a parameter of friction or a drive, followed by the parameter's own name if the law has several."""
     law = capital(effect_words(parameter.effect or "").name.removeprefix("a "))
-    several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in everything) > 1
+    several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in parameters) > 1
     return f"{law}: {parameter_name(parameter.name.rpartition('.')[2])}" if several else law
 
 
@@ -72,11 +72,11 @@ def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
             error_percent(joint.relative),
             error_percent(joint.fitted),
             number(joint.rms),
-            number(off),
+            number(difference),
             joint.unit,
             str(joint.samples),
         )
-        for joint, off in zip(found.joints, found.departure, strict=True)
+        for joint, difference in zip(found.joints, found.departure, strict=True)
     ]
 
 

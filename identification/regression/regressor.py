@@ -1,9 +1,9 @@
 """Robot, logs and effects as the linear equations that an estimator solves, made block by block.
 
-Columns are the rigid body's standard parameters (absolute values) and the coefficients of each effect, whose shapes are
-held so that the torque is linear in what is left. Rows are the torques of every joint at every valid sample, in the
-band of the log. Columns go through the same filter as the torque: filtering the torque alone moves friction by one per
-cent and more.
+Columns are the rigid body's standard parameters (absolute values) and the coefficients of each effect. Shape parameters
+of effects are held constant, so that the torque is linear in the unknowns. Rows are the torques of every joint at every
+valid sample, in the band of the log. Columns go through the same filter as the torque: filtering the torque alone
+changes the estimated friction by one per cent or more.
 """
 
 from __future__ import annotations
@@ -75,10 +75,10 @@ def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> Regress
         return RegressorTerm(effect, joint, shape)
     shapes = effect.shapes(robot, operation, joint)
     if len(shapes) != 1:
-        like = f", for instance ({', '.join(f'{x:.3g}' for x in shapes[len(shapes) // 2])},)" if shapes else ""
+        example = f", for instance ({', '.join(f'{x:.3g}' for x in shapes[len(shapes) // 2])},)" if shapes else ""
         raise ParameterError(
             f"{effect.name} is not linear in one of its parameters: give its shape as the third entry, "
-            f"(effect, joint, shape){like}."
+            f"(effect, joint, shape){example}."
         )
     return RegressorTerm(effect, joint, shapes[0])
 
@@ -138,7 +138,7 @@ class Regressor:
                 f"The whole regressor of {self.count} samples would have more than {WHOLE_LIMIT} entries: "
                 "go through blocks() instead."
             )
-        return np.concatenate([np.zeros((0, self.robot.nv, len(self.names))), *self._made()])
+        return np.concatenate([np.zeros((0, self.robot.nv, len(self.names))), *self._computed_blocks()])
 
     @cached_property
     def y(self) -> Float[Array, "N nv"]:
@@ -165,7 +165,7 @@ class Regressor:
     def blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
         """Blocks of the regressor in the order of the samples, each ``(n, nv, p)`` and of one log.
 
-        They are cut out of `W` if that has been made, which pays for many passes, and else made again.
+        They are slices of `W` if it has been computed, which is faster for many passes; else they are computed again.
 
         Args:
             columns: Which columns to make, ascending; by default all.
@@ -176,7 +176,7 @@ class Regressor:
                     block = self.W[k : min(k + _BLOCK, stop)]
                     yield block if columns is None else block[:, :, list(columns)]
         else:
-            yield from self._made(columns)
+            yield from self._computed_blocks(columns)
 
     def _with_torque(self) -> Iterator[tuple[Float[Array, "n nv p"], Float[Array, "n nv"]]]:
         start = 0
@@ -184,14 +184,14 @@ class Regressor:
             yield block, self.y[start : start + len(block)]
             start += len(block)
 
-    def _made(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
+    def _computed_blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
         for log, effects in zip(self.logs, self._effects(), strict=True):
             yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK, columns=columns)
 
     def _effects(self) -> Iterable[tuple[BandedEffect, ...]]:
-        """Columns of the effects by log: kept, as they are few, or made again where the recordings are long."""
-        few = self.count * (len(self.names) - self.first_effect) <= _EFFECTS_LIMIT
-        return self._kept_effects if few else map(self._effects_on, self.logs)
+        """Columns of the effects by log: kept if they fit in memory, else computed again for each pass."""
+        fits_in_memory = self.count * (len(self.names) - self.first_effect) <= _EFFECTS_LIMIT
+        return self._kept_effects if fits_in_memory else map(self._effects_on, self.logs)
 
     @cached_property
     def _kept_effects(self) -> tuple[tuple[BandedEffect, ...], ...]:
@@ -209,7 +209,7 @@ class Regressor:
 def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint] = ()) -> Regressor:
     """Equations whose unknowns are the standard parameters of the rigid body and the coefficients of ``effects``.
 
-    What the robot states as armature and modelled friction is taken as known; effects come on top of it.
+    Armature and friction of the model are taken as known; the effects are added to them.
 
     Args:
         robot: Gives the rigid body.
@@ -287,10 +287,10 @@ def term_columns(regressor: Regressor) -> tuple[tuple[int, ...], ...]:
     Args:
         regressor: Its columns stand in the order of its terms, each named after its own.
     """
-    out, at = [], regressor.first_effect
+    out, column = [], regressor.first_effect
     for term in regressor.terms:
-        start = at
-        while at < len(regressor.names) and regressor.names[at].startswith(f"{term.label}."):
-            at += 1
-        out.append(tuple(range(start, at)))
+        start = column
+        while column < len(regressor.names) and regressor.names[column].startswith(f"{term.label}."):
+            column += 1
+        out.append(tuple(range(start, column)))
     return tuple(out)

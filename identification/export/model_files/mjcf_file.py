@@ -85,8 +85,8 @@ def inertial_of(inertia: LinkInertia) -> Element:
     entries = [inertia.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     # MuJoCo refuses a full matrix of zeros.
     matrix = {"fullinertia": attribute_text(entries)} if inertia.mass else {"diaginertia": "0 0 0"}
-    own = {"pos": attribute_text(inertia.center), "mass": repr(float(inertia.mass)), **matrix}
-    return ElementTree.Element("inertial", own)
+    attributes = {"pos": attribute_text(inertia.center), "mass": repr(float(inertia.mass)), **matrix}
+    return ElementTree.Element("inertial", attributes)
 
 
 def _trunk(world: Element, robot: Robot) -> Element:
@@ -94,8 +94,8 @@ def _trunk(world: Element, robot: Robot) -> Element:
     mass, center, inertia = central_parameters(robot.model.inertias[0].toDynamicParameters())
     if mass < _LEAST or np.linalg.eigvalsh(inertia)[0] < _LEAST or breaks_triangle(inertia):
         return world
-    own = [f.name for f in robot.model.frames if f.parentJoint == 0 and f.type == pin.FrameType.BODY]
-    trunk = ElementTree.SubElement(world, "body", name=own[0] if own else "trunk")
+    body_names = [f.name for f in robot.model.frames if f.parentJoint == 0 and f.type == pin.FrameType.BODY]
+    trunk = ElementTree.SubElement(world, "body", name=body_names[0] if body_names else "trunk")
     ElementTree.SubElement(trunk, "freejoint")
     trunk.append(inertial_of(LinkInertia(mass, center, inertia)))
     return trunk
@@ -113,10 +113,12 @@ def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
     for index, anchor in enumerate(robot.chain.anchors):
         names = [f"loop_{index}_a", f"loop_{index}_b"]
         for name, frame in zip(names, (anchor.frame_a, anchor.frame_b), strict=True):
-            where = robot.model.frames[frame]
+            model_frame = robot.model.frames[frame]
             # Joint 0 stands for the ground, which is the last of the owners.
-            place = TreeFrame(name, -1, np.array(where.placement.rotation), np.array(where.placement.translation))
-            _site(owners[where.parentJoint - 1], place)
+            tree_frame = TreeFrame(
+                name, -1, np.array(model_frame.placement.rotation), np.array(model_frame.placement.translation)
+            )
+            _site(owners[model_frame.parentJoint - 1], tree_frame)
         kind = "connect" if anchor.kind == "point" else "weld"
         ElementTree.SubElement(group, kind, name=f"loop_{index}", site1=names[0], site2=names[1])
 
@@ -157,12 +159,12 @@ def add_followers(root: Element, robot: Robot) -> None:
         name = FOLLOWS.format(names[k])
         if len(factors) <= 1:
             leader, slope = next(iter(factors.items()), ("", 0.0))
-            own = {"name": name, "joint1": names[k], "polycoef": attribute_text([offset, slope, 0, 0, 0])}
-            ElementTree.SubElement(group, "joint", own | ({"joint2": leader} if leader else {}) | _SOFTNESS)
+            attributes = {"name": name, "joint1": names[k], "polycoef": attribute_text([offset, slope, 0, 0, 0])}
+            ElementTree.SubElement(group, "joint", attributes | ({"joint2": leader} if leader else {}) | _SOFTNESS)
             continue
         tendons = ElementTree.SubElement(root, "tendon") if tendons is None else tendons
         tendon = ElementTree.SubElement(tendons, "fixed", name=name)
         for joint, share in ((names[k], 1.0), *((joint, -factor) for joint, factor in factors.items())):
             ElementTree.SubElement(tendon, "joint", joint=joint, coef=repr(float(np.float64(share))))
-        own = {"name": name, "tendon1": name, "polycoef": attribute_text([offset, 0, 0, 0, 0])}
-        ElementTree.SubElement(group, "tendon", own | _SOFTNESS)
+        attributes = {"name": name, "tendon1": name, "polycoef": attribute_text([offset, 0, 0, 0, 0])}
+        ElementTree.SubElement(group, "tendon", attributes | _SOFTNESS)

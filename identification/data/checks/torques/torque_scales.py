@@ -26,11 +26,11 @@ ONE_FACTOR = float(np.log(1.15))
 # Smallest logarithm of a factor that joints have in common: torque constants may be wrong by a factor of two.
 _BEYOND_CONSTANT = float(np.log(2.5))
 # Largest difference of the logarithms of factors from both halves of a recording.
-_ALIKE = float(np.log(1.3))
+_SAME_IN_HALVES = float(np.log(1.3))
 # A factor is known if the links explain this share of the torque, or this many times what no law explains.
 _SHARE, _CLEAR = 0.5, 10.0
 # Where a factor comes from a constant weight, this is the largest logarithm of its ratio to the factor of the inertia.
-_SAME = float(np.log(2.0))
+_SAME_AS_INERTIA = float(np.log(2.0))
 
 
 def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
@@ -44,18 +44,27 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
         reading: The recorded data.
     """
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    felt = with_torques_plus(reading, reading.external)
+    with_external = with_torques_plus(reading, reading.external)
     out = np.full(robot.nv, np.nan)
-    for j, one in enumerate(regress_joints(felt, model)):
-        if one is None:
+    for j, regression in enumerate(regress_joints(with_external, model)):
+        if regression is None:
             continue
-        # If the links make a small share, rotors and friction under load can only raise the factor.
-        clear = one.model_share > _CLEAR * one.unexplained and 0 < max(one.slope) < np.exp(OWN_FACTOR)
-        if one.model_share > _SHARE or clear:
-            slopes = one.slope
+        # If the links make a small share of the torque, rotors and friction under load can only raise the slope, which
+        # is the ratio of measured to modelled torque.
+        clear = regression.model_share > _CLEAR * regression.unexplained and 0 < max(regression.slope) < np.exp(
+            OWN_FACTOR
+        )
+        if regression.model_share > _SHARE or clear:
+            slopes = regression.slope
         else:
-            slopes = _by_weight(model[:, j], felt.motion.v[:, j], felt.sign[:, j], felt.tau[:, j], one.slope)
-        if min(slopes) > 0 and abs(np.log(slopes[0] / slopes[1])) < _ALIKE:
+            slopes = _by_weight(
+                model[:, j],
+                with_external.motion.v[:, j],
+                with_external.sign[:, j],
+                with_external.tau[:, j],
+                regression.slope,
+            )
+        if min(slopes) > 0 and abs(np.log(slopes[0] / slopes[1])) < _SAME_IN_HALVES:
             out[j] = 2.0 / sum(slopes)
     return out
 
@@ -65,7 +74,7 @@ def _by_weight(
     v: Float[Array, " N"],
     sign: Float[Array, " N"],
     tau: Float[Array, " N"],
-    moving: tuple[float, float],
+    varying_slopes: tuple[float, float],
 ) -> tuple[float, float]:
     """Ratio of measured to modelled torque in each half, from a nearly constant weight such as a hoist's; 0 if unknown.
 
@@ -77,14 +86,18 @@ def _by_weight(
         v: Velocity.
         sign: Its sign.
         tau: Measured torque.
-        moving: The ratio from the varying part, in each half.
+        varying_slopes: The same ratio from the varying part of the modelled torque, in each half.
     """
     columns, half, slopes = np.column_stack([model, v, sign]), len(tau) // 2, []
     for rows in (slice(None, half), slice(half, None)):
-        x, left = least_squares(columns[rows], tau[rows])
-        gained = least_squares(columns[rows, 1:], tau[rows])[1] - left
-        slopes.append(float(x[0]) if gained > _CLEAR * left else 0.0)
-    if min(*slopes, *moving) <= 0 or max(slopes) > np.exp(OWN_FACTOR) or abs(np.log(sum(slopes) / sum(moving))) > _SAME:
+        x, residual = least_squares(columns[rows], tau[rows])
+        gain = least_squares(columns[rows, 1:], tau[rows])[1] - residual
+        slopes.append(float(x[0]) if gain > _CLEAR * residual else 0.0)
+    if (
+        min(*slopes, *varying_slopes) <= 0
+        or max(slopes) > np.exp(OWN_FACTOR)
+        or abs(np.log(sum(slopes) / sum(varying_slopes))) > _SAME_AS_INERTIA
+    ):
         return 0.0, 0.0
     return slopes[0], slopes[1]
 
@@ -119,8 +132,8 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
     size, scale = np.nan_to_num(np.abs(np.log(scales))), common_scale(scales)
     if scale is None and size.max(initial=0.0) <= OTHER_UNIT:
         return None
-    far = ~np.isnan(scales) if scale is not None else size > OWN_FACTOR
-    joints = tuple(np.flatnonzero(far).tolist())
+    off = ~np.isnan(scales) if scale is not None else size > OWN_FACTOR
+    joints = tuple(np.flatnonzero(off).tolist())
     units = listed(sorted({"N/A" if robot.prismatic[j] else "N m/A" for j in joints}))
     which, are, alike = ("torque", "is", "") if len(joints) == 1 else ("torques", "are", ", all alike")
     entries = gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints})
