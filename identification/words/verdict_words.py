@@ -95,7 +95,8 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         found = f" ({named} found, but not enough)" if names else ""
         return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
     if diagnosis.verdict == "no_gap":
-        return "The model fits the robot: nothing was found beyond noise and the tolerances that the model states."
+        beyond = "noise, what drives and slow joints may leave," if _loud_joints(diagnosis) else "noise"
+        return f"The model fits the robot: nothing was found beyond {beyond} and the tolerances that the model states."
     if diagnosis.verdict == "not_testable" and torques_may_be_noise(diagnosis.joints):
         return (
             "This recording cannot show a gap at all: on every joint the noise is as large as the torque. Check that "
@@ -216,16 +217,20 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
-    noisy = [gap for gap in diagnosis.joints if not gap.only_given_fits]
-    loud = [gap for gap in noisy if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
-    if diagnosis.verdict == "no_gap" and loud:
-        one = max(loud, key=_of_torque)
+    if diagnosis.verdict == "no_gap" and _loud_joints(diagnosis):
+        one = max(_loud_joints(diagnosis), key=_of_torque)
         out.append(
             f"On {joints_words([one.joint])} {one.rms_after / one.noise_floor:.1f} times its noise floor is left, "
             f"{percent(_of_torque(one))} of its torque: the drive may make it, or friction where the joint stands, "
             "creeps or turns about."
         )
     return out
+
+
+def _loud_joints(diagnosis: Diagnosis) -> list[JointGap]:
+    """Joints on which more than noise is left, which a sound model may leave on drives of that class."""
+    noisy = [gap for gap in diagnosis.joints if not gap.only_given_fits]
+    return [gap for gap in noisy if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
 
 
 def _not_judged(diagnosis: Diagnosis) -> list[str]:
