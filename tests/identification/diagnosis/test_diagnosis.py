@@ -54,7 +54,7 @@ def test_a_torque_that_has_nothing_to_do_with_the_motion_explains_nothing(planar
     recording = lab.recording(planar2, lab.motion(2, 3, swing=1.5))
     found = diagnose(planar2, (replace(recording, tau=size * rng.standard_normal(recording.q.shape)),))
     assert (found.verdict, found.findings, found.unexplained.law) == ("not_testable", (), None)
-    assert all(joint.is_noise for joint in found.joints)
+    assert all(joint.torque_may_be_noise for joint in found.joints)
 
 
 @pytest.mark.parametrize(
