@@ -111,10 +111,11 @@ def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float)
 def from_quiet(
     bursts: tuple[Burst, ...], problem: Problem, residual: Series, floor: Float[Array, " nv"]
 ) -> tuple[Burst, ...]:
-    """Bursts on joints whose residual is otherwise noise, and larger than the residual of any other joint.
+    """Bursts that stand out of what is left of their joint, and are larger than the residual of any other loud joint.
 
-    Where the residual of a joint is above its noise all the time, its peaks are no events; and an unmodelled torque of
-    that joint may show on others, with at most its own size.
+    Where the residual of a joint is above its noise all the time, its peaks are no events, unless they are many times
+    as large as the rest: a push also spoils the fit of the other samples. And an unmodelled torque of that joint may
+    show on others, with at most its own size.
 
     Args:
         bursts: In all recordings.
@@ -136,7 +137,12 @@ def from_quiet(
     loud = rest > contract_levels.FLOORS_LEFT * floor
     least = max(rest[loud], default=0.0)
     joints = problem.session.robot.joint_names
-    return tuple(one for one in bursts if not loud[joints.index(one.joint)] and abs(one.torque) > least)
+
+    def stands_out(burst: Burst) -> bool:
+        row = joints.index(burst.joint)
+        return not loud[row] or abs(burst.torque) > rules.BURST_RATIO * rest[row]
+
+    return tuple(one for one in bursts if stands_out(one) and abs(one.torque) > least)
 
 
 def bursts_in(

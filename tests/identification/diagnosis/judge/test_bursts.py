@@ -144,7 +144,9 @@ def test_a_hole_in_a_recording_is_no_event(planar2, lacking):
         # Oracle: the rule by hand. The floor is 1 N m on both joints; the burst is left out of the rest.
         (1.0, "elbow", 4.0, True),
         (1.0, "shoulder", 4.0, True),
-        (3.0, "shoulder", 9.0, False),
+        # The shoulder is loud: its events are six times as large as the rest.
+        (3.0, "shoulder", 17.0, False),
+        (3.0, "shoulder", 19.0, True),
         (3.0, "elbow", 2.9, False),
         (3.0, "elbow", 3.1, True),
     ],
