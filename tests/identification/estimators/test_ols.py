@@ -79,8 +79,8 @@ def test_an_effect_that_cannot_be_told_from_a_link_is_named(pendulum, swing, mak
             pendulum, make_log(pendulum, motion, rubbing(pendulum, motion)), [(effect_named("rotor_inertia"), "pin")]
         )
     )
-    told = "Not separable from other parameters in this recording: pin.rotor_inertia.inertia"
-    assert any(told in warning for warning in fit.warnings)
+    expected = "Not separable from other parameters in this recording: pin.rotor_inertia.inertia"
+    assert any(expected in warning for warning in fit.warnings)
 
 
 def test_a_motion_at_rest_without_gravity_is_refused(pendulum, make_log):
@@ -94,8 +94,8 @@ def test_as_many_equations_as_unknowns_give_no_uncertainty(pendulum, swing, make
     motion = swing(pendulum, 1)
     fit = ols(torque_regressor(pendulum, make_log(pendulum, motion, rubbing(pendulum, motion))))
     assert np.isnan(fit.cov).all()
-    told = "no more equations than unknowns, so that no uncertainty can be given"
-    assert any(told in warning for warning in fit.warnings)
+    expected = "no more equations than unknowns, so that no uncertainty can be given"
+    assert any(expected in warning for warning in fit.warnings)
 
 
 def test_with_one_joint_it_is_ordinary_least_squares(pendulum, swing, make_log, rubbing, friction, rng):
