@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 
 from identification.diagnosis.columns.terms import Term
@@ -76,8 +76,13 @@ def is_beside_parts(chosen: frozenset[Term], term: Term) -> bool:
     """True for one number of several joints and a set with effects on them that may be parts of it."""
     if not is_of_many_joints(term):
         return False
-    parts, joints = term.effect.sum_parts, joints_of(term)
-    return any(other.effect.name in parts and other.joint in joints for other in chosen)
+    joints = joints_of(term)
+    return any(are_parts([other], term) and other.joint in joints for other in chosen)
+
+
+def are_parts(parts: Iterable[Term], whole: Term) -> bool:
+    """True for effects of which a sum may make much the same torque as another one."""
+    return all(part.effect.name in whole.effect.sum_parts for part in parts)
 
 
 def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:

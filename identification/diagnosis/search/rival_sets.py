@@ -10,7 +10,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.containment import contains, scales_all_bodies
+from identification.diagnosis.search.containment import are_parts, contains, scales_all_bodies
 from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
@@ -165,7 +165,8 @@ def _options(
         others for one, own in zip(searches, slack, strict=True) for others in relevant(one, chosen, term, own)
     )
     for others in near:
-        allowed = _is_sum_of_parts(term, others) or barred.isdisjoint(other.effect_joint for other in others)
+        is_sum = len(others) > 1 and are_parts(others, term)
+        allowed = is_sum or barred.isdisjoint(other.effect_joint for other in others)
         if not allowed or not all(other.named for other in others):
             continue
         swapped = replaced(chosen, term, others)
@@ -299,13 +300,8 @@ def _nested(term: Term, others: Chosen) -> bool:
     def more(rich: Term, simple: Term) -> bool:
         return contains(rich, simple) or (rich.joint == simple.joint and simple.effect.name in rich.effect.tends_to)
 
-    several = len(others) > 1 and not _is_sum_of_parts(term, others)
+    several = len(others) > 1 and not are_parts(others, term)
     return several or any(more(one, term) or more(term, one) for one in others)
-
-
-def _is_sum_of_parts(term: Term, others: Chosen) -> bool:
-    """True for several effects of which a sum may make much the same torque as another one."""
-    return len(others) > 1 and all(other.effect.name in term.effect.sum_parts for other in others)
 
 
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:

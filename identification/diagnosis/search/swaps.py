@@ -11,6 +11,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import dropped, passes_gates, rows_of
 from identification.diagnosis.search.containment import (
     are_near_twins,
+    are_parts,
     contains,
     is_of_many_joints,
     joints_of,
@@ -154,7 +155,7 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
         for other in search.terms
         if other.named
         and other.effect_joint != term.effect_joint
-        and not (is_of_many_joints(other) and term.effect.name in other.effect.sum_parts)
+        and not (is_of_many_joints(other) and are_parts([term], other))
     ]
     parts = [
         other

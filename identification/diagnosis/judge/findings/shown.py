@@ -23,7 +23,7 @@ from identification.diagnosis.judge.moved_by_noise import (
     noise_may_make,
 )
 from identification.diagnosis.judge.shares import least_closed, left_by
-from identification.diagnosis.search.containment import possible, with_term
+from identification.diagnosis.search.containment import are_parts, possible, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.rival_sets import RivalComparison, compare_with_rivals
 from identification.diagnosis.search.search import Search
@@ -89,7 +89,7 @@ def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
     if not fallen or after.shown - before.shown:
         return after
     for gone, rivals in after.exchanges:
-        single = len(rivals) == 1 or _are_parts(rivals, gone)
+        single = len(rivals) == 1 or any(are_parts(rivals, term) for term in gone)
         if not rivals & fallen or (single and not _no_other_rival_likelier(rivals, gone, after.compared_sets)):
             continue
         found = after.found - rivals
@@ -106,11 +106,6 @@ def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
             exchanges=tuple(pair for pair in after.exchanges if pair[1] != rivals),
         )
     return after
-
-
-def _are_parts(rivals: frozenset[Term], gone: frozenset[Term]) -> bool:
-    """True for effects of which a sum may make much the same torque as an effect that they replaced."""
-    return all(any(rival.effect.name in term.effect.sum_parts for term in gone) for rival in rivals)
 
 
 def _no_other_rival_likelier(rivals: frozenset[Term], gone: frozenset[Term], compared_sets: tuple[Shown, ...]) -> bool:
