@@ -52,7 +52,8 @@ def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tup
         shape = tuple(x[count:].tolist()) or term.shape
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
-    return _nearest(cases, x, fitted.shown_by(term))
+    of_other_shape = _of_other_shape(robot, term, x) if len(x) == count else frozenset()
+    return _nearest(cases, x, fitted.shown_by(term), excluded=of_other_shape)
 
 
 def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
@@ -78,7 +79,20 @@ def nearest_case_of(
     def cases(x: Array) -> tuple[SpecialCase, ...]:
         return term.effect.special_cases(robot, term.joint, x, term.shape)
 
-    return _nearest(cases, fitted.theta[columns], fitted.cov[np.ix_(at, at)], names)
+    theta = fitted.theta[columns]
+    of_other_shape = _of_other_shape(robot, term, theta)
+    return _nearest(cases, theta, fitted.cov[np.ix_(at, at)], names, of_other_shape)
+
+
+def _of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
+    """Simpler laws that an effect becomes at another shape: a fit that holds its shape says nothing about these."""
+    at, near = (
+        term.effect.special_cases(robot, term.joint, theta, tuple(scale * one for one in term.shape))
+        for scale in (1.0, 1.01)
+    )
+    return frozenset(
+        one.names for one, other in zip(at, near, strict=True) if one.names and np.any(one.numbers != other.numbers)
+    )
 
 
 def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
@@ -98,15 +112,16 @@ def _nearest(
     x: Float[Array, " k"],
     cov: Float[Array, "k k"],
     names: tuple[str, ...] | None = None,
+    excluded: frozenset[tuple[str, ...]] = frozenset(),
 ) -> tuple[float, tuple[str, ...]] | None:
     """The first special case from which the numbers do not differ, else the one from which they differ least."""
     nearest: tuple[float, tuple[str, ...]] | None = None
     step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))
     moved = [cases(x + row) for row in np.diag(step)]
     for k, case in enumerate(cases(x)):
-        slope = np.stack([(other[k].numbers - case.numbers) / s for other, s in zip(moved, step, strict=True)], axis=1)
-        if (np.any(case.numbers) and not slope.any()) or names not in (None, case.names):
+        if case.names in excluded or names not in (None, case.names):
             continue
+        slope = np.stack([(other[k].numbers - case.numbers) / s for other, s in zip(moved, step, strict=True)], axis=1)
         certain = certainty(case.numbers, slope @ cov @ slope.T)
         if not differs_from_simpler(certain).passed:
             return certain, case.names

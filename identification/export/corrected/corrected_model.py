@@ -184,9 +184,10 @@ def _parallel_springs(one: tuple[float, float], other: tuple[float, float]) -> t
 
 def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
     law = effect_named(effect.effect, robot)
-    theta = np.asarray(effect.theta, dtype=float)
-    wanted = len(law.parameters(robot, effect.joint))
-    count = len(theta)
+    known = law.parameters(robot, effect.joint)
+    left_out = tuple(parameter.default for parameter in known[len(effect.theta) :])
+    theta = np.array(effect.theta if None in left_out else (*effect.theta, *left_out), dtype=float)
+    wanted, count = len(known), len(theta)
     lists = law.takes_lists(robot, effect.joint) and count > 0 and count % wanted == 0
     if not (lists or count in (wanted, wanted + len(law.optional_parameters(robot, effect.joint)))):
         raise ParameterError(

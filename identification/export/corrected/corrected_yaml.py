@@ -297,20 +297,22 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
             f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
             f"have: {known_names(entry.joint or '', robot.joint_names, 'joints')}"
         )
-    names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
+    known = effect.parameters(robot, entry.joint)
+    names = [parameter.name for parameter in known]
     _require_lengths(entry, file, lists=effect.takes_lists(robot, entry.joint))
     stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
     unknown = sorted(set(stated) - set(names))
     # Inertial parameters that the file does not name are unchanged.
-    missing = [] if effect.inertial == "free" else sorted(set(names) - set(stated))
+    needed = {parameter.name for parameter in known if parameter.default is None}
+    missing = [] if effect.inertial == "free" else sorted(needed - set(stated))
     if unknown or missing:
         raise ParameterError(
             f"{file}: effect {entry.effect} has parameters {shortened(', '.join(entry.parameters), 200)}, wanted "
             f"{', '.join(names)}: correct the file or diagnose again."
         )
     theta: list[float] = []
-    for parameter in effect.parameters(robot, entry.joint):
-        value = stated.get(parameter.name, 0.0)
+    for parameter in known:
+        value = stated.get(parameter.name, parameter.default or 0.0)
         numbers = [float(x) for x in value] if isinstance(value, list) else [float(value)]
         _require_possible(parameter, numbers, f"{file}: {parameter.name} of {entry.effect}")
         theta += numbers

@@ -5,6 +5,9 @@ It leaves a torque that grows with the way since the last reversal, whatever the
 it contains (no displacement). It is confused with Coulomb friction and a late drive, and with backlash: reversals at
 several accelerations separate them, as the curves overlay over displacement here and over time for a late drive.
 
+The Coulomb friction of a model is a step at each reversal; that of a robot builds up, all of it. So the bristle may
+take the place of modelled friction: ``coulomb_torque``, at most zero, is the change of what sets in at once.
+
 With two more numbers, ``static_ratio`` and ``stick_velocity``, it is the modified Karnopp friction of simulated haptic
 hardware: it slips with ``T``, sticks below the stick velocity to where it was the sample before, by a spring of
 stiffness ``static_ratio T / displacement``, and breaks loose at ``static_ratio T``.
@@ -37,7 +40,8 @@ from phantom_dyn.effects.author import (
     torque_unit,
     velocity_unit,
 )
-from phantom_dyn.effects.support.rows import never_reverses, stated_limit, turning_points
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.rows import modelled_friction_of, never_reverses, stated_limit, turning_points
 
 # Keeps the law defined where a fit goes to Coulomb friction [rad or m].
 _LEAST_DISPLACEMENT = 1e-12
@@ -73,6 +77,8 @@ def yielding(operation: Operation, joint: str | None, own: Array, shape: Array) 
     out = np.zeros_like(operation.tau)
     row = row_of(operation.robot, joint)
     out[:, row] = own[0] * dahl(operation.q[:, row], float(shape[0]))
+    if len(own) > 1:
+        out[:, row] += own[1] * np.sign(operation.v[:, row])
     return out
 
 
@@ -91,6 +97,7 @@ class PreslidingFriction(Effect):
         parameters={
             "torque": "friction torque once the joint slides",
             "displacement": "way after a reversal over which friction builds up",
+            "coulomb_torque": "change of the Coulomb torque that sets in at once",
             "static_ratio": "friction torque at rest over that while sliding",
             "stick_velocity": "speed below which the joint sticks",
         },
@@ -100,9 +107,9 @@ class PreslidingFriction(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Torque in full slip, and the displacement at which the bristle slips."""
-        row = row_of(robot, joint)
-        return (
+        """Torque in full slip, the displacement at which the bristle slips, and what it leaves of modelled friction."""
+        row, modelled = row_of(robot, joint), modelled_friction_of(robot, joint)[1]
+        own = (
             Parameter(
                 "torque",
                 torque_unit(robot, joint),
@@ -118,6 +125,18 @@ class PreslidingFriction(Effect):
                 plausible_because="contacts, seals and cables slip after a few degrees or millimetres",
             ),
         )
+        if modelled == 0.0:
+            return own
+        left = Parameter(
+            "coulomb_torque",
+            torque_unit(robot, joint),
+            -modelled,
+            0.0,
+            default=0.0,
+            plausible=(-modelled, 0.0),
+            plausible_because="the bristle takes the place of no more friction than is modelled",
+        )
+        return (*own, left)
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Static ratio and stick velocity, with which the joint sticks."""
@@ -148,48 +167,85 @@ class PreslidingFriction(Effect):
         return tuple((factor * shape[0],) for factor in (0.75, 1.0, 4 / 3))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Share of the slip torque that the bristle gives at displacement ``shape``."""
-        z = bristle(operation.q[:, row_of(robot, joint)], shape[0])
-        return on_one_joint(robot, joint, torque=(z, torque_unit(robot, joint)))
+        """Share of the slip torque that the bristle gives at displacement ``shape``, and the direction of motion."""
+        row, unit = row_of(robot, joint), torque_unit(robot, joint)
+        columns = {"torque": (bristle(operation.q[:, row], shape[0]), unit)}
+        if modelled_friction_of(robot, joint)[1] > 0.0:
+            columns["coulomb_torque"] = (np.sign(operation.v[:, row]), unit)
+        return on_one_joint(robot, joint, **columns)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """A bristle holds back."""
-        return ((0.0, np.inf),)
+        """A bristle holds back, and takes the place of no more Coulomb friction than is modelled."""
+        modelled = modelled_friction_of(robot, joint)[1]
+        return ((0.0, np.inf), (-modelled, 0.0)) if modelled > 0.0 else ((0.0, np.inf),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without a displacement it is Coulomb friction."""
-        return SpecialCase((), coefficients), SpecialCase(("coulomb_friction",), np.array(shape))
+        """Without a displacement, or without a torque, it is Coulomb friction.
+
+        It builds up during the time that a joint needs for the displacement, which is proportional to the root of the
+        displacement at a constant acceleration. Where it is short, recordings show its product with the torque, and
+        neither of the two.
+        """
+        less = coefficients[0] * np.sqrt(np.array(shape))
+        total = np.sum(coefficients, keepdims=True)
+        return SpecialCase((), np.concatenate([total, less])), SpecialCase(("coulomb_friction",), less)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """The slip torque at the displacement of the shape."""
-        return np.array([coefficients[0], shape[0]])
+        """The slip torque, the displacement of the shape, and the change of the modelled Coulomb torque."""
+        return np.array([coefficients[0], shape[0], *coefficients[1:]])
+
+    def remark(self, robot: Robot, joint: str | None, theta: Array) -> str:
+        """A sentence on the modelled friction whose place it takes, if there is any."""
+        unit, coulomb = torque_unit(robot, joint), _bristle_and_coulomb(theta)[1]
+        if coulomb == 0.0:
+            return ""
+        return (
+            f"Of the {modelled_friction_of(robot, joint)[1]:.3g} {unit} of Coulomb friction in the model, "
+            f"{-coulomb:.3g} {unit} do not set in at once: they are part of this friction."
+        )
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """Torque of the bristle, beside all friction that is modelled."""
+        return "torque", np.array([1.0, 0.0] if modelled_friction_of(robot, joint)[1] > 0.0 else [1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """It cannot be seen without a reversal: the bristle stays deflected."""
         return never_reverses(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law along the motion; the bristle starts at rest. ``theta`` may have the two numbers of sticking."""
+        """The law along the motion; the bristle starts at rest.
+
+        ``theta`` may lack the change of the Coulomb torque, and may have the two numbers of sticking at its end.
+        """
         row = row_of(robot, joint)
         q, v = operation.q[:, row], operation.v[:, row]
-        if len(theta) == 2:
-            return torque_on_joint(robot, joint, -theta[0] * bristle(q, theta[1]))
+        own, coulomb = _bristle_and_coulomb(theta)
+        step = -coulomb * np.sign(v)
+        if len(own) == 2:
+            return torque_on_joint(robot, joint, step - own[0] * bristle(q, own[1]))
         values, state = np.empty(len(q)), _NEW
         for k in range(len(q)):
-            state, values[k] = stick_step(state, q[k], v[k], theta)
-        return torque_on_joint(robot, joint, values)
+            state, values[k] = stick_step(state, q[k], v[k], own)
+        return torque_on_joint(robot, joint, step + values)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The same, one step after the other: the state is the last position and what the bristle remembers."""
-        function = bristle_law if len(theta) == 2 else stick_law
-        law = Law(function, row_of(robot, joint), tuple(map(float, theta)), tuple(map(float, _NEW)))
-        return Simulated(start=_NEW, laws=(law,))
+        own, coulomb = _bristle_and_coulomb(theta)
+        function = bristle_law if len(own) == 2 else stick_law
+        law = Law(function, row_of(robot, joint), tuple(map(float, own)), tuple(map(float, _NEW)))
+        changed = None if coulomb == 0.0 else lambda moved: with_friction(moved, joint, coulomb=coulomb)
+        return Simulated(_NEW, robot=changed, laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The torque behind the bristle."""
-        return ModelNumbers(coulomb=float(theta[0]))
+        """The torque behind the bristle, less the modelled friction whose place it takes."""
+        return ModelNumbers(coulomb=float(theta[0] + _bristle_and_coulomb(theta)[1]))
+
+
+def _bristle_and_coulomb(theta: Array) -> tuple[Array, float]:
+    """Numbers of the bristle, and the change of the modelled Coulomb torque, which only three or five numbers have."""
+    return (np.delete(theta, 2), float(theta[2])) if len(theta) in (3, 5) else (theta, 0.0)
 
 
 def strokes(operation: Operation, row: int) -> Float[Array, " n"]:

@@ -33,7 +33,11 @@ PARAMETERS = {
         "static_torque": ("N m", "N"),
         "stribeck_velocity": ("rad/s", "m/s"),
     },
-    "presliding_friction": {"torque": ("N m", "N"), "displacement": ("rad", "m")},
+    "presliding_friction": {
+        "torque": ("N m", "N"),
+        "displacement": ("rad", "m"),
+        "coulomb_torque": ("N m", "N"),
+    },
     "load_dependent_friction": {"ratio": ("1", "1")},
     "temperature_dependent_friction": {
         "coulomb_torque": ("N m", "N"),

@@ -179,8 +179,9 @@ def test_special_cases_of_friction_are_differences_of_its_numbers(arm):
     )
     assert [case.numbers.tolist() for case in warm] == [[0.3, -0.02, -0.01], [0.4, -0.02, -0.01], [-0.02, -0.01]]
     assert warm[2].names == ("coulomb_friction", "viscous_friction")
-    nothing, coulomb = effect_named("presliding_friction").special_cases(arm, "tilt", np.array([0.4]), (0.02,))
-    np.testing.assert_allclose([nothing.numbers.item(), coulomb.numbers.item()], [0.4, 0.02])
+    # The time after a reversal for a displacement of 0.04 is proportional to 0.2.
+    nothing, coulomb = effect_named("presliding_friction").special_cases(arm, "tilt", np.array([0.4, -0.3]), (0.04,))
+    np.testing.assert_allclose([*nothing.numbers, *coulomb.numbers], [0.1, 0.08, 0.08])
 
 
 def test_wheels_of_a_coupling_differ_by_less_than_a_factor_of_ten(driven):

@@ -117,7 +117,7 @@ def test_a_bristle_that_yields_by_another_law_is_within_the_interval(lab, planar
     motion = lab.motion(2, 4, seconds=20.0)
     torque = np.zeros_like(motion.q)
     torque[:, 1] = -0.5 * dahl(motion.q[:, 1], 0.02)
-    prepared, problem = judged(lab, planar2, motion, torque, ("presliding_friction", "elbow", (0.02,), [0.5]))
+    prepared, problem = judged(lab, planar2, motion, torque, ("presliding_friction", "elbow", (0.02,), [0.5, 0.0]))
     term = middle(prepared, ("presliding_friction", "elbow"))
     values = finding_parameters(planar2, term, fitted_with(planar2, prepared, problem, term))
     assert abs(values["torque"].value - 0.5) < 1.96 * values["torque"].std

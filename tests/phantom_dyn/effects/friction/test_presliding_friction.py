@@ -80,6 +80,24 @@ def test_the_torque_does_not_depend_on_speed(arm):
     )
 
 
+def test_a_bristle_in_the_place_of_coulomb_friction_leaves_no_step(arm, smooth):
+    # By definition: friction of the model and of the effect are together the bristle's alone.
+    rubbing = replace(arm, coulomb_friction=np.array([0.0, 0.5, 0.0]))
+    taken = EFFECT.torque(rubbing, smooth, "tilt", np.array([0.5, 0.02, -0.5]))[:, 1]
+    alone = EFFECT.torque(rubbing, smooth, "tilt", np.array([0.5, 0.02]))[:, 1]
+    np.testing.assert_allclose(taken - 0.5 * np.sign(smooth.v[:, 1]), alone, atol=1e-12)
+    changed = EFFECT.simulated(rubbing, "tilt", np.array([0.5, 0.02, -0.5])).robot(rubbing)
+    assert changed.coulomb_friction[1] == 0.0
+    assert EFFECT.model_numbers(rubbing, "tilt", np.array([0.5, 0.02, -0.5])).coulomb == 0.0
+
+
+def test_it_takes_the_place_of_no_more_coulomb_friction_than_is_modelled(arm):
+    rubbing = replace(arm, coulomb_friction=np.array([0.0, 0.7, 0.0]))
+    assert EFFECT.coefficient_bounds(rubbing, "tilt", (0.02,))[1:] == ((-0.7, 0.0),)
+    assert [one.lower for one in EFFECT.parameters(rubbing, "tilt")] == [0.0, 0.0, -0.7]
+    assert [one.name for one in EFFECT.parameters(rubbing, "turn")] == ["torque", "displacement"]
+
+
 def test_displacements_that_are_tried_follow_the_way_between_reversals(arm):
     # Known truth: every stroke is 0.4 rad long.
     operation = there_and_back(arm, 0.5, 0.4, 200)
@@ -98,7 +116,10 @@ def test_a_joint_that_never_reverses_cannot_show_it(arm):
     assert EFFECT.untestable(arm, operation, "tilt") is None
 
 
-@pytest.mark.parametrize("theta", [np.array([0.5, 0.02]), STICKING], ids=["bristle", "sticking"])
+THETAS = [np.array([0.5, 0.02]), STICKING, np.array([0.5, 0.02, 0.0]), np.array([0.5, 0.02, 0.0, 1.05, 0.3])]
+
+
+@pytest.mark.parametrize("theta", THETAS, ids=["bristle", "sticking", "no change", "sticking, no change"])
 def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps, theta):
     expected = EFFECT.torque(arm, smooth, "tilt", theta)
     np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", theta), smooth), expected, atol=1e-12)
