@@ -1,9 +1,9 @@
 """Generic structures of a residual outside of the catalogue, which make a gap `unknown`.
 
 Each is a small group of columns for a class of causes: a slow change with time, a rhythm in time, a force that depends
-on the position, and drives that weaken with the load of all joints. They compete with the catalogue at the price of
-their parameters, so that an effect that only resembles one of these is no finding, and an effect of the catalogue is
-found in spite of them.
+on the position, drag that grows with the square of the speed, and drives that weaken with the load of all joints. They
+compete with the catalogue at the price of their parameters, so that an effect that only resembles one of these is no
+finding, and an effect of the catalogue is found in spite of them.
 """
 
 from __future__ import annotations
@@ -153,6 +153,24 @@ class Contact(Rival):
         return _on_row(robot, joint, [np.maximum(shape[1] * (q - shape[0]), 0.0)])
 
 
+class Drag(Rival):
+    """Friction of one joint that does not grow in proportion to its velocity, such as that of a fluid."""
+
+    name = "drag"
+    regime = "high_speed"
+    shows_with = "velocity"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Friction in proportion to the velocity."""
+        return ("viscous_friction",)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Velocity, and its square with its sign."""
+        v = _scaled(operation.v[:, row_of(robot, joint)])
+        return _on_row(robot, joint, [v, v * np.abs(v)])
+
+
 class Supply(Rival):
     """Drives that give less when all of them together need more torque; one drive, or all alike."""
 
@@ -193,5 +211,6 @@ STRUCTURES: tuple[Rival, ...] = (
     Rhythm(),
     Field(),
     Contact(),
+    Drag(),
     Supply(),
 )

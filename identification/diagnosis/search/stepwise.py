@@ -262,10 +262,8 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
                     continue
                 tried = _only_needed(search, term, base, chosen)
                 # The set stays if it explains more than the one with the structure, by the margin of that gate.
-                gone = _count_of_causes(chosen - tried)
-                if not sines.isdisjoint(rows_of(search.problem, term)):
-                    gone = min(gone, 1)
-                needed = _asked_of_nameless(search, gone, accuracy)
+                in_one_sine = not sines.isdisjoint(rows_of(search.problem, term))
+                needed = _asked_of_nameless(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
                 stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
                 if not stays.passed and passes_gates(search, tried, tried - {term}):
                     better[tried] = stays
@@ -281,10 +279,25 @@ def _count_of_causes(effects: frozenset[Term]) -> int:
     return min(len({term.effect for term in effects}), len({term.joint for term in effects}))
 
 
-def _asked_of_nameless(search: Search, gone: int, accuracy: float) -> float:
-    """Least gain in score of a set with a nameless structure that makes a number of effects unnecessary."""
-    margin = exchange.NAMELESS_MARGIN[min(gone, len(exchange.NAMELESS_MARGIN) - 1)]
-    return margin * search.threshold.overall + (accuracy if gone in (1, 2) else 0.0)
+def _asked_of_nameless(
+    search: Search, structure: Term, replaced: frozenset[Term], accuracy: float, *, in_one_sine: bool
+) -> float:
+    """Least gain in score of a set with a nameless structure that makes some effects unnecessary.
+
+    None is asked of one law that has fewer numbers than several effects together: they imitate it.
+
+    Args:
+        search: Rivals.
+        structure: Has no name in the catalogue.
+        replaced: Effects that it makes unnecessary.
+        accuracy: What a structure with many shapes gains from inaccuracies of the laws that it replaces.
+        in_one_sine: True if its joint moves in one sine, where two numbers make any torque.
+    """
+    simpler = not structure.shape and search.sizes[structure] < search.sizes_of(replaced)
+    if simpler and len(replaced) > 1 and not in_one_sine:
+        return 0.0
+    gone = min(_count_of_causes(replaced), 1 if in_one_sine else len(exchange.NAMELESS_MARGIN) - 1)
+    return exchange.NAMELESS_MARGIN[gone] * search.threshold.overall + (accuracy if gone in (1, 2) else 0.0)
 
 
 def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:

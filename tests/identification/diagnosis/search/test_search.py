@@ -298,6 +298,10 @@ class Outside:
     def __init__(self, problem, terms, scores):
         self.problem, self.terms, self.scores = problem, terms, scores
         self.threshold, self.record = Threshold(5.0, {}), Record()
+        self.sizes = {term: 4 for term in terms}
+
+    def sizes_of(self, terms):
+        return sum(self.sizes[term] for term in terms)
 
     def score(self, chosen):
         return self.scores[chosen]
@@ -314,6 +318,23 @@ def test_of_several_structures_without_a_name_the_best_is_taken_and_not_the_firs
     scores = {nothing: 400.0, first: 300.0, best: 298.0}
     found = stepwise.with_nameless(Outside(quiet.search.problem, (one, other), scores), nothing, silent)
     assert found == best
+
+
+@pytest.mark.parametrize(("numbers", "in_one_sine", "needed"), [(3, False, 0.0), (1, False, 7.0), (3, True, 7.0)])
+def test_of_one_law_with_fewer_numbers_than_several_effects_nothing_is_asked(quiet, numbers, in_one_sine, needed):
+    # By hand: causes of one joint may be one, which asks for the threshold of 5 and the accuracy of 2.
+    drag = quiet.term("drag", "elbow")
+    gone = frozenset([quiet.term("viscous_friction", "elbow"), quiet.term("stribeck_friction", "elbow")])
+    search = Outside(quiet.search.problem, (drag, *gone), {})
+    search.sizes = {term: numbers for term in gone} | {drag: 5}
+    assert stepwise._asked_of_nameless(search, drag, gone, 2.0, in_one_sine=in_one_sine) == needed
+
+
+def test_a_single_effect_does_not_imitate_a_structure_whatever_its_numbers(quiet):
+    drag, gone = quiet.term("drag", "elbow"), quiet.term("direction_dependent_friction", "elbow")
+    search = Outside(quiet.search.problem, (drag, gone), {})
+    search.sizes = {drag: 2, gone: 4}
+    assert stepwise._asked_of_nameless(search, drag, frozenset([gone]), 2.0, in_one_sine=False) == 7.0
 
 
 def test_a_structure_makes_needless_no_effect_that_touches_none_of_its_joints(quiet, monkeypatch):
