@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share: of the gain of unconstrained inertial parameters that bodies which can exist have to reach. Where the bodies of
-# the model are wrong, the true ones exist, and an unconstrained fit gains only noise beyond them.
+# share: of the gain of unconstrained inertial parameters that bodies which can exist have to reach, however small.
 BY_POSSIBLE_BODIES = 0.5
 
 
-def bodies_can_exist(possible: float, free: float) -> GateResult:
-    """Do bodies that can exist explain most of what free inertial parameters explain?
+def bodies_can_exist(possible: float, free: float, chance: float) -> GateResult:
+    """Do bodies that can exist explain what free inertial parameters explain?
 
-    A body can exist if its pseudo-inertia has no negative eigenvalue and its centre is within its own reach. Bodies
-    that are truly wrong pass. Where only impossible bodies explain a gap, its cause is another one.
+    A body can exist if its pseudo-inertia has no negative eigenvalue and its centre is within its own reach. Where the
+    bodies of a model are wrong, the true ones exist, and an unconstrained fit gains only noise beyond them. Where
+    impossible bodies explain more, the cause is another one, however large a part possible bodies imitate.
 
     Args:
         possible: Gain in sample of bodies that can exist.
         free: Gain in sample of any inertial parameters.
+        chance: Gain that noise makes at most.
     """
-    share = possible / free if free > 0.0 else 1.0
-    return GateResult("bodies can exist", share, BY_POSSIBLE_BODIES, "of the gain", share > BY_POSSIBLE_BODIES)
+    share, needed = (possible / free, max(BY_POSSIBLE_BODIES, 1.0 - chance / free)) if free > 0.0 else (1.0, 0.0)
+    return GateResult("bodies can exist", share, needed, "of the gain", share > needed)
