@@ -53,11 +53,11 @@ def _stiffness(log: Log, joint: str) -> float | None:
         response = joint_response(log, joint)
         if np.mean(response.coherence >= rules.COHERENT) < rules.EXCITED_SHARE:
             return None
-        from phantom_dyn.haptics.experiments.frequency_response import fit_two_mass_of_instants
+        from phantom_dyn.haptics.experiments.frequency_response import fit_continuous_two_mass
 
         # A fit to another system than two masses may overflow in between; its result is tested by the misfit.
         with np.errstate(all="ignore"):
-            return fit_two_mass_of_instants(response).axis.cable_stiffness
+            return fit_continuous_two_mass(response).axis.cable_stiffness
     except (EstimationError, LogError, ParameterError):
         return None
 

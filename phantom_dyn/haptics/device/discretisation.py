@@ -22,7 +22,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Complex, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.device.frequency_kernels import loop_polynomials, with_delay
+from phantom_dyn.haptics.device.frequency_kernels import delayed_input, loop_polynomials
 from phantom_dyn.haptics.device.transfer_function import Axis
 
 Controller = tuple[Array, Array, Array, float]
@@ -70,12 +70,12 @@ class SampledAxis(ReadOnlyArrays):
 
     def response(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
         """:math:`Z[H(s) G(s) e^{-t_d s}]` at the frequencies [rad/s] up to the Nyquist frequency, shape ``(k,)``."""
-        steps, direct_now, direct_before, denominator, now, before = self.loop
+        steps, direct_now, direct_before, denominator, of_newer, of_older = self.loop
         x = frequency * self.period
         back = np.exp(-1j * x)
         delta = -2.0 * np.sin(0.5 * x) ** 2 + 1j * np.sin(x)
         low = np.polyval(denominator, delta)
-        high = np.polyval(now, delta) + np.polyval(before, delta) * back
+        high = np.polyval(of_newer, delta) + np.polyval(of_older, delta) * back
         return (high / low + direct_now + direct_before * back) * np.exp(-1j * steps * x)
 
     def closed_loop(self, stiffness: float, virtual_damping: float = 0.0) -> Float[Array, "m m"]:
@@ -160,7 +160,7 @@ def discretise(axis: Axis, *, period: float, delay: float = 0.0) -> SampledAxis:
     """
     steps, rest = split_delay(period, delay)
     system = axis.state_space
-    transition, newer, older = with_delay(system.A, system.B, period, rest)
+    transition, newer, older = delayed_input(system.A, system.B, period, rest)
     # A position is read just before its force arrives, so that with a fraction of a period the older force still acts.
     now, before = (0.0, system.D) if rest > 0 else (system.D, 0.0)
     return SampledAxis(period, delay, steps, transition, newer, older, system.C, now, before)

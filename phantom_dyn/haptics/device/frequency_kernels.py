@@ -1,7 +1,8 @@
 """Compiled loops over frequencies: held input, loop polynomials, frequency grid, crossings of the real axis.
 
-They are not annotated, as numba compiles for the types that arrive. `phantom_dyn.haptics.device.discretisation` has
-the equations. A system here is ``A (n, n)``, ``B (n,)``, ``C (n,)``; a loop is what `SampledAxis.loop` returns.
+The functions have no annotations, as numba compiles them for the types that they are given. The equations are in
+`phantom_dyn.haptics.device.discretisation`. A system here is ``A (n, n)``, ``B (n,)``, ``C (n,)``; a ``loop`` is what
+`SampledAxis.loop` returns: whole periods of delay, both feed-throughs, and the results of `loop_polynomials`.
 """
 
 from typing import NamedTuple
@@ -17,13 +18,13 @@ _A_DECADE = 150
 _AROUND = np.tan(np.linspace(-1.5, 1.5, 25))
 """Points of the grid around each lightly damped mode, in units of its half width."""
 _TURN = 0.2
-"""Largest change of phase by delay and hold between two points of the grid [rad]."""
+"""Largest change of phase that delay and hold make between two points of the grid [rad]."""
 _HALVINGS = 60
 """Halvings of an interval that holds a crossing: they fix its frequency to the last bits."""
 
 
 @jit
-def _times(a, b):
+def _product(a, b):
     """Product of two square matrices; it compiles much faster than ``@``, and runs faster with four rows."""
     n = a.shape[0]
     out = np.zeros((n, n))
@@ -36,7 +37,10 @@ def _times(a, b):
 
 @jit
 def held_input(A, B, duration):
-    """Exact transition matrix over ``duration``, and the effect of a held input: Taylor series, then squaring."""
+    """Exact transition matrix of the state over ``duration`` [s], and the state that a held unit input adds, ``(n,)``.
+
+    By the Taylor series of a halved duration, then squaring.
+    """
     n = A.shape[0]
     norm = 0.0
     for i in range(n):
@@ -60,36 +64,36 @@ def held_input(A, B, duration):
         for j in range(n):
             wide[i, j] = A[i, j] * duration * scale
     for k in range(1, _TERMS + 1):
-        term = _times(term, wide)
+        term = _product(term, wide)
         for i in range(n + 1):
             for j in range(n + 1):
                 term[i, j] /= k
                 total[i, j] += term[i, j]
     for _ in range(halvings):
-        total = _times(total, total)
+        total = _product(total, total)
     return total[:n, :n].copy(), total[:n, n].copy()
 
 
 @jit
-def with_delay(A, B, period, fraction):
-    """Transition over a period, and weights of the newer and the older input; the older one acts for ``fraction``.
+def delayed_input(A, B, period, rest):
+    """Transition matrix of the state over a period [s], and what a unit newer and a unit older input add to the state.
 
-    If the fraction is zero, the newer input acts for the whole period.
+    The older input acts for the first ``rest`` seconds, the newer one for all others.
     """
-    late, newer = held_input(A, B, period - fraction)
+    late, newer = held_input(A, B, period - rest)
     older = np.zeros(len(B))
-    if fraction == 0.0:
+    if rest == 0.0:
         return late, newer, older
-    early, first = held_input(A, B, fraction)
+    early, first = held_input(A, B, rest)
     for i in range(len(B)):
         for j in range(len(B)):
             older[i] += late[i, j] * first[j]
-    return _times(late, early), newer, older
+    return _product(late, early), newer, older
 
 
 @jit
 def loop_polynomials(transition, newer, older, C):
-    """Denominator and the numerators of newer and older input, in falling powers of ``z - 1``.
+    """Denominator of the sampled system and its numerators for newer and older input, in falling powers of ``z - 1``.
 
     By Faddeev and LeVerrier's method on the transition matrix minus one: near z = 1, where the crossings of low
     frequency are, powers of z would cancel.
@@ -102,26 +106,26 @@ def loop_polynomials(transition, newer, older, C):
         adjugate[i, i] = 1.0
     denominator = np.zeros(n + 1)
     denominator[0] = 1.0
-    now = np.zeros(n)
-    before = np.zeros(n)
+    of_newer = np.zeros(n)
+    of_older = np.zeros(n)
     for k in range(n):
         for i in range(n):
             for j in range(n):
-                now[k] += C[i] * adjugate[i, j] * newer[j]
-                before[k] += C[i] * adjugate[i, j] * older[j]
-        adjugate = _times(step, adjugate)
+                of_newer[k] += C[i] * adjugate[i, j] * newer[j]
+                of_older[k] += C[i] * adjugate[i, j] * older[j]
+        adjugate = _product(step, adjugate)
         trace = 0.0
         for i in range(n):
             trace += adjugate[i, i]
         denominator[k + 1] = -trace / (k + 1)
         for i in range(n):
             adjugate[i, i] += denominator[k + 1]
-    return denominator, now, before
+    return denominator, of_newer, of_older
 
 
 @jit
-def inverse_loop(w, period, steps, direct_now, direct_before, denominator, now, before):
-    """One over the sampled open loop at ``w`` [rad/s]."""
+def inverse_loop(w, period, steps, direct_now, direct_before, denominator, of_newer, of_older):
+    """One over the sampled open loop at ``w`` [rad/s]; from ``steps`` on, the arguments are the parts of a loop."""
     x = w * period
     delta = complex(-2.0 * np.sin(0.5 * x) ** 2, np.sin(x))
     back = complex(np.cos(x), -np.sin(x))
@@ -129,10 +133,10 @@ def inverse_loop(w, period, steps, direct_now, direct_before, denominator, now, 
     for c in denominator:
         low = low * delta + c
     newer = 0j
-    for c in now:
+    for c in of_newer:
         newer = newer * delta + c
     older = 0j
-    for c in before:
+    for c in of_older:
         older = older * delta + c
     high = newer + older * back + (direct_now + direct_before * back) * low
     return low / high * complex(np.cos(steps * x), np.sin(steps * x))
@@ -145,8 +149,8 @@ def gain_on_axis(w, period, loop, scaled, fixed):
     ``scaled`` and ``fixed`` are controllers, each given by its coefficients of ``1`` and of ``1/z``.
     """
     back = complex(np.cos(w * period), -np.sin(w * period))
-    steps, direct_now, direct_before, denominator, now, before = loop
-    inverse = inverse_loop(w, period, steps, direct_now, direct_before, denominator, now, before)
+    steps, direct_now, direct_before, denominator, of_newer, of_older = loop
+    inverse = inverse_loop(w, period, steps, direct_now, direct_before, denominator, of_newer, of_older)
     return -(inverse + fixed[0] + fixed[1] * back) / (scaled[0] + scaled[1] * back)
 
 
@@ -196,8 +200,8 @@ def crossings(grid, period, loop, scaled, fixed):
                 found[count] = 0.5 * (a + b), gain.real
                 count += 1
         value = following
-    edge = np.pi / period
-    found[count] = edge, gain_on_axis(edge, period, loop, scaled, fixed).real
+    nyquist = np.pi / period
+    found[count] = nyquist, gain_on_axis(nyquist, period, loop, scaled, fixed).real
     return found[: count + 1]
 
 
@@ -215,8 +219,8 @@ def lowest_gain(low, modes, period, delay, loop, virtual_damping):
     if gain_on_axis(grid[0], period, loop, spring, fixed).imag >= 0.0:
         return 0.0, np.nan
     if virtual_damping != 0.0:
-        for edge in crossings(grid, period, loop, (1.0 / period, -1.0 / period), (0.0, 0.0))[:, 1]:
-            if (0.0 < edge <= virtual_damping) or (virtual_damping <= edge < 0.0):
+        for limit in crossings(grid, period, loop, (1.0 / period, -1.0 / period), (0.0, 0.0))[:, 1]:
+            if (0.0 < limit <= virtual_damping) or (virtual_damping <= limit < 0.0):
                 return 0.0, np.nan
     best, at = np.inf, np.nan
     for w, gain in crossings(grid, period, loop, spring, fixed):
@@ -226,7 +230,7 @@ def lowest_gain(low, modes, period, delay, loop, virtual_damping):
 
 
 class MapDevices(NamedTuple):
-    """Systems of a map with their modes, one for each damping of the device.
+    """State spaces of the devices of a map, one for each damping, and their modes.
 
     Attributes:
         A: State matrices, shape ``(i, n, n)``.
@@ -267,7 +271,7 @@ def map_lowest_gain(devices, settings, stiffness, frequency):
     for i in range(A.shape[0]):
         for k in range(steps.shape[0]):
             for m in range(len(period)):
-                transition, newer, older = with_delay(A[i], B, period[m], rest[k, m])
+                transition, newer, older = delayed_input(A[i], B, period[m], rest[k, m])
                 polynomials = loop_polynomials(transition, newer, older, C)
                 loop = (steps[k, m], 0.0, 0.0, polynomials[0], polynomials[1], polynomials[2])
                 delay = steps[k, m] * period[m] + rest[k, m]

@@ -31,9 +31,9 @@ from phantom_dyn.signals.spectra import cross_density, power_density
 _OVERLAP = 1.0 + 2.0 / 36.0
 """Variance of a mean over half-overlapping Hann windows, relative to independent ones: neighbours correlate by 1/6."""
 _SHARED = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
-"""How often neighbouring frequencies count the same data under a Hann window: correlations 2/3 and 1/6, squared."""
+"""How often neighbouring frequencies use the same data under a Hann window: correlations 2/3 and 1/6, squared."""
 MOST_COHERENT = 1.0 - 1e-9
-"""Upper limit of the coherence: at one, the deviations would vanish."""
+"""Upper limit of the coherence: at one, the standard deviation of the response would be zero."""
 _QUANTILE_95 = 1.959963984540054
 """Standard normal quantile of a two-sided interval of 95 %."""
 
@@ -50,7 +50,7 @@ class FrequencyResponse(ReadOnlyArrays):
         deviation: Standard deviation of the response relative to its size, which is also that of its phase [rad], shape
             ``(k,)``.
         averages: Effective number of independent segments that were averaged.
-        shared: How often neighbouring frequencies count the same data: 1.94 with the Hann windows of
+        shared: How often neighbouring frequencies use the same data: 1.94 with the Hann windows of
             `estimate_frequency_response`, 1 for whole periods of a sweep.
     """
 
@@ -114,16 +114,16 @@ def estimate_frequency_response(
     require_columns(len(force), force=force, position=position)
     if np.ptp(force) == 0:
         raise ParameterError("The force never changes: record the device while its motor is driven by white noise.")
-    bent = position[2:] - 2.0 * position[1:-1] + position[:-2]
-    if not bent.any():
+    second = position[2:] - 2.0 * position[1:-1] + position[:-2]
+    if not second.any():
         raise ParameterError("The position never answers the force: record the device while it is free to move.")
     # Both are scaled by their largest value, as squares of very small numbers would be zero.
-    largest, strongest = float(np.abs(bent).max()), float(np.abs(force).max())
-    bent, driven = bent / largest, force[1:-1] / strongest
+    largest, strongest = float(np.abs(second).max()), float(np.abs(force).max())
+    second, driven = second / largest, force[1:-1] / strongest
     rate = 1.0 / period
     f, drive = power_density(driven, rate, length)
-    _, answer = power_density(bent, rate, length)
-    _, cross = cross_density(driven, bent, rate, length)
+    _, answer = power_density(second, rate, length)
+    _, cross = cross_density(driven, second, rate, length)
     inside = slice(3, (length + 1) // 2)
     w = 2 * np.pi * f[inside]
     response = (largest / strongest) * cross[inside] / drive[inside] / (-4.0 * np.sin(0.5 * w * period) ** 2)
@@ -146,9 +146,9 @@ _NEIGHBOURS = 7
 _STARTS = (0.01, 0.05, 0.2)
 """Damping ratios of the cable from which the search starts."""
 _MISFIT = 4.0
-"""Mean square of the residuals, in standard deviations, above which the model does not fit the data."""
+"""Mean square of the residuals in standard deviations above which the model does not fit the data."""
 _SURE = 3.0
-"""Least distance of both masses and the stiffness from zero, in deviations: else there is no second mass."""
+"""Smallest ratio of both masses and the stiffness to their standard deviations with which a second mass is certain."""
 
 
 @dataclass(frozen=True)
@@ -220,8 +220,12 @@ def fit_two_mass(response: FrequencyResponse, *, delay: float = 0.0) -> TwoMassF
     return _fit(response, model)
 
 
-def fit_two_mass_of_instants(response: FrequencyResponse) -> TwoMassFit:
-    """Two-mass model fitted to a response to the force that acted when positions were read: no hold and no delay."""
+def fit_continuous_two_mass(response: FrequencyResponse) -> TwoMassFit:
+    """Two-mass model in continuous time, without hold and delay, fitted to a response.
+
+    Args:
+        response: Response to the force that acted when positions were read.
+    """
     return _fit(response, lambda axis, w: axis.transfer_function.response(w))
 
 
@@ -281,8 +285,8 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
     if np.any(unsure) or best.axis.free_frequency > w[-1]:
         raise EstimationError(
             "The response cannot distinguish a vibration from none: the best resonance is "
-            f"{best.axis.free_frequency:.3g} rad/s, the band ends at {w[-1]:.3g} rad/s. A rigid "
-            "device, or a band that leaves its vibration out."
+            f"{best.axis.free_frequency:.3g} rad/s, the band ends at {w[-1]:.3g} rad/s. The device is rigid, or "
+            "the band does not contain its vibration."
         )
     return TwoMassFit(values, covariance, response, model(best.axis, w), misfit)
 
@@ -302,7 +306,7 @@ def _running_mean(values: Array) -> Array:
 
 
 def _start(response: FrequencyResponse, good: Array, damping: float) -> Float[Array, "6"]:
-    """First guess of the parameters: mass at low frequency, and dip and peak of acceleration over force."""
+    """First guess of the parameters, from the mass at low frequency and the dip and peak of acceleration over force."""
     w = response.frequency[good]
     size = np.abs(response.response[good]) * w**2
     smooth = np.exp(np.convolve(np.pad(np.log(size), 2, mode="edge"), np.ones(5) / 5, mode="valid"))
@@ -313,7 +317,7 @@ def _start(response: FrequencyResponse, good: Array, damping: float) -> Float[Ar
     if top == 0 or dip == 0:
         raise EstimationError(
             f"The response shows no resonance after an anti-resonance between {w[0]:.3g} and {w[-1]:.3g} rad/s: "
-            "a rigid device, or a band that leaves the vibration out."
+            "the device is rigid, or the band does not contain its vibration."
         )
     total = 1.0 / float(np.median(size[: max(dip // 2, 1)]))
     motor = total * min((w[dip] / w[top]) ** 2, 0.9)

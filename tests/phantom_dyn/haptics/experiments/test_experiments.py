@@ -14,8 +14,8 @@ from phantom_dyn.haptics.experiments.frequency_response import (
     NAMES,
     FrequencyResponse,
     estimate_frequency_response,
+    fit_continuous_two_mass,
     fit_two_mass,
-    fit_two_mass_of_instants,
 )
 from phantom_dyn.haptics.experiments.noise_and_sweep import (
     Sweep,
@@ -108,7 +108,7 @@ def test_model_without_hold_fits_a_response_of_instants():
     w = np.linspace(10.0, 1500.0, 800)
     exact = LHIFAM.transfer_function.response(w)
     given = FrequencyResponse(T, w, exact, np.full(800, 0.99), np.full(800, 1e-3), 50.0)
-    np.testing.assert_allclose(fit_two_mass_of_instants(given).values, truth(LHIFAM), rtol=1e-3)
+    np.testing.assert_allclose(fit_continuous_two_mass(given).values, truth(LHIFAM), rtol=1e-3)
 
 
 def test_a_rigid_device_has_no_two_masses(rng):
