@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Joints of a file that are held fixed, and joints that follow another one as linear loops."""
+"""Joints of a robot file that are held at a fixed position, and joints that follow another one as linear loops."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from phantom_dyn.model.from_mjcf.mjcf import drawn_configuration
 from phantom_dyn.model.robot_config import LinearLoop, RobotConfig
 from phantom_dyn.model.robot_xml import RobotXml
 
-_LENT = "\n"
-"""No name in a file ends so."""
+_SUFFIX = "\n"
+"""Marks renamed frames: names in a robot file have no line break."""
 _BALLS = ("JointModelSpherical", "JointModelSphericalZYX")
 
 
 def held_and_following(
     model: pin.Model, stated: RobotConfig, facts: RobotXml
 ) -> tuple[dict[str, float | None], list[LinearLoop]]:
-    """Joints that are held, with the position (None: where the file draws them), and loops of those that follow.
+    """Held joints with their positions (None: as the file draws them), and a linear loop for each following joint.
 
-    A base that floats is held as well: all that the robot's torques feel of its motion, its own sensors say.
+    A floating base is held too: its own sensors measure the motion from which its effect on the torques follows.
 
     Args:
-        model: With all joints of the file.
-        stated: Content of robot.yaml; joints that its loops name are left to them.
-        facts: Contents of the file.
+        model: Model with all joints of the file.
+        stated: Content of robot.yaml; joints in its loops are left out here.
+        facts: Content of the robot file.
     """
     in_loops = {name for loop in stated.loops if isinstance(loop, LinearLoop) for name in (*loop.active, *loop.passive)}
     held: dict[str, float | None] = {}
@@ -54,11 +54,11 @@ def held_and_following(
 
 
 def hold(model: pin.Model, held: dict[str, float | None]) -> tuple[pin.Model, tuple[str, ...]]:
-    """Model without some of its joints, which are held where the file draws them or at a position, and their names.
+    """The model with some joints fixed, and the names of these joints.
 
     Args:
-        model: Model of all joints.
-        held: Positions [rad or m] by name; None is where the file draws the joint.
+        model: Model with all joints.
+        held: Position of each fixed joint [rad or m]; None for the position that the file draws.
     """
     if not held:
         return model, ()
@@ -74,20 +74,20 @@ def hold(model: pin.Model, held: dict[str, float | None]) -> tuple[pin.Model, tu
 
 
 def _reduced(model: pin.Model, held: list[int], q: np.ndarray) -> pin.Model:
-    """Pinocchio's reduced model; Pinocchio 4 fails where a body has the name of a joint, so bodies lend theirs."""
+    """Pinocchio's reduced model; bodies with the name of a joint are renamed for it, as Pinocchio 4 fails on them."""
     model = model.copy()
     joints = set(model.names)
     for frame in model.frames:
         if frame.type != pin.FrameType.JOINT and frame.name in joints:
-            frame.name += _LENT
+            frame.name += _SUFFIX
     reduced = pin.buildReducedModel(model, held, q)
     for frame in reduced.frames:
-        frame.name = frame.name.removesuffix(_LENT)
+        frame.name = frame.name.removesuffix(_SUFFIX)
     return reduced
 
 
 def moving_bases(model: pin.Model) -> frozenset[str]:
-    """Joints of more than one velocity on the world: floating bodies, and a ball joint that carries all others."""
+    """Joints on the world with several velocities: of floating bodies, or a ball joint that carries all others."""
     out = set()
     for k in range(1, model.njoints):
         carries_all = len(model.subtrees[k]) == model.njoints - 1

@@ -1,4 +1,4 @@
-"""Facts that are read from a robot file itself, because Pinocchio drops them or passes over them in silence."""
+"""Facts that are read from a robot file itself, because Pinocchio drops them or ignores them without a message."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 Element = ElementTree.Element
 
 LARGEST = 1e9
-"""Larger than any number of a robot in SI units; its square is far from the end of the floats."""
+"""Larger than any number of a robot in SI units; small enough that squares of such numbers do not overflow."""
 _LONGEST_NAME = 200
-"""Letters of a name: names stand in sentences, tables and figures."""
+"""Largest length of a name, because names are printed in sentences, tables and figures."""
 _DEEPEST = 200
-"""Elements in one another: twice those of the longest chain of bodies, and the parsers behind call themselves."""
+"""Deepest nesting of elements: twice that of the longest chain of bodies; the parsers recurse, which limits it."""
 _PHYSICAL = frozenset(
     "xyz rpy pos quat euler axis axisangle xyaxes zaxis fromto value mass ixx iyy izz ixy ixz iyz inertia diaginertia "
     "fullinertia armature damping friction frictionloss lower upper effort velocity".split()
 )
-"""Attributes that no robot has infinite; ranges of MJCF may be."""
+"""Attributes that must be finite; ranges of MJCF may be infinite."""
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Body:
-    """Link as the file states it: mass [kg], inertia about its centre [kg m^2], and whether a joint moves it."""
+    """Link as the file states it: mass [kg], inertia about its mass centre [kg m^2], and whether a joint moves it."""
 
     name: str
     mass: float
@@ -50,7 +50,7 @@ class MjcfLoop:
         label: For messages, such as ``<connect> of coupler and rocker``.
         kind: ``point``, or ``frame`` for a weld that holds rotation too.
         frame_a, frame_b: Names of bodies or sites; ``universe`` is the world.
-        in_a, in_b: Places that coincide, in the axes of each: position [m], quaternion w x y z.
+        in_a, in_b: The point or frame that coincides, in the axes of each: position [m], quaternion w x y z.
     """
 
     label: str
@@ -72,7 +72,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class Drive:
-    """Properties of a joint's drive in a file, on the joint's side; None for those that it does not state."""
+    """Properties of a joint's drive, on the joint's side; None for those that the file does not state."""
 
     kp: float | None = None
     kd: float | None = None
@@ -87,9 +87,9 @@ class SoftFriction:
     ``M0`` is one over the entry of the joint in the inverse of the mass matrix, where all positions are zero.
 
     Attributes:
-        time: Seconds by which it turns over before the velocity does.
-        gain: Share of the motion that the constraint takes off over the share that it leaves.
-        beyond_model: Coulomb torque [N m or N] that is known of the joint beyond the modelled one.
+        time: Time [s] by which the friction changes sign before the velocity does.
+        gain: Share of the motion that the constraint removes, divided by the share that remains.
+        beyond_model: Known Coulomb torque of the joint in addition to the modelled one [N m or N].
     """
 
     time: float
@@ -102,18 +102,18 @@ class RobotXml:
     """Facts of a robot file.
 
     Attributes:
-        name: The robot's, empty where the file has none.
+        name: Name of the robot, empty where the file has none.
         sha256: SHA-256 of the file.
         bodies: Links with an inertia.
-        followers: Joints that copy another one.
+        followers: Joints that follow another one.
         gravity: [m/s^2] where the file states it.
         warnings: Sentences on what will be left out.
         loops: Closed chains that the file states.
         driven: Joints that an actuator of the file acts on.
         soft_friction: Dry friction of each joint in the simulator that the file is for; empty for a URDF.
-        drives: By joint, what its actuator says.
-        base_joints: Joints of a body on the world that has several.
-        play: Joints that are the play of the joint before them, on the same body, and how far they go [rad or m].
+        drives: Drive of each joint with an actuator.
+        base_joints: Joints between the world and a body that has several joints.
+        play: For each joint that models the play of another joint of its body: that joint, and the range [rad or m].
     """
 
     name: str
@@ -155,7 +155,7 @@ def read_root(path: Path) -> tuple[Element, str]:
     if b"<!ENTITY" in content:
         raise RobotError(f"{path} defines entities, which no robot file needs: write out what they stand for.")
     if _depth(root) > _DEEPEST:
-        raise RobotError(f"{path} has more than {_DEEPEST} elements in one another: give the file of one robot.")
+        raise RobotError(f"{path} has elements nested more than {_DEEPEST} deep: give the file of one robot.")
     # Files that xacro has made keep its namespace, and hold no ${...} any more.
     if any("xacro" in str(one.tag) or any("${" in text for text in one.attrib.values()) for one in root.iter()):
         raise RobotError(f"{path} is a xacro source: expand it with `xacro FILE > robot.urdf` and give the result.")
@@ -171,7 +171,7 @@ def read_root(path: Path) -> tuple[Element, str]:
 
 
 def _depth(root: Element) -> int:
-    """How many elements are in one another, found without calls in one another."""
+    """Deepest nesting of elements, found without recursion."""
     depth, row = 0, [root]
     while row:
         depth, row = depth + 1, [child for element in row for child in element]
@@ -179,7 +179,7 @@ def _depth(root: Element) -> int:
 
 
 def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
-    """Refuse a name that is empty, is there twice, is endless or holds control characters, which no terminal shows."""
+    """Refuse a name that is empty, given twice, too long, or has control characters, which terminals do not show."""
     seen: set[str] = set()
     for element in elements:
         name = element.get("name")
@@ -205,26 +205,26 @@ def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
 def numbers(
     element: Element, attribute: str, owner: str, path: Path, *, count: int | None = None, most: float = LARGEST
 ) -> list[float]:
-    """Finite numbers of an attribute, empty where it is not there.
+    """Finite numbers of an attribute, empty where it is missing.
 
-    Both parsers take text for zero without a word, so numbers are checked here.
+    The parsers of URDF and MJCF read text as zero without a message, so numbers are checked here.
 
     Args:
-        element: Has the attribute.
-        attribute: Its name.
-        owner: Whose it is, for messages.
+        element: The element with the attribute.
+        attribute: Name of the attribute.
+        owner: What the element belongs to, for messages.
         path: The file, for messages.
-        count: Required number; None for one or more.
-        most: The largest magnitude.
+        count: How many numbers it must have; None for one or more.
+        most: The largest allowed magnitude.
 
     Raises:
-        RobotError: If one of them is no finite number or larger, or there are more or fewer.
+        RobotError: If one of them is not finite or too large, or there are more or fewer than ``count``.
     """
     text = element.get(attribute)
     if text is None:
         return []
     try:
-        # Python reads 1_000 and digits of other scripts, the parsers behind do not.
+        # Python reads 1_000 and digits of other scripts; the parsers do not.
         values = [float(word) for word in text.split()] if text.isascii() and "_" not in text else []
     except ValueError:
         values = []
@@ -239,12 +239,12 @@ def numbers(
 
 
 def require_finite(root: Element, path: Path) -> None:
-    """Refuse poses, inertias and friction that are not finite anywhere in a file, elements included that nobody reads.
+    """Refuse poses, inertias and friction that are not finite, also in elements that this project does not use.
 
-    Corrected models start from the file as it is, and would hold them too.
+    Corrected models start from the file as it is, so they would contain such numbers too.
 
     Raises:
-        RobotError: If one is none or infinite.
+        RobotError: If one is NaN or infinite.
     """
     for element in root.iter():
         for attribute in sorted(_PHYSICAL.intersection(element.attrib)):
@@ -259,7 +259,7 @@ def require_finite(root: Element, path: Path) -> None:
 
 
 def require_once(parent: Element, tags: tuple[str, ...], owner: str, path: Path) -> None:
-    """Refuse an element that is there twice where the parsers take the first or the last without a word."""
+    """Refuse an element that is given twice, of which the parsers take the first or the last without a message."""
     for tag in tags:
         found = len(parent.findall(tag))
         if found > 1:
@@ -275,7 +275,7 @@ def require_order(low: float, high: float, what: str, owner: str, path: Path) ->
 def require_not_negative(
     element: Element, attributes: tuple[str, ...], owner: str, path: Path, *, count: int | None = None
 ) -> None:
-    """Refuse a negative number among the attributes of an element, with a sentence."""
+    """Refuse negative numbers in some attributes of an element."""
     for attribute in attributes:
         if any(value < 0 for value in numbers(element, attribute, owner, path, count=count)):
             text = f"{attribute}={shortened(element.get(attribute, ''))!r} in <{element.tag}> of {owner}"

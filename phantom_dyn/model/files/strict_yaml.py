@@ -1,7 +1,8 @@
-"""YAML as users mean it: plain values alone, and no file that takes more time or memory than its length says.
+"""YAML as users mean it: plain values only, and no short file that expands to a very large content.
 
-``1e-3`` is a number and ``2024-01-31`` a text, a key given twice is a mistake, and so is a tag, a value that its tag
-does not allow, a number too large for a float, deep nesting, and an alias that stands for itself or for very much.
+``1e-3`` is a number and ``2024-01-31`` a text. Refused are a key that is given twice, other tags, a value that its tag
+does not allow, a number too large for a float, deep nesting, and aliases that contain themselves or expand to very many
+values.
 """
 
 from __future__ import annotations
@@ -12,38 +13,37 @@ from typing import Any
 import yaml
 
 _DEEPEST = 100
-"""Lists and mappings in one another; the files of this project need six, and Python stands a thousand calls."""
-_TOO_DEEP = f"more than {_DEEPEST} lists and mappings in one another"
-_LARGEST = 1_000_000
-"""Values of a file once its aliases are followed: a hundred times those of the largest robot."""
+"""Deepest nesting of lists and mappings: the files of this project need six, and Python allows a thousand calls."""
+_TOO_DEEP = f"lists and mappings nested more than {_DEEPEST} deep"
+_MOST_VALUES = 1_000_000
+"""Largest number of values once aliases are expanded: a hundred times those of the largest robot."""
 _TAG = "tag:yaml.org,2002:"
 _NUMBERS = (_TAG + "int", _TAG + "float")
 _PLAIN = tuple(_TAG + kind for kind in ("null", "bool", "int", "float", "str", "seq", "map"))
 
 
 def load_yaml(text: str) -> Any:
-    """The plain values of a YAML text: mappings, lists, texts, numbers, true and false, None.
+    """Content of a YAML text: mappings, lists, texts, numbers, true and false, None.
 
     Raises:
-        yaml.YAMLError: If it is broken, or holds other than plain values; with the place where that is known.
+        yaml.YAMLError: If it is not valid YAML, or is refused as described above; with the place where it is known.
     """
-    # _Loader derives from SafeLoader: it builds plain values only.
     return yaml.load(text, Loader=_Loader)
 
 
-def _wrong(problem: str, node: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:
+def _error_at(problem: str, node: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
 
 
 class _Loader(yaml.SafeLoader):
-    """Builds plain values and refuses everything else, with its place."""
+    """Loader that builds plain values and refuses everything else."""
 
     _depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         event = self.peek_event()
         if self._depth >= _DEEPEST:
-            raise _wrong(_TOO_DEEP, event)
+            raise _error_at(_TOO_DEEP, event)
         self._depth += 1
         node = super().compose_node(parent, index)
         self._depth -= 1
@@ -57,41 +57,41 @@ class _Loader(yaml.SafeLoader):
 
     def resolve(self, kind: type[yaml.Node], value: Any, implicit: Any) -> str:
         tag = super().resolve(kind, value, implicit)
-        # YAML 1.1 takes 1:30 for 90.
+        # YAML 1.1 reads 1:30 as 90.
         return _TAG + "str" if tag in _NUMBERS and ":" in value else tag
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             value = super().construct_object(node, deep)
-        # What Python's own int(), float() and its tables of words raise.
+        # Raised by int(), float() and the table of true and false.
         except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             kind = node.tag.removeprefix(_TAG)
-            raise _wrong(f"{_cut(node)} cannot be read as !!{kind}", node) from error
-        if isinstance(value, int) and not isinstance(value, bool) and abs(value) > _GREATEST:
-            raise _wrong(f"the number {_cut(node)} is too large", node)
+            raise _error_at(f"{_cut(node)} cannot be read as !!{kind}", node) from error
+        if isinstance(value, int) and not isinstance(value, bool) and abs(value) > _LARGEST_FLOAT:
+            raise _error_at(f"the number {_cut(node)} is too large", node)
         if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
-            raise _wrong("half of a letter of UTF-16, which is no text", node)
+            raise _error_at("half of a surrogate pair, which is no character", node)
         return value
 
     def construct_mapping(self, node: yaml.Node, deep: bool = False) -> dict[Any, Any]:
         if not isinstance(node, yaml.MappingNode):
-            raise _wrong("a mapping was wanted", node)
+            raise _error_at("a mapping was wanted", node)
         seen: set[str] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 continue
             if key.value in seen:
-                raise _wrong(f"the key {_cut(key)} is given twice", key)
+                raise _error_at(f"the key {_cut(key)} is given twice", key)
             seen.add(key.value)
         return super().construct_mapping(node, deep)
 
     def no_such_tag(self, node: yaml.Node) -> Any:
-        """Refuse what is no plain value."""
+        """Refuse a value with a tag that is not plain."""
         tag = node.tag.replace(_TAG, "!!")
-        raise _wrong(f"the tag {tag[:40]} is not read, plain values alone are", node)
+        raise _error_at(f"the tag {tag[:40]} is not allowed, only plain values are", node)
 
 
-_GREATEST = int(1.7976931348623157e308)
+_LARGEST_FLOAT = int(1.7976931348623157e308)
 
 
 def _cut(node: yaml.Node) -> str:
@@ -101,23 +101,23 @@ def _cut(node: yaml.Node) -> str:
 
 
 def _require_small(root: yaml.Node) -> None:
-    """Refuse a node that holds itself, or very many values or levels once its aliases are followed."""
+    """Refuse a node that contains itself, or that has very many values or levels once its aliases are expanded."""
     known: dict[int, tuple[int, int]] = {}
     open_nodes: set[int] = set()
 
     def size_and_depth(node: yaml.Node) -> tuple[int, int]:
         if id(node) in open_nodes:
-            raise _wrong("an alias stands for what it is a part of", node)
+            raise _error_at("an alias stands for a list or mapping that contains it", node)
         if id(node) not in known:
             open_nodes.add(id(node))
             parts = [size_and_depth(part) for part in _parts(node)]
             open_nodes.discard(id(node))
             known[id(node)] = 1 + sum(size for size, _ in parts), 1 + max((depth for _, depth in parts), default=0)
         size, depth = known[id(node)]
-        if size > _LARGEST:
-            raise _wrong(f"its aliases stand for more than {_LARGEST} values", node)
+        if size > _MOST_VALUES:
+            raise _error_at(f"with its aliases expanded it has more than {_MOST_VALUES} values", node)
         if depth > _DEEPEST:
-            raise _wrong(_TOO_DEEP, node)
+            raise _error_at(_TOO_DEEP, node)
         return size, depth
 
     size_and_depth(root)
@@ -132,7 +132,7 @@ def _parts(node: yaml.Node) -> list[yaml.Node]:
 
 _Loader.yaml_constructors = {tag: make for tag, make in _Loader.yaml_constructors.items() if tag in _PLAIN}
 _Loader.yaml_constructors[None] = _Loader.no_such_tag
-# A date is a text here, as no key takes one, and PyYAML refuses impossible ones in words of its own.
+# Dates stay text: no key takes a date, and PyYAML would refuse impossible ones with a message of its own.
 _Loader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag != _TAG + "timestamp"]
     for first, resolvers in _Loader.yaml_implicit_resolvers.items()
@@ -140,7 +140,7 @@ _Loader.yaml_implicit_resolvers = {
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes a text that the loader would take for a number, or whose line breaks it would fold."""
+    """Dumper that quotes a text which the loader would read as a number, or whose line breaks it would fold."""
 
 
 def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:

@@ -103,7 +103,11 @@ def test_of_a_robot_yaml_the_robot_file_is_asked_for(tmp_path):
         ),
         ('<axis xyz="0.8 0 0.6"/>', '<axis xyz="0.8 0 0.6"/><mimic joint="slide"/>', "joint slide mimics itself"),
         ("<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot', "defines entities, which no robot file needs"),
-        ('<link name="base"/>', "<a>" * 300 + "</a>" * 300 + '<link name="base"/>', "more than 200 elements in one"),
+        (
+            '<link name="base"/>',
+            "<a>" * 300 + "</a>" * 300 + '<link name="base"/>',
+            "elements nested more than 200 deep",
+        ),
         # No parser of ours reads what is only seen, and corrected files keep it.
         (
             '<link name="base"/>',
