@@ -14,17 +14,18 @@ from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 Rows = slice | np.ndarray
 
 _PIECE = 4096
+"""Samples that `side_by_side` copies at a time."""
 
 
 @dataclass(frozen=True)
 class BaseMotion(ReadOnlyArrays):
-    """How the root of a robot moves that is not bolted down, in the root's own axes; where it is does not matter.
+    """Motion of the root of a robot that is not bolted down, in the root's own axes; its pose has no influence.
 
     Attributes:
         w: Angular velocity [rad/s], shape ``(N, 3)``.
         dw: Angular acceleration [rad/s^2], shape ``(N, 3)``.
-        f: Specific force at the origin of the root [m/s^2], shape ``(N, 3)``: its acceleration less gravity, as an
-            accelerometer there would read it.
+        f: Specific force at the origin of the root [m/s^2], shape ``(N, 3)``: acceleration less gravity, the reading of
+            an accelerometer there.
     """
 
     w: Float[Array, "N 3"]
@@ -33,7 +34,7 @@ class BaseMotion(ReadOnlyArrays):
 
     @property
     def columns(self) -> Float[Array, "N 9"]:
-        """All three side by side."""
+        """Angular velocity, angular acceleration and specific force side by side."""
         return np.hstack([self.w, self.dw, self.f])
 
     def at(self, rows: Rows) -> BaseMotion:
@@ -48,9 +49,9 @@ class Motion(ReadOnlyArrays):
     Attributes:
         t: Time [s], shape ``(N,)``, increasing.
         q: Joint positions [rad or m], shape ``(N, nv)``: one scalar per joint, also for continuous joints.
-        v: Velocities, shape ``(N, nv)``.
-        a: Accelerations, shape ``(N, nv)``.
-        base: How the root moves; None for a robot that is bolted down.
+        v: Velocities [rad/s or m/s], shape ``(N, nv)``.
+        a: Accelerations [rad/s^2 or m/s^2], shape ``(N, nv)``.
+        base: Motion of the root; None for a robot that is bolted down.
     """
 
     t: Float[Array, " N"]
@@ -99,7 +100,7 @@ def linear_joints(model: pin.Model) -> np.ndarray:
 def side_by_side(columns: Sequence[Float[Array, " N"]]) -> Float[Array, "N k"]:
     """Columns as one array that cannot be written to."""
     out = np.empty((len(columns[0]), len(columns)))
-    # A piece of all columns at a time: what they share stays in the processor's cache until it is full.
+    # Some samples of all columns at a time: the part of ``out`` that they fill stays in the processor's cache.
     for start in range(0, len(out), _PIECE):
         rows = slice(start, start + _PIECE)
         for k, column in enumerate(columns):

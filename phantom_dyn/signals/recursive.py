@@ -11,8 +11,8 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 
 
-def recursive(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]) -> Float[Array, "N k"]:
-    r"""Samples behind a rational filter of unit gain at zero frequency, whose input before the first sample equals it.
+def recursive_filter(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]) -> Float[Array, "N k"]:
+    r"""Output of a recursive filter of unit gain at zero frequency, as if its input had always been the first sample.
 
     .. math:: y_n = \sum_i b_i x_{n-i} - \sum_{i>0} a_i y_{n-i}, \qquad \sum_i b_i = \sum_i a_i
 
@@ -54,7 +54,7 @@ def low_passed(x: Array, cutoff_hz: float, rate_hz: float, *, order: int, paddin
     y = np.concatenate([2 * first - columns[ends:0:-1], columns, 2 * last - columns[-2 : -ends - 2 : -1]])
     for _ in range(2):
         for b, a in _butterworth(order, cutoff_hz / rate_hz):
-            y = recursive(b, a, y)
+            y = recursive_filter(b, a, y)
         y = y[::-1]
     return y[ends : len(y) - ends].reshape(np.shape(x))
 
@@ -72,9 +72,9 @@ def _butterworth(order: int, cutoff: float) -> list[tuple[tuple[float, ...], tup
 
 
 def lagging(x: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
-    """Samples behind a first-order lag, for an input that is held between samples; at rest at the first sample."""
+    """Output of a first-order lag for an input that is held between samples; at rest at the first sample."""
     step = float(-np.expm1(-dt / time_constant))
-    return recursive((step,), (1.0, step - 1.0), x[:, None])[:, 0]
+    return recursive_filter((step,), (1.0, step - 1.0), x[:, None])[:, 0]
 
 
 def low_pass_kernel(half: int, cutoff_hz: float, rate_hz: float) -> Float[Array, " 2*half+1"]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.array_types import Array, Complex, Float
-from phantom_dyn.signals.recursive import lagging, recursive
+from phantom_dyn.signals.recursive import lagging, recursive_filter
 
 
 def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Float[Array, "N 2"]:
@@ -26,8 +26,8 @@ def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Fl
     fades, turned = np.exp(-damping * w * dt), w * root * dt
     near, across = fades * np.cos(turned), fades * np.sin(turned) / root
     a = (1.0, -2 * near, fades**2)
-    y = recursive((1.0 - near - damping * across, fades**2 + damping * across - near), a, x[:, None])
-    rate = recursive((across, -across), a, x[:, None]) - x[0]
+    y = recursive_filter((1.0 - near - damping * across, fades**2 + damping * across - near), a, x[:, None])
+    rate = recursive_filter((across, -across), a, x[:, None]) - x[0]
     return np.column_stack([y, rate])
 
 
@@ -46,9 +46,9 @@ def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[A
         order: Number of series.
     """
     keep = float(np.exp(-2 * np.pi * hz * dt))
-    out = [recursive((1.0 - keep,), (1.0, -keep), x[:, None])]
+    out = [recursive_filter((1.0 - keep,), (1.0, -keep), x[:, None])]
     for _ in range(order - 1):
-        out.append(recursive((-keep, 1.0), (1.0, -keep), out[-1]))
+        out.append(recursive_filter((-keep, 1.0), (1.0, -keep), out[-1]))
     return np.column_stack(out)
 
 

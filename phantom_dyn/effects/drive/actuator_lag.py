@@ -27,7 +27,7 @@ from phantom_dyn.effects.author import (
     command_law,
 )
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
-from phantom_dyn.signals.recursive import recursive
+from phantom_dyn.signals.recursive import recursive_filter
 
 # Longest lag that is fitted [s]: beyond it the recorded torque and the motion are unrelated.
 _LONGEST = 1.0
@@ -125,7 +125,7 @@ def _lagged(tau: Float[Array, " N"], dt: float, time_constant: float) -> Float[A
     steps = dt / time_constant
     keep = np.exp(-steps)
     old, new = (1.0 - keep) / steps - keep, 1.0 - (1.0 - keep) / steps
-    return recursive((new, old), (1.0, -keep), tau[:, None])[:, 0]
+    return recursive_filter((new, old), (1.0, -keep), tau[:, None])[:, 0]
 
 
 @command_law

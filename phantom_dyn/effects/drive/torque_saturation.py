@@ -1,9 +1,9 @@
 """A drive that gives no more than ``limit``: the true torque is the command held within ``+-limit``.
 
-It leaves an error only where the command is beyond the limit, as large as the excess, and it spoils every other fit.
-It is confused with nothing that acts below the limit. The command is smoothed a little before it is compared with
-the limit: its noise beyond the limit would explain itself. URDF: ``<limit effort>``; MJCF: the actuator's
-``forcerange``.
+The model is wrong only where the command is beyond the limit, by the excess; every other effect fitted to these samples
+is then wrong too. No effect that acts below the limit looks like this one. The command is smoothed a little before it
+is compared with the limit: otherwise noise beyond the limit would be fitted by itself.
+URDF: ``<limit effort>``; MJCF: ``forcerange`` of the actuator.
 """
 
 from __future__ import annotations
@@ -33,30 +33,33 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import hidden_behind_drive, moving_average, stated_limit
 
-# Limits are tried that the command exceeds in these shares of the recording, and one that the needed torque exceeds.
+# Limits are tried that the command exceeds in these shares of the recording, and one that the torque which the motion
+# needs exceeds in a share of its own.
 _BEYOND = (0.4, 0.2, 0.1, 0.05, 0.02, 0.01)
 _NEEDED_BEYOND = 0.02
-# A limit is accepted if the command exceeds it for this time at least once [s]. If the command exceeds it for more than
-# this share of the recording, the needed torque must certainly not rise with the command: friction that the model lacks
-# looks like a limit most of the time. If it hardly ever is within the limit, nothing shows that the drive gives what is
-# commanded there: of a model that lacks its load, too, the needed torque is small and flat.
+# The command must exceed a limit for this time at least once [s].
 _LEAST_SECONDS = 0.03
-_MOST = 0.45
+# Share of the samples beyond the limit above which the needed torque must certainly not rise with the command: friction
+# that the model lacks looks like a limit that is exceeded most of the time.
+_OFTEN = 0.45
+# Share above which no limit is accepted: hardly any sample shows that the drive gives what is commanded within the
+# limit, and the needed torque is also small and flat if the model lacks its load.
 _NEARLY_ALWAYS = 0.95
-# Range of the median of the needed torque while the command exceeds the limit, as shares of the limit.
+# Range of the median needed torque while the command exceeds the limit, as shares of the limit.
 _NEEDED = (0.6, 1.4)
-# Share of a recorded torque that the motion certainly needed: the needed torque is known to about a fifth.
-_SURE = 0.8
-# Beyond a limit the needed torque stays constant while the command rises: its steepest slope over the command, and its
-# largest spread over the limit. Without a limit the slope is one, with a weak supply about a third, at a limit zero.
-# Log odds by which the slope of a weak supply may be more likely than the steepest at a limit.
+# Smallest limit over the largest torque that the drive has given: the needed torque is known to about a fifth.
+_OF_GIVEN = 0.8
+# Beyond a limit the needed torque stays constant while the command rises: largest slope of the needed torque over the
+# command, and its largest standard deviation over the limit. The slope is one without a limit, about a third with a
+# weak supply, and zero at a limit.
 _SLOPE = 0.12
-_WEAK_SUPPLY = 1.0 / 3.0
-_MOST_ODDS = 1.0
 _SPREAD = 0.8
+_WEAK_SUPPLY = 1.0 / 3.0
+# Largest log odds of the slope of a weak supply against `_SLOPE` with which a limit is still accepted.
+_MOST_ODDS = 1.0
 # Commands from this share of the limit up to the limit show how noisy the needed torque is.
 _BELOW = 0.3
-# Levels of the command at which a plateau of the needed torque is looked for.
+# Number of levels of the command at which a plateau of the needed torque is searched.
 _LEVELS = 200
 # Time over which the command is averaged [s].
 _SECONDS = 0.01
@@ -94,9 +97,9 @@ class TorqueSaturation(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Limits that the command exceeds for 1 % to 40 % of the recording, and two from the motion.
+        """Limits [N m or N] that the command exceeds for 1 % to 40 % of the recording, and two from the motion.
 
-        However far the command is beyond the limit, the motion needs no more torque than the limit.
+        These two come from the torque that the motion needs, which does not exceed the limit when the command does.
         """
         row = row_of(robot, joint)
         command = _command(operation, row)
@@ -110,14 +113,14 @@ class TorqueSaturation(Effect):
         return tuple((factor * shape[0],) for factor in (0.9, 0.97, 0.99, 1.0, 1.01, 1.03, 1.1))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Command beyond the limit; its coefficient is one if the limit is right.
+        """Part of the command beyond the limit; its coefficient is one if the limit is right.
 
-        Zero where the motion speaks against a limit there: a drive at its limit gives just that, and no drive gives
-        more than its limit, so what was recorded and followed is below it.
+        Zero if the motion contradicts this limit: a drive that is asked for more gives just its limit, and the torque
+        that it has given before is not above the limit.
         """
         row = row_of(robot, joint)
         excess = _excess(operation, row, shape[0])
-        seen = shape[0] >= _SURE * followed(operation, row) and _plausible(operation, row, shape[0], excess)
+        seen = shape[0] >= _OF_GIVEN * largest_given(operation, row) and _plausible(operation, row, shape[0], excess)
         return on_one_joint(robot, joint, excess=(excess * seen, "1"))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
@@ -127,14 +130,14 @@ class TorqueSaturation(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """None: a limit of zero is no drive at all, and one that the command never reaches has no torque.
+        """None: with a limit of zero there is no drive, and a limit that the command never reaches makes no torque.
 
-        In one short event a limit and its coefficient do the same, so neither is known well by itself.
+        In one short event the limit and its coefficient have the same effect, so neither is well determined.
         """
         return ()
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """The limit is the shape."""
+        """The limit, which is the shape."""
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
@@ -142,7 +145,7 @@ class TorqueSaturation(Effect):
         return hidden_behind_drive(robot, "the limit of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus what the logged command has beyond the limit."""
+        """Minus the part of the logged command that is beyond the limit."""
         return torque_on_joint(robot, joint, -_excess(operation, row_of(robot, joint), theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
@@ -157,7 +160,7 @@ class TorqueSaturation(Effect):
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The limit, which model files can state."""
         return ModelNumbers(whole=True, limit=theta.item())
 
 
@@ -177,22 +180,22 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
     runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int))))[::2]
     if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS:
         return False
-    # Signed, as the noise of accelerations has no sign of its own.
+    # With the sign of the excess, so that the noise of the acceleration has mean zero.
     needed = operation.expected[beyond, row] * np.sign(excess[beyond])
     middle = float(np.median(needed))
     if not _NEEDED[0] * limit < middle < _NEEDED[1] * limit:
         return False
     if float(needed.std()) >= _SPREAD * limit:
         return False
-    if beyond.mean() > _MOST:
+    if beyond.mean() > _OFTEN:
         return beyond.mean() < _NEARLY_ALWAYS and _is_surely_flat(operation, limit, excess[beyond], needed)
     return _is_flat(operation, row, limit, excess)
 
 
 def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: Array) -> bool:
-    """True if the needed torque certainly neither rises nor falls with the command, by its own scatter about the line.
+    """True if the slope of the needed torque over the command is certainly small, by the scatter about the line.
 
-    The command has to go on by more than the limit: by less it may be friction that the model lacks, which is flat too.
+    The command must vary by more than the limit: otherwise missing friction, which is flat too, may be the cause.
     """
     slope, square, scatter = _line(excess, needed)
     if square <= len(needed) * limit**2:
@@ -201,12 +204,12 @@ def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: A
 
 
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
-    """True if beyond the limit the needed torque neither rises nor falls with the command, within its noise.
+    """True if, beyond the limit, the slope of the needed torque over the command is small within its noise.
 
-    A weak supply may not be clearly more likely: noise of a tenth alone would let its slope of a third pass.
+    It is not if a weak supply is clearly more likely: with a standard error of a tenth its slope of a third would pass.
 
-    The noise is the deviation of the needed torque from the command below the limit, or its own scatter about the line
-    if that is smaller: friction that the model lacks makes the first one large.
+    The noise is that of the needed torque minus the command below the limit, or the scatter about the line beyond the
+    limit if that is smaller: friction that the model lacks makes the first one large.
     """
     beyond = excess != 0
     command, needed = _command(operation, row), operation.expected[:, row]
@@ -219,12 +222,12 @@ def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> boo
     off = (needed - command)[below]
     noise = min(noise, 1.4826 * float(np.median(np.abs(off - np.median(off)))))
     error = _slope_error(operation, noise, square)
-    steeper, from_weak = max(abs(slope) - _SLOPE, 0.0), max(_WEAK_SUPPLY - abs(slope), 0.0)
-    return steeper <= 2.0 * error and steeper**2 - from_weak**2 <= 2.0 * _MOST_ODDS * error**2
+    above, below_weak = max(abs(slope) - _SLOPE, 0.0), max(_WEAK_SUPPLY - abs(slope), 0.0)
+    return above <= 2.0 * error and above**2 - below_weak**2 <= 2.0 * _MOST_ODDS * error**2
 
 
 def _line(excess: Array, needed: Array) -> tuple[float, float, float]:
-    """Slope of the needed torque over the excess of the command, that excess squared and summed, scatter about it."""
+    """Slope of the needed torque over the size of the excess, its sum of squares about the mean, and the scatter."""
     x = np.abs(excess) - np.abs(excess).mean()
     square = float(x @ x)
     slope = float(x @ needed) / square if square > 0.0 else 0.0
@@ -232,19 +235,20 @@ def _line(excess: Array, needed: Array) -> tuple[float, float, float]:
 
 
 def _slope_error(operation: Operation, noise: float, square: float) -> float:
-    """Standard error of such a slope; noise counts as equal within `_LEAST_SECONDS`."""
+    """Standard error of the slope of `_line`, with noise that is the same over `_LEAST_SECONDS`."""
     return noise * float(np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square))
 
 
 def _plateau(command: Array, needed: Array) -> tuple[float, ...]:
-    """The highest level above which the command goes on and the median of the needed torque stays at the level.
+    """The highest level at which the needed torque stays while the command rises above it; empty if there is none.
 
-    Of a drive without a limit the needed torque is above the level wherever the command is: there is none.
+    There the median of the needed torque over all samples with a higher command reaches the level, and at the next
+    level it no longer does. Without a limit the needed torque rises with the command: there is no such level.
     """
     size, needed = np.abs(command), needed * np.sign(command)
     levels = np.linspace(0.0, float(size.max()), _LEVELS + 1)[1:-1]
     passed, met = (np.searchsorted(levels, part, side="right") for part in (size, needed))
-    # Samples whose command is at each level or above, and those of them whose needed torque is too.
+    # Number of samples with a command at each level or above, and of those whose needed torque is so as well.
     beyond, both = (
         np.cumsum(np.bincount(part, minlength=len(levels) + 1)[:0:-1])[::-1]
         for part in (passed, np.minimum(passed, met))
@@ -256,8 +260,8 @@ def _plateau(command: Array, needed: Array) -> tuple[float, ...]:
     return (float(levels[last[-1]]),) if len(last) else ()
 
 
-def followed(operation: Operation, row: int) -> float:
-    """Largest recorded torque that the motion needed as well for a while [N m or N]: the drive has given it."""
+def largest_given(operation: Operation, row: int) -> float:
+    """Largest torque [N m or N] that was both commanded and needed for `_LEAST_SECONDS`, so that the drive gave it."""
     command = _command(operation, row)
     needed = moving_average(operation.expected[:, row], operation.dt, _SECONDS) * np.sign(command)
     samples = max(int(_LEAST_SECONDS / operation.dt), 1) if operation.dt > 0 else 1
@@ -270,7 +274,7 @@ def _excess(operation: Operation, row: int, limit: float) -> Array:
 
 
 def held_within(tau, limit):
-    """``tau`` held within ``+-limit``, numbers or arrays; kernels compile it for numbers."""
+    """``tau`` clipped to ``+-limit``: for numbers or arrays, and compiled for numbers."""
     return np.minimum(np.maximum(tau, -limit), limit)
 
 

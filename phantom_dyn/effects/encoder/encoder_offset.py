@@ -1,9 +1,9 @@
 """A wrong zero of an encoder: ``reading = q + offset``.
 
-It leaves the change of gravity and inertia torques with the position of that joint, on every joint that feels it. It
-leaves nothing if no torque depends on that position, as on a vertical first joint. On a joint with a horizontal axis
-a base tilt about that axis is the same; over a small range a spring is nearly the same. Wide postures separate them.
-The side of the encoder makes no difference: motor and link turn together.
+Gravity and inertia torques are then computed at a wrong position, on every joint where they depend on it. The offset
+leaves no trace if no torque depends on that position, as on a vertical first joint. On a joint with a horizontal axis
+a base tilt about that axis looks the same; over a small range a spring looks nearly the same. Postures far apart
+separate them. An encoder on the motor and one on the link give the same: motor and link turn together.
 URDF: joint ``origin``; MJCF: joint ``ref``.
 """
 
@@ -31,9 +31,9 @@ from phantom_dyn.effects.support.displaced import change_by_reading, displaced, 
 from phantom_dyn.effects.support.rows import branch_rows, secant
 from phantom_dyn.motion import Motion
 
-# Below this [rad or m] the secant is the tangent to three digits, and rounding shows.
+# Offset [rad or m] below which the tangent is used: it equals the secant to three digits, which rounding makes inexact.
 _LEAST = 1e-4
-# Share of the torque: less is rounding of the robot file (angles of a frame printed with seven digits).
+# Slope of the torque over its size below which it comes from rounded angles in the robot file (seven digits).
 _NOTHING = 1e-6
 
 
@@ -92,7 +92,7 @@ class EncoderOffset(Effect):
         return Signature(rows, change[:, list(rows), None], ("offset",), (robot.position_units[row],))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Half a turn either way for a hinge: beyond, the same offsets come again."""
+        """Half a turn either way for a revolute joint: larger offsets repeat smaller ones."""
         return () if robot.prismatic[row_of(robot, joint)] else ((-np.pi, np.pi),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
@@ -102,7 +102,7 @@ class EncoderOffset(Effect):
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Inverse dynamics as read less that at the true positions."""
+        """Drive torque of the motion as read, minus that of the true motion."""
         none = np.zeros(len(operation.t))
         return -exact_change_by_reading(robot, operation, row_of(robot, joint), none - theta.item(), none, none)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from phantom_dyn.signals.recursive import lagging, low_pass_kernel, low_passed, recursive
+from phantom_dyn.signals.recursive import lagging, low_pass_kernel, low_passed, recursive_filter
 
 RATE = 1000.0
 
@@ -46,7 +46,7 @@ def test_fewer_samples_than_coefficients_can_be_filtered(samples):
     x = np.array([[2.0], [5.0], [-1.0]])[:samples]
     steady = signal.lfilter_zi(b, a)[:, None] * x[0]
     wanted = signal.lfilter(b, a, x, axis=0, zi=steady)[0]
-    np.testing.assert_allclose(recursive(b, a, x), wanted, atol=1e-12)
+    np.testing.assert_allclose(recursive_filter(b, a, x), wanted, atol=1e-12)
 
 
 def test_a_lag_answers_a_step_as_its_closed_form_does():

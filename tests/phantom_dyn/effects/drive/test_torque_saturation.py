@@ -9,7 +9,7 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.drive.rotor_inertia import RotorInertia
 from phantom_dyn.effects.drive.torque_constant import TorqueConstant
 from phantom_dyn.effects.drive.torque_offset import TorqueOffset
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _is_flat, _plateau, _plausible, followed
+from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _is_flat, _plateau, _plausible, largest_given
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 from pinocchio_torque import pinocchio_torque
@@ -170,7 +170,7 @@ def test_a_torque_was_given_that_was_recorded_and_needed_for_thirty_milliseconds
     driven = replace(
         operation, logged=command, expected=np.where(long, -needed, 0.4 if needed > 0 else -0.4)[:, None] * np.ones(3)
     )
-    assert followed(driven, 1) == pytest.approx(given)
+    assert largest_given(driven, 1) == pytest.approx(given)
 
 
 def commanded_once(operation: Operation, given, noise: float = 0.0) -> Operation:
@@ -275,9 +275,9 @@ def test_a_needed_torque_that_is_spread_by_eight_tenths_of_the_limit_is_none(arm
 
 
 @pytest.mark.parametrize(("size", "seen"), [(0.8, True), (0.8001, False)])
-def test_a_limit_is_not_below_what_was_followed(arm, saturated, monkeypatch, size, seen):
+def test_a_limit_is_not_below_what_the_drive_has_given(arm, saturated, monkeypatch, size, seen):
     # By hand: limits of 0.8 of the torque that was given for certain, and more of it.
-    monkeypatch.setattr("phantom_dyn.effects.drive.torque_saturation.followed", lambda *_: 2.0 * size / 0.64)
+    monkeypatch.setattr("phantom_dyn.effects.drive.torque_saturation.largest_given", lambda *_: 2.0 * size / 0.64)
     driven = commanded_once(saturated, lambda command: np.clip(command, -2.0, 2.0))
     assert EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any() == seen
 
