@@ -1,4 +1,4 @@
-"""Autocorrelation of noise up to the lag at which estimation noise hides it: Geyer's initial positive sequence.
+"""Autocorrelation of noise up to the lag at which it is lost in estimation noise: Geyer's initial positive sequence.
 
 References:
     C. J. Geyer, Practical Markov chain Monte Carlo, Statistical Science 7(4), 1992.
@@ -10,7 +10,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 
-_FEWEST = 8  # samples of which an autocorrelation is estimated
+_FEWEST = 8  # samples below which no autocorrelation is estimated
 
 
 def lagged_products(series: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -20,10 +20,10 @@ def lagged_products(series: Float[Array, " n"]) -> Float[Array, " n"]:
 
 
 def positive_sequence(products: Float[Array, " n"]) -> Float[Array, " m"]:
-    """Autocorrelation from lag 0 on; lags count while the sum of two neighbours is positive.
+    """Autocorrelation from lag 0 on, up to the first pair of neighbouring lags with a sum of zero or less, ``(m,)``.
 
     Args:
-        products: Products of the series with itself, by lag, see `lagged_products`; those of several series are added.
+        products: Result of `lagged_products`, or its sum over several series.
     """
     if len(products) < 2 or products[0] <= 0:
         return np.ones(1)
@@ -34,8 +34,8 @@ def positive_sequence(products: Float[Array, " n"]) -> Float[Array, " m"]:
     return rho[:end] if end else np.ones(1)
 
 
-def samples_per_independent(rho: Float[Array, " m"]) -> float:
-    r"""Samples that carry the information of one, :math:`N / N_\mathrm{eff} = 1 + 2 \sum_k \rho_k`, at least 1.
+def integrated_autocorrelation_time(rho: Float[Array, " m"]) -> float:
+    r"""Number of samples per independent sample, :math:`N / N_\mathrm{eff} = 1 + 2 \sum_k \rho_k`, at least 1.
 
     Args:
         rho: Autocorrelation from lag 0.
@@ -44,7 +44,7 @@ def samples_per_independent(rho: Float[Array, " m"]) -> float:
 
 
 def autocorrelation_time(e: Float[Array, " n"]) -> float:
-    """Samples of a series that carry the information of one independent sample; lags beyond its half do not count."""
+    """Number of samples of a series per independent sample, from the lags up to half its length, at least 1."""
     if len(e) < _FEWEST or not np.any(e):
         return 1.0
-    return samples_per_independent(positive_sequence(lagged_products(e - e.mean())[: len(e) // 2]))
+    return integrated_autocorrelation_time(positive_sequence(lagged_products(e - e.mean())[: len(e) // 2]))

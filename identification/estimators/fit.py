@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Band, Log
-from identification.engine.autocorrelation import samples_per_independent
-from identification.estimators.linear.cautions import Caution, cautions, condition_of, unexplained
+from identification.engine.autocorrelation import integrated_autocorrelation_time
+from identification.estimators.linear.cautions import Caution, cautions, condition_of, misfit_sentences
 from identification.estimators.linear.least_squares import Solution, joint_grams, solve_factor
 from identification.estimators.linear.scatter import (
     autocorrelation,
@@ -186,7 +186,7 @@ def values_of_solution(regressor: Regressor, base: BaseParameters, solution: Sol
         cov=sandwich(solution, noise.information, coloured),
         cov_white=sandwich(solution, noise.information, white_scatter(solution, noise.scatter)),
         sigma=noise.sigma,
-        correlation=np.array([samples_per_independent(lags) for lags in rho]),
+        correlation=np.array([integrated_autocorrelation_time(lags) for lags in rho]),
         residual=solution.residual,
         factor=solution.factor,
     )
@@ -251,7 +251,7 @@ def fit_of(
         effects=regressor.terms,
         first_effect=regressor.first_effect,
         samples=regressor.count,
-        cautions=(*map(Caution, unexplained(regressor.robot, error)), *general),
+        cautions=(*map(Caution, misfit_sentences(regressor.robot, error)), *general),
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.engine.autocorrelation import lagged_products, positive_sequence, samples_per_independent
+from identification.engine.autocorrelation import integrated_autocorrelation_time, lagged_products, positive_sequence
 from identification.engine.numerics.spans import orthonormal, without
 from identification.engine.products.block_products import BlockProducts, block_products, left_of_each
 from identification.geometry.equations import Equations
@@ -124,7 +124,7 @@ def _slowness(left: Array, found: Equations, series: int) -> float:
     if n < _FEWEST:
         return 1.0
     products = np.sum([lagged_products(axis) for axis in (values - values.mean(axis=0)).T], axis=0)
-    return samples_per_independent(positive_sequence(products[: n // 2]))
+    return integrated_autocorrelation_time(positive_sequence(products[: n // 2]))
 
 
 def whitened(

@@ -15,16 +15,16 @@ from phantom_dyn.model.robot import Robot, position_limits
 
 _POOR_CONDITION = 1000.0  # above it, an error of one per mil in a column may become one of 100 % in a parameter
 _AT_BOUND = 2.0  # standard deviations from a bound within which a value may as well lie on it
-_NAMED = 0.3  # share of the weakest combination from which a parameter is named as part of it
-# A joint leans on its stop where it stands still (below this share of its largest speed) within this share of its range
-# from the stop; a sentence is due from this share of the samples on.
+_NAMED = 0.3  # least weight, over the largest, of a parameter that is named in the worst determined combination
+# A joint rests on its stop if it moves slower than this share of its largest speed, closer to it than this share of its
+# range. It is reported if it does so in more than this share of the samples.
 _STANDSTILL, _NEAR, _OFTEN = 1e-2, 1e-3, 5e-3
-_NOTHING = 100.0  # [%] of the torque, the error of a model that predicts none
-_CLIPPED = 0.999  # share of a torque limit from which a drive gives all it has
+_NOTHING = 100.0  # relative error of a model that predicts no torque [%]
+_CLIPPED = 0.999  # share of a torque limit above which the drive is at its limit
 
 
 class About(Enum):
-    """What a caution is about, as far as somebody may have something better to say of it."""
+    """What a caution is about: a caller that knows more about it leaves the caution out."""
 
     SEPARATION = auto()
     BOUND = auto()
@@ -64,18 +64,18 @@ def cautions(
     """
     others = (*_at_stops(regressor), *_at_torque_limits(regressor))
     return (
-        *_lost(regressor, base),
+        *_not_separable(regressor, base),
         *map(Caution, (*_ill_conditioned(base, factor), *_uncertain(std))),
         *_at_bounds(regressor, base, theta, std),
         *map(Caution, others),
     )
 
 
-def unexplained(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
-    """Joints whose torque is further from the fit than from zero.
+def misfit_sentences(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
+    """A sentence on each joint whose fitted torque is worse than none.
 
     Args:
-        robot: Gives the joints.
+        robot: The robot.
         error: Root mean square of the residual over that of the measured torque [%], nan where there is none.
     """
     for joint, share in zip(robot.joint_names, error, strict=True):
@@ -86,14 +86,14 @@ def unexplained(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
             )
 
 
-def _lost(regressor: Regressor, base: BaseParameters) -> Iterator[Caution]:
-    lost = tuple(regressor.names[k] for k in base.dependent if k >= regressor.first_effect)
-    if lost:
+def _not_separable(regressor: Regressor, base: BaseParameters) -> Iterator[Caution]:
+    names = tuple(regressor.names[k] for k in base.dependent if k >= regressor.first_effect)
+    if names:
         yield Caution(
-            f"Not separable from other parameters in this recording: {', '.join(lost)}; see the regroupings, or record "
-            "a motion that separates them.",
+            f"Not separable from other parameters in this recording: {', '.join(names)}; see the regroupings, or "
+            "record a motion that separates them.",
             About.SEPARATION,
-            lost,
+            names,
         )
 
 
@@ -104,7 +104,7 @@ def _ill_conditioned(base: BaseParameters, factor: Array) -> Iterator[str]:
         share = np.abs(weakest) / np.abs(weakest).max()
         named = [base.base_names[k] for k in np.argsort(-share, kind="stable")[:4] if share[k] >= _NAMED]
         yield (
-            f"The condition number is {condition:.3g}: small errors in the motion move the estimates by much, most of "
+            f"The condition number is {condition:.3g}: small errors in the motion change the estimates a lot, most of "
             f"all those of {', '.join(named)}; record a motion that excites them more."
         )
 
@@ -116,7 +116,7 @@ def _uncertain(std: Array) -> Iterator[str]:
 
 def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[Caution]:
     lower, upper = (bound + 0.0 for bound in coefficient_limits(regressor))  # no "-0" in sentences
-    # A coefficient that others regroup into may have any value.
+    # A coefficient into which others are regrouped may have any value.
     alone = [not row.any() for row in np.abs(base.grouping) > 1e-9]
     for k, column in enumerate(base.independent):
         for bound, side, beyond in (
@@ -125,7 +125,7 @@ def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Ar
         ):
             if not alone[k] or not np.isfinite(bound) or not beyond <= _AT_BOUND * std[k]:
                 continue
-            said = f"at its {side} bound of {bound:.4g} within its uncertainty: it may not be there."
+            said = f"at its {side} bound of {bound:.4g} within its uncertainty: its effect may be absent."
             if beyond < -_AT_BOUND * std[k]:
                 said = (
                     f"beyond its {side} bound of {bound:.4g}, which is impossible: something that the model "
@@ -137,10 +137,10 @@ def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Ar
 
 
 def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Bounds that physics sets to each column's coefficient, infinite where there is none.
+    """Lower and upper physical bound of the coefficient of each column, infinite where there is none.
 
     Args:
-        regressor: Gives the terms.
+        regressor: The equations.
     """
     lower, upper = np.full(len(regressor.names), -np.inf), np.full(len(regressor.names), np.inf)
     for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
@@ -158,7 +158,7 @@ def _at_stops(regressor: Regressor) -> Iterator[str]:
         if not len(q):
             continue
         standstill = np.abs(v) < _STANDSTILL * np.abs(v).max(axis=0)
-        # A joint without limits has no stop to lean on.
+        # A joint without limits has no stop.
         near = np.where(np.isfinite(limits[0]) & np.isfinite(limits[1]), _NEAR * (limits[1] - limits[0]), -np.inf)
         for side, bound, gap in (("lower", limits[0], q - limits[0]), ("upper", limits[1], limits[1] - q)):
             share = np.mean(standstill & (gap <= near), axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 
-from identification.engine.autocorrelation import lagged_products, positive_sequence, samples_per_independent
+from identification.engine.autocorrelation import integrated_autocorrelation_time, lagged_products, positive_sequence
 from identification.estimators.linear.least_squares import Solution, base_blocks, base_places
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
@@ -78,9 +78,9 @@ def coloured_scatter(
 ) -> Float[Array, "r r"]:
     r"""Covariance of the score with noise that has a memory: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
 
-    For a column that varies slowly compared with the noise the variance grows by `samples_per_independent`, for a fast
-    one by less. The spectrum of the noise is at least that of white noise, so that no deviation is smaller than for
-    white noise: residuals also contain errors of the model. Pairs in different blocks do not count.
+    For a column that varies slowly compared with the noise the variance grows by `integrated_autocorrelation_time`, for
+    a fast one by less. The spectrum of the noise is at least that of white noise, so that no deviation is smaller than
+    for white noise: residuals also contain errors of the model. Pairs in different blocks do not count.
 
     Args:
         regressor: The equations.
@@ -205,7 +205,7 @@ def covariances(
         if len(rows):
             cov += scatter_of_rows(rows, sigma**2, rho)
             white += np.einsum("j,njk,njl->kl", sigma**2, rows, rows, optimize=True)
-    return 0.5 * (cov + cov.T), white, np.array([samples_per_independent(lags) for lags in rho])
+    return 0.5 * (cov + cov.T), white, np.array([integrated_autocorrelation_time(lags) for lags in rho])
 
 
 def residual_noise(

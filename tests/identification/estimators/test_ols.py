@@ -230,7 +230,7 @@ def test_a_poor_condition_is_a_warning(arm, swing, make_log, rubbing):
     motion = swing(arm, 300)
     small = type(motion)(motion.t, 0.02 * motion.q, 0.02 * motion.v, 0.02 * motion.a)
     fit = ols(torque_regressor(arm, make_log(arm, small, rubbing(arm, small))))
-    assert any("small errors in the motion move the estimates by much" in warning for warning in fit.warnings)
+    assert any("small errors in the motion change the estimates a lot" in warning for warning in fit.warnings)
 
 
 def test_a_motion_with_a_gap_in_its_numbers_cannot_be_predicted(arm, fitted, swing):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.engine.autocorrelation import samples_per_independent
+from identification.engine.autocorrelation import integrated_autocorrelation_time
 from identification.estimators.linear.least_squares import base_of, solve
 from identification.estimators.linear.scatter import (
     autocorrelation,
@@ -55,7 +55,7 @@ def test_friction_that_is_not_there_is_at_its_bound(pendulum, rubbing_by):
     assert len(said) == 1
     assert "coulomb_friction.torque is" in said[0]
     assert "at its lower bound of" in said[0]
-    assert "within its uncertainty: it may not be there" in said[0]
+    assert "within its uncertainty: its effect may be absent" in said[0]
 
 
 def test_friction_that_pushes_is_impossible(pendulum, rubbing_by):
@@ -178,18 +178,18 @@ def test_intervals_hold_the_truth_with_noise_that_has_a_memory(pendulum, swing, 
 def test_the_correlation_factor_of_an_autoregression_is_the_closed_form(rng):
     # Closed form: (1 + a) / (1 - a).
     noise = lfilter([1.0], [1.0, -0.8], rng.normal(size=200_000))
-    assert samples_per_independent(autocorrelation(noise, (0, 200_000))) == pytest.approx(9.0, rel=0.1)
+    assert integrated_autocorrelation_time(autocorrelation(noise, (0, 200_000))) == pytest.approx(9.0, rel=0.1)
 
 
 def test_the_correlation_factor_of_white_noise_is_one(rng):
-    assert samples_per_independent(autocorrelation(rng.normal(size=50_000), (0, 50_000))) == pytest.approx(
+    assert integrated_autocorrelation_time(autocorrelation(rng.normal(size=50_000), (0, 50_000))) == pytest.approx(
         1.0, abs=0.05
     )
 
 
 def test_noise_that_alternates_is_not_called_better_than_white():
     noise = np.tile([1.0, -1.0], 500)
-    assert samples_per_independent(autocorrelation(noise, (0, 1000))) == 1.0
+    assert integrated_autocorrelation_time(autocorrelation(noise, (0, 1000))) == 1.0
 
 
 def test_recordings_do_not_remember_each_other():
