@@ -36,7 +36,7 @@ from identification.diagnosis.noise.noise_floor import (
     weights_of,
 )
 from identification.diagnosis.noise.sensor_floor import sensed_noise
-from identification.diagnosis.noise.whitening import no_less_than_sensed, whitened, whitening_of
+from identification.diagnosis.noise.whitening import at_least_sensor_noise, whitened, whitening_of
 from identification.diagnosis.search.claims import gate_results, passes_gates
 from identification.diagnosis.search.fits import SearchWithoutEnd
 from identification.diagnosis.search.refinement import (
@@ -120,7 +120,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     noise, inside = estimate_noise(session, columns)
     noise = at_least_encoder_noise(noise, simulated.residual, columns.usable)
     sensed = sensed_noise(session, columns)
-    noise = no_less_than_sensed(columns, noise, sensed)
+    noise = at_least_sensor_noise(columns, noise, sensed)
     search = _set_up(session, columns, noise, allowed)
     spurious = spurious_gains(search, simulated, noise)
     encoders = noise_floor(session, columns, simulated.residual)
@@ -179,7 +179,7 @@ def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Se
         noise, lower = smaller_noise(_set_up(last.search.problem.session, few, noise), chosen, noise)
         if lower >= rules.LOWER_NOISE:
             break
-    noise = no_less_than_sensed(columns, noise, sensed)
+    noise = at_least_sensor_noise(columns, noise, sensed)
     new, old = (sum(np.sum(part**2, axis=0) for part in series) for series in (noise, last.noise))
     return noise, float(np.min(np.sqrt(new / np.maximum(old, 1e-300)), where=old > 0, initial=1.0))
 

@@ -14,7 +14,7 @@ from identification.diagnosis.columns.residual_columns import Columns, columns_l
 from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_filters, noise_variance
+from identification.diagnosis.noise.whitening import filtered, friction_variance, noise_filters, noise_variance
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -65,7 +65,7 @@ class Laboratory:
             places = {column: k for k, column in enumerate(row)}
             here = [(k, places[column]) for k, column in enumerate(self.union.tolist()) if column in places]
             kernel = self.kernels[j]
-            share = noise_share(self.variance[j], doubt_of(columns, 0, j, kernel))
+            share = noise_share(self.variance[j], friction_variance(columns, 0, j, kernel))
             values = filtered(kernel, columns.values[0][j][:, [place for _, place in here]])
             values *= np.sqrt(share / self.trust[j])[:, None]
             values = values[len(kernel) - 1 :][columns.usable[0][len(kernel) - 1 :, j]]
@@ -77,7 +77,7 @@ class Laboratory:
 def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"]) -> tuple[float, float]:
     """Variance of a row's white noise in the recordings, and its mean share in the sum of noise and doubt."""
     use = [part[:, row] for part in columns.usable]
-    doubt = np.concatenate([doubt_of(columns, log, row, kernel)[u] for log, u in enumerate(use)])
+    doubt = np.concatenate([friction_variance(columns, log, row, kernel)[u] for log, u in enumerate(use)])
     variance = noise_variance(columns, [part[:, row] for part in noise], row, kernel)
     return variance, max(float(np.mean(noise_share(variance, doubt))), 1e-300) if len(doubt) else 1.0
 

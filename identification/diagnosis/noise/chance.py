@@ -93,5 +93,5 @@ def _product(
     filters: Whitening, x: Float[Array, "n k"], e: Float[Array, " m"], log: int, row: int, start: int
 ) -> Float[Array, " k"]:
     """Product of white columns with a series: the series is filtered instead of the columns, which are many."""
-    series, first = filters.before(e, log, row, start)
+    series, first = filters.transposed(e, log, row, start)
     return series @ x[first : first + len(series)]

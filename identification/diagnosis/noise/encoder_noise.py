@@ -21,7 +21,7 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.noise.whitening import whitened, whitened_noise, whitening_of
+from identification.diagnosis.noise.whitening import whitened, whitened_series, whitening_of
 from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
 from identification.engine.fits.projection import gains_beside
@@ -198,7 +198,7 @@ def spurious_gains(
         noise: Noise from which the whitening filters are computed.
     """
     problem = search.problem
-    encoders = whitened_noise(problem.columns, simulated.residual, like=noise)
+    encoders = whitened_series(problem.columns, simulated.residual, like=noise)
     each = [np.where(use, part, 0.0) ** 2 for use, part in zip(problem.columns.usable, encoders, strict=True)]
     energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
     # No effect can gain more than the energy of all noise.

@@ -12,7 +12,7 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
 from identification.diagnosis.noise.certain_samples import certainty
-from identification.diagnosis.noise.whitening import whitened_noise
+from identification.diagnosis.noise.whitening import whitened_series
 from identification.diagnosis.search.search import Search
 from identification.engine.autocorrelation import autocorrelation_time
 from identification.engine.numerics.two_threads import in_two_threads
@@ -202,8 +202,8 @@ def noise_without(
     problem = search.problem
     with_it, without = (held_out_torque(problem, terms, search.evaluate(terms)) for terms in (tried, chosen))
     trace = tuple(a - b for a, b in zip(with_it, without, strict=True))
-    white = whitened_noise(problem.columns, noise)
-    white_trace = whitened_noise(problem.columns, trace, like=noise)
+    white = whitened_series(problem.columns, noise)
+    white_trace = whitened_series(problem.columns, trace, like=noise)
     left, gain = [part.copy() for part in noise], 0.0
     for j, weight in enumerate(problem.weights.per_sample):
         use = [usable[:, j] for usable in problem.white.usable]

@@ -1,8 +1,8 @@
 """Autoregressive whitening of each row (generalised least squares): every frequency is weighted by its noise.
 
-In a torque residual the power of encoder noise grows with the fourth power of frequency, that of disturbances falls. A
-narrow band would lose the information on friction at high frequencies, in a wide one noise would hide that on inertias
-at low ones; a wide whitened band keeps both.
+In a torque residual the power of encoder noise grows with the fourth power of frequency; that of disturbances falls. A
+narrow band would lose what high frequencies tell about friction. In a wide band their noise would hide what low
+frequencies tell about inertias. A wide band that is whitened keeps both.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from identification.diagnosis.noise.certain_samples import certain_variance, cer
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
-_ORDER = 8  # coefficients of a filter: with four a load of a real servo gets another answer
+_ORDER = 8  # coefficients of a filter: four are too few, a real servo with a load is then diagnosed differently
 _LOST = 0.5  # largest share of the usable samples that the start of a filter may cost
-_ROWS = 64  # samples that are filtered at once
+_ROWS = 64  # samples that are filtered at a time
 
 
 def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Array, " m"]:
@@ -39,7 +39,9 @@ def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Arra
 
 
 def longest_order(usable: list[Bool[Array, " n"]]) -> int:
-    """Largest order of a filter that keeps enough usable samples: a swing of a leg has few in a row; 0 without any.
+    """Largest order of a filter, up to `_ORDER`, that costs no more than `_LOST` of the usable samples; 0 without any.
+
+    Each run of usable samples loses as many as the order. Runs are short where only the swings of a leg are judged.
 
     Args:
         usable: Usable samples of one joint, for each log.
@@ -109,8 +111,8 @@ class Whitening:
         """Whitened series of all logs, ``(n, nv)`` each."""
         return tuple(_white(self.kernels, part) * own for part, own in zip(parts, self.trust, strict=True))
 
-    def before(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
-        """A series whose product with a column is that of ``e`` with the whitened column: the transposed filter.
+    def transposed(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
+        """The series whose product with any column equals that of ``e`` with the whitened column.
 
         Args:
             e: A series from one sample on.
@@ -128,13 +130,13 @@ class Whitening:
 
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
-    """Filters and weights that make the noise of columns white, see `whitened`; values of columns are not needed."""
+    """Filters and weights that make the noise of columns white, see `whitened`; values of columns are not used."""
     kernels = noise_filters(columns, noise)
     return Whitening(kernels, _trust(columns, kernels, noise))
 
 
 def noise_filters(columns: Columns, noise: Series) -> list[Float[Array, " m"]]:
-    """Filter of each row that makes its noise white, see `noise_filter`; by the samples in which the joint moves."""
+    """Filter of each row that makes its noise white, see `noise_filter`; from the samples in which the joint moves."""
     kernels = []
     for j in range(noise[0].shape[1]):
         own = [part[:, j] for part in noise]
@@ -144,11 +146,11 @@ def noise_filters(columns: Columns, noise: Series) -> list[Float[Array, " m"]]:
     return kernels
 
 
-def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Series:
-    """Noise of each row, increased to that of the sensors where the whitened noise would be smaller than theirs.
+def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Series:
+    """Noise of each log's torque, increased to that of the sensors on rows where it would be smaller once whitened.
 
-    The unpredictable part of a torque may be smooth, or lie in samples with uncertain friction. Whitened, and with the
-    low weight of such samples, it is then smaller than the noise of the sensors.
+    The unpredictable part of a torque may be smooth, or lie in samples with uncertain friction. It is then smaller than
+    the noise of the sensors once it is whitened and these samples have their low weight.
 
     Args:
         columns: Columns before whitening.
@@ -165,54 +167,50 @@ def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Seri
     return tuple(part + lacking * more for part, more in zip(noise, sensed, strict=True))
 
 
-def whitened_noise(
-    columns: Columns,
-    noise: Series,
-    like: Series | None = None,
-) -> Series:
-    """The whitened noise of each log; with ``like``, the series ``noise`` whitened by the filters of ``like``."""
-    return whitening_of(columns, noise if like is None else like).series(noise)
+def whitened_series(columns: Columns, series: Series, like: Series | None = None) -> Series:
+    """The series of each log, with the filters and weights that whiten the noise ``like``, by default itself."""
+    return whitening_of(columns, series if like is None else like).series(series)
 
 
 def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> Float[Array, "n nv"]:
     return np.column_stack([filtered(kernel, series[:, j]) for j, kernel in enumerate(kernels)])
 
 
-def doubt_of(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
-    """Variance of the whitened torque of a row from uncertain friction: at reversals, and at standstill.
+def friction_variance(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
+    """Variance of the whitened torque of a row due to uncertain friction, at reversals and at standstill, by sample.
 
-    The uncertain time of a reversal shifts a step, which is filtered as such. The static friction of a joint at
-    standstill may change from sample to sample, so the largest possible output of the filter is taken.
+    At a reversal the time of the step of friction is uncertain: that error is filtered. The static friction of a joint
+    at standstill may change from sample to sample, so the largest possible output of the filter is taken.
     """
-    return filtered(kernel, columns.doubt[log][:, row]) ** 2 + standstill_of(columns, log, row, kernel)
+    return filtered(kernel, columns.doubt[log][:, row]) ** 2 + standstill_variance(columns, log, row, kernel)
 
 
-def standstill_of(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
-    """The part of standstill in `doubt_of`."""
+def standstill_variance(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
+    """The part of `friction_variance` that is due to standstill."""
     return filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
 
 
 def noise_variance(
     columns: Columns, noise: Sequence[Float[Array, " n"]], row: int, kernel: Float[Array, " m"]
 ) -> float:
-    """Variance of the whitened noise of a row, of the samples in which the joint moves; above zero.
+    """Variance of the whitened noise of a row over the samples in which the joint moves; above zero.
 
     Args:
-        columns: Which samples are usable, and the friction of standing joints.
+        columns: Usable samples, and the static friction at standstill.
         noise: Noise of the row, for each log.
         row: Index of the row.
-        kernel: Filter that makes it white.
+        kernel: Filter that whitens the noise.
     """
     use = [part[:, row] for part in columns.usable]
     white = [filtered(kernel, part)[u] ** 2 for part, u in zip(noise, use, strict=True)]
-    still = [standstill_of(columns, log, row, kernel)[u] for log, u in enumerate(use)]
+    still = [standstill_variance(columns, log, row, kernel)[u] for log, u in enumerate(use)]
     return max(certain_variance(np.concatenate(white), np.concatenate(still)), 1e-300)
 
 
 def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
     """Weight of each sample: noise relative to noise and uncertain friction together; mean square one on each row."""
     doubt = [
-        np.column_stack([doubt_of(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
+        np.column_stack([friction_variance(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
         for log in range(len(noise))
     ]
     count = sum(use.sum(axis=0) for use in columns.usable)
@@ -222,20 +220,20 @@ def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -
     share = [noise_share(variance, d) for d in doubt]
     mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
-    # The weight does not matter on a row without usable samples.
+    # On a row without usable samples the weight has no effect.
     return [np.where(count > 0, np.sqrt(s / mean), 1.0) for s in share]
 
 
 def _usable_white(filters: Whitening, columns: Columns) -> tuple[Bool[Array, "n nv"], ...]:
     """Usable samples of each log after whitening."""
     return tuple(
-        np.column_stack([_reached(len(kernel), use) for kernel, use in zip(filters.kernels, part.T, strict=True)])
+        np.column_stack([_with_history(len(kernel), use) for kernel, use in zip(filters.kernels, part.T, strict=True)])
         for part in columns.usable
     )
 
 
-def _reached(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:
-    """Usable samples for which the filter needs usable samples only."""
+def _with_history(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:
+    """Usable samples that are preceded by enough others for a filter of ``length`` coefficients."""
     out = usable.copy()
     out[: length - 1] = False
     for lag in range(1, length):

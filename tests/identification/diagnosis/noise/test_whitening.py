@@ -8,12 +8,12 @@ from scipy.signal import lfilter
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.noise.whitening import (
     Whitening,
+    at_least_sensor_noise,
     filtered,
     longest_order,
-    no_less_than_sensed,
     noise_filter,
     whitened,
-    whitened_noise,
+    whitened_series,
 )
 
 
@@ -64,7 +64,7 @@ def test_a_series_times_white_columns_is_the_filtered_series_times_the_columns(r
     filters = Whitening([rng.normal(size=6)], [rng.random((80, 1))])
     x, e = rng.normal(size=(80, 4)), rng.normal(size=30)
     (white,) = filters.columns((x,), 0)
-    series, first = filters.before(e, 0, 0, start)
+    series, first = filters.transposed(e, 0, 0, start)
     np.testing.assert_allclose(series @ x[first : first + len(series)], e @ white[start : start + 30], atol=1e-12)
 
 
@@ -149,8 +149,8 @@ def test_another_series_is_whitened_by_the_law_of_the_noise(quiet, rng):
     # One law for both: twice the noise comes out twice as large, itself as `whitened` makes it.
     columns, noise = quiet.columns, quiet_noise(quiet)
     white = whitened(columns, (noise,))[1][0]
-    np.testing.assert_allclose(whitened_noise(columns, (noise,))[0], white)
-    np.testing.assert_allclose(whitened_noise(columns, (2.0 * noise,), like=(noise,))[0], 2.0 * white)
+    np.testing.assert_allclose(whitened_series(columns, (noise,))[0], white)
+    np.testing.assert_allclose(whitened_series(columns, (2.0 * noise,), like=(noise,))[0], 2.0 * white)
 
 
 def test_two_recordings_are_whitened_by_one_law(quiet):
@@ -172,12 +172,12 @@ def test_a_smooth_rest_that_weighs_less_than_the_sensors_gets_their_noise(quiet,
     smooth = noise.copy()
     smooth[:, 0] = np.sin(0.05 * np.arange(len(noise)))
     sensed = 0.01 * rng.normal(size=noise.shape)
-    (found,) = no_less_than_sensed(columns, (smooth,), (sensed,))
+    (found,) = at_least_sensor_noise(columns, (smooth,), (sensed,))
     np.testing.assert_allclose(found[:, 0], smooth[:, 0] + sensed[:, 0], atol=0.1 * sensed[:, 0].std())
 
 
 def test_a_noise_above_that_of_the_sensors_stays_as_it_is(quiet, rng):
     # White noise ten times as large as that of the sensors.
     noise = rng.normal(size=quiet.columns.residual[0].shape)
-    (found,) = no_less_than_sensed(quiet.columns, (noise,), (0.1 * rng.normal(size=noise.shape),))
+    (found,) = at_least_sensor_noise(quiet.columns, (noise,), (0.1 * rng.normal(size=noise.shape),))
     np.testing.assert_array_equal(found, noise)
