@@ -30,7 +30,7 @@ from identification.diagnosis.judge.findings.sound_sizes import all_sound
 from identification.diagnosis.judge.floors import SENSORS, Floor, Sensed, floor_of, sensed_floor, sensed_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
-from identification.diagnosis.judge.moved_by_noise import foreseen_noise, most_foreseen
+from identification.diagnosis.judge.moved_by_noise import largest_predictable_noise, predictable_noise
 from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import (
@@ -141,21 +141,21 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     sensed = sensed_of(plain.problem)
 
     @cache
-    def before_foreseen(chosen: frozenset[Term]) -> _Remaining:
+    def without_predictable(chosen: frozenset[Term]) -> _Remaining:
         return _remaining(explanation, plain, chosen, noise, sensed)
 
     @cache
     def left_by_all(chosen: frozenset[Term]) -> _Remaining:
-        return _with_foreseen_noise(before_foreseen(chosen), plain, chosen, noise)
+        return _with_predictable_noise(without_predictable(chosen), plain, chosen, noise)
 
     def over_allowed(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> Float[Array, " nv"]:
-        left = before_foreseen(chosen)
+        left = without_predictable(chosen)
         size = np.where(joints, sums(plain.problem, left.residual).rms(), 0.0)
-        certain = size / left.floor.up_to(most_foreseen(left.judge)).allowed
+        certain = size / left.floor.up_to(largest_predictable_noise(left.judge)).allowed
         if certain.max() > 1.0:
-            # Above the noise whatever part of it is foreseen, which takes long to compute.
+            # Above the noise whatever part of it is predictable, which takes long to compute.
             return certain
-        return size / _with_foreseen_noise(left, plain, chosen, noise, joints).floor.allowed
+        return size / _with_predictable_noise(left, plain, chosen, noise, joints).floor.allowed
 
     def has_structure(chosen: frozenset[Term]) -> bool:
         left = left_by_all(chosen)
@@ -226,13 +226,13 @@ def _remaining(
     )
 
 
-def _with_foreseen_noise(
+def _with_predictable_noise(
     left: _Remaining, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
 ) -> _Remaining:
     """The same with a noise floor that includes noise that a flexible model can predict, of all joints or of some."""
     size = sums(plain.problem, left.whole).rms()
     size = size if joints is None else np.where(joints, size, 0.0)
-    floor = left.floor.up_to(foreseen_noise(left.judge, plain, chosen, noise, size))
+    floor = left.floor.up_to(predictable_noise(left.judge, plain, chosen, noise, size))
     return replace(left, floor=floor, judge=replace(left.judge, highest=floor.high))
 
 

@@ -1,9 +1,9 @@
 """Effects that depend on the motion, tested at frequencies where the torque is far above the noise.
 
-An unrecorded disturbance moves a joint, and the controller answers. The residual of the model is that disturbance. It
-is correlated with the acceleration that it makes, as it would be with too small an inertia. And the damping of the
-controller answers it in the recorded torque, whose rate is then correlated with it, as by a delay of some ten
-milliseconds on a soft joint. Where the torque of the motion is many times the residual, such correlations are small.
+An unrecorded disturbance moves a joint, and the controller responds. The disturbance is then the residual of the model.
+It is correlated with the acceleration that it causes, which looks like a wrong inertia. It is also correlated with the
+rate of the recorded torque, because the damping of the controller responds to it, which looks like a delay of some ten
+milliseconds on a soft joint. Such correlations are small where the torque of the motion is many times the residual.
 """
 
 from __future__ import annotations
@@ -29,21 +29,23 @@ from identification.gates.moved_joints import shown_by_motion
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import power_density
 
-# Samples of a spectrum's segment.
+# Samples in a segment of a power spectrum.
 _SEGMENT = 256
 
 
 def motion_results(loud: Search, loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> dict[Term, GateResult]:
-    """Results of the gate of motion for those effects that depend on the motion, see `loud_search`.
+    """Result of the gate `shown_by_motion` for each effect that depends on the acceleration.
 
     Args:
-        loud: A search at frequencies where the torque of the motion is far above the noise.
-        loud_terms: The term of each effect in that search.
-        chosen: The set of effects.
+        loud: The search of `loud_search`, at frequencies where the torque of the motion is far above the noise.
+        loud_terms: Term of each effect in that search.
+        chosen: The set of effects that explains the recordings.
     """
-    motion = [term for term in ordered(chosen) if accelerates(term)]
+    everything = _in_loud_search(loud_terms, chosen)
     return {
-        term: _in_motion(loud, _loud_set(loud_terms, chosen), _loud_set(loud_terms, chosen - {term})) for term in motion
+        term: _motion_gate(loud, everything, everything - {loud_terms[term]})
+        for term in ordered(chosen)
+        if accelerates(term)
     }
 
 
@@ -52,43 +54,43 @@ def accelerates(term: Term) -> bool:
     return term.effect.goes_with_motion == "acceleration"
 
 
-def foreseen_noise(
+def predictable_noise(
     judge: Judge, search: Search, kept: frozenset[Term], noise: Series, left: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
-    """Mean square of the noise of each joint that predictors can predict because it moves the joint.
+    """Mean square of the part of each joint's noise that predictors can predict because it moves the joint, ``(nv,)``.
 
-    Only of joints whose residual is above their floor. There all effects that depend on the motion of the joint are
-    tried; if they do not show where the torque is far above the noise, the part that they explain is noise.
+    It is computed for joints whose residual is above their floor. All effects that depend on the motion of a joint are
+    fitted; if they fail the gate where the torque is far above the noise, what they explain is noise.
 
     Args:
-        judge: Noise floor of each joint, without this noise.
+        judge: Noise floor of each joint, without this part.
         search: Plain fits in the judged band.
-        kept: Effects that are shown.
+        kept: Effects that passed the gates.
         noise: Noise of each log's torque.
-        left: Residual of each joint after the effects, root mean square.
+        left: Root mean square of each joint's residual after these effects.
     """
     out, joints = np.zeros(len(left)), search.problem.session.robot.joint_names
     above = [row for row in range(len(left)) if left[row] > judge.highest[row]]
     if not above:
         return out
-    with_motion = {row: kept | _going_with_motion(search, joints[row]) for row in above}
+    with_motion = {row: kept | _motion_effects(search, joints[row]) for row in above}
     loud, loud_terms = loud_search(search, kept, frozenset().union(*with_motion.values()), noise)
-    for row, every in with_motion.items():
-        if not _in_motion(loud, _loud_set(loud_terms, every), _loud_set(loud_terms, kept)).passed:
-            squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, every)]
+    for row, more in with_motion.items():
+        if not _motion_gate(loud, _in_loud_search(loud_terms, more), _in_loud_search(loud_terms, kept)).passed:
+            squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, more)]
             out[row] = max(squares[0] - squares[1], 0.0)
-    return np.minimum(out, most_foreseen(judge))
+    return np.minimum(out, largest_predictable_noise(judge))
 
 
-def most_foreseen(judge: Judge) -> Float[Array, " nv"]:
-    """The largest mean square of each joint's noise that predictors can predict.
+def largest_predictable_noise(judge: Judge) -> Float[Array, " nv"]:
+    """Largest mean square of the part of each joint's noise that predictors can predict, ``(nv,)``.
 
-    They make the floor too low; but a residual of several times the floor is a gap.
+    The floor lacks this part, but a residual of `SENSOR_TIMES` times the floor is a gap whatever its cause.
     """
     return ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0)
 
 
-def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
+def _motion_effects(search: Search, joint: str) -> frozenset[Term]:
     """One effect of each kind that depends on the motion of a joint."""
     alike: dict[tuple[str, str | None], Term] = {}
     for term in search.terms:
@@ -97,20 +99,20 @@ def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
     return frozenset(alike.values())
 
 
-def _loud_set(loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
-    """Terms of the same effects in the search with fewer columns."""
+def _in_loud_search(loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
+    """Terms of the same effects in the loud search."""
     return frozenset(loud_terms[term] for term in chosen)
 
 
 def noise_may_make(term: Term) -> bool:
-    """True for effects that depend on the acceleration, and for friction of slow joints."""
+    """True for an effect that noise may imitate: one that depends on the motion, or friction of slow joints."""
     return term.named and bool(term.effect.goes_with_motion or term.effect.acts_when_slow)
 
 
-def _in_motion(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> GateResult:
-    """Result of the gate of motion, by the price of effects and by their scatter over blocks.
+def _motion_gate(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> GateResult:
+    """Result of the gate `shown_by_motion` for the effects that ``without`` lacks.
 
-    An effect that acts in few blocks scatters; it passes if the gates of the search accept it.
+    The gain of an effect that acts in few blocks scatters; such an effect passes if the gates of the search accept it.
     """
     rich, plain = loud.evaluate(chosen), loud.evaluate(without)
     gains = plain.loss - rich.loss
@@ -125,16 +127,16 @@ def loud_search(
 ) -> tuple[Search, dict[Term, Term]]:
     """A search over the frequencies at which the torque of each joint is far above the noise.
 
-    It has the columns of few effects only: with those of all rivals it would need as much memory as the search itself.
+    It has the columns of few effects only: with those of all rivals it would need as much memory as ``search``.
 
     Args:
         search: Plain fits in the judged band.
         chosen: The effects that explain the recordings; their residual is the noise here.
-        tested: Effects that are to be tested.
+        tested: Effects to be tested, which get columns.
         noise: Noise of each log's torque.
 
     Returns:
-        The search, and the term of each of these effects in it.
+        The search, and the term in it of each tested effect.
     """
     problem, session = search.problem, search.problem.session
     columns = problem.columns
@@ -156,14 +158,14 @@ def loud_search(
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
-    """Frequency up to which the torque has many times the power of the residual [Hz].
+    """Frequency [Hz] up to which the torque has `MOVED_BY_NOISE` times the power of the residual; infinite without end.
 
-    Frequencies below a single sine are quiet, too; they do not count as the end.
+    If the torque is a single sine, only frequencies from that of the sine on can be the end.
     """
     length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
     f, noise = power_density(rest, rate_hz, length)
     _, power = power_density(torque, rate_hz, length)
-    # The first bin is the constant, which the spectrum removes.
+    # The first bin is the mean, which the spectrum removes.
     quiet = np.flatnonzero((power < moved_joints.MOVED_BY_NOISE * noise) & (f > 0.0))
     if is_one_sine(torque):
         quiet = quiet[quiet >= np.argmax(power)]

@@ -145,7 +145,7 @@ def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
     monkeypatch.setattr(judgement, "shown_effects", shown)
     monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
     monkeypatch.setattr(judgement, "_remaining", lambda *_: SimpleNamespace(judge=None))
-    monkeypatch.setattr(judgement, "_with_foreseen_noise", lambda left, *_: left)
+    monkeypatch.setattr(judgement, "_with_predictable_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 2.0)
     monkeypatch.setattr(judgement, "explain", lambda plain, progress: offset)
@@ -162,7 +162,7 @@ def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatc
     monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
     monkeypatch.setattr(judgement, "replace", lambda left, **_: left)
     monkeypatch.setattr(judgement, "_remaining", lambda *_: SimpleNamespace(judge=None, floor=None))
-    monkeypatch.setattr(judgement, "_with_foreseen_noise", lambda left, *_: left)
+    monkeypatch.setattr(judgement, "_with_predictable_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 0.9)
     search = quiet.search
     shown, _ = judgement._shown_above_noise(SimpleNamespace(search=search, chosen=frozenset([offset])), search, ())

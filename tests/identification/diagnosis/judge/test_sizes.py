@@ -17,7 +17,7 @@ from identification.diagnosis.judge.findings.shown import _noise_gate
 from identification.diagnosis.judge.findings.shown_numbers import only_shown, reach_of
 from identification.diagnosis.judge.findings.sound_sizes import all_sound, size_notes
 from identification.diagnosis.judge.judged_band import Judge, search_below
-from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise, loud_search, noise_may_make
+from identification.diagnosis.judge.moved_by_noise import _loud_until, loud_search, noise_may_make, predictable_noise
 from identification.diagnosis.result import Value
 from identification.notes import Code
 from identification.pipeline import diagnose
@@ -227,7 +227,7 @@ def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
     # By hand: 0.9 and 1.9 are left where 1 and 2 are allowed.
     judge = Judge(quiet.problem, np.array([0.8, 1.8]), np.array([1.0, 2.0]))
     left = np.array([0.9, 1.9])
-    np.testing.assert_array_equal(foreseen_noise(judge, quiet.search, frozenset(), quiet.noise, left), [0.0, 0.0])
+    np.testing.assert_array_equal(predictable_noise(judge, quiet.search, frozenset(), quiet.noise, left), [0.0, 0.0])
 
 
 @pytest.mark.parametrize(
