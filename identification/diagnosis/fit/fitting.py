@@ -1,7 +1,8 @@
 """Regularised least squares on Gram matrices, with bounds and priors, scored on blocks held out of the fit.
 
 Every fit works on products of columns (Gram matrices), never on samples. Two nonlinear cases are iterated: a torque
-constant rescales its whole row, and a point mass is linearised about the last estimate of its mass and first moments.
+constant scales all torques of its joint, and a point mass is linearised about the last estimate of its mass and first
+moments.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from identification.engine.fits.minimum import minimum_of
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 
-# Least gain of a torque constant: a smaller one would scale its row out of the fit.
+# Smallest gain of a torque constant: a smaller one would remove its joint from the fit.
 _LEAST_GAIN = 0.02
 
 
@@ -31,13 +32,13 @@ class Fitted:
     Attributes:
         problem: The problem that was fitted.
         point: The estimate about which nonlinear laws were linearised.
-        theta: All coefficients, zero where a column is not in the model, ``(K,)``.
-        active: Columns in the model.
-        penalty: Cost of the nuisances by their priors: their squares in sigmas, summed.
-        objective: In-sample loss over all training blocks with penalty and priors, up to a constant.
+        theta: All coefficients, zero for columns that are not fitted, ``(K,)``.
+        active: Indices of the fitted columns, ``(k,)``.
+        penalty: Cost of the nuisances: sum of their squares, each in standard deviations of its prior.
+        objective: In-sample loss over all training blocks with all priors, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
-        fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
-        denied: Amount by which the in-sample loss would be lower if bodies that cannot exist were allowed.
+        fold_active: Coefficients of the fitted columns in the fit without each fold, ``(F, k)``.
+        denied_gain: Amount by which the in-sample loss would be lower if physically impossible bodies were allowed.
     """
 
     problem: Problem
@@ -48,7 +49,7 @@ class Fitted:
     objective: float
     loss: Float[Array, " B"]
     fold_active: Float[Array, "F k"]
-    denied: float = 0.0
+    denied_gain: float = 0.0
 
     @property
     def total(self) -> float:
@@ -56,18 +57,18 @@ class Fitted:
         return float(self.loss.sum()) + self.penalty
 
     def size(self, term: Term) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-        """Coefficients of an effect, and their covariance."""
+        """Coefficients of an effect and their covariance."""
         own = np.searchsorted(self.active, term.columns)
         return self.theta[list(term.columns)], self.cov[np.ix_(own, own)]
 
     @cached_property
     def row_losses(self) -> Float[Array, " nv"]:
-        """Weighted squared residual of each row over the cores, by the fit to all training blocks."""
+        """Weighted squared residual of each row over the cores of all blocks, by the fit to all training blocks."""
         out, scales = [], {scaling.row: scaling.column for scaling in self.point.scalings}
         for j, row in enumerate(self.problem.grams.rows):
             theta, (a, b, c) = self.theta[row.index], row.core_total
             if j in scales:
-                # A torque constant multiplies all else on its row.
+                # A torque constant multiplies everything else on its row.
                 theta *= np.where(row.index == scales[j], 1.0, 1.0 + self.theta[scales[j]])
             used = np.flatnonzero(theta)
             x = theta[used]
@@ -76,19 +77,19 @@ class Fitted:
 
     @property
     def fold_theta(self) -> Float[Array, "F K"]:
-        """All coefficients of the fit that has not seen each fold."""
+        """All coefficients of the fit without each fold."""
         out = np.zeros((len(self.fold_active), len(self.theta)))
         out[:, self.active] = self.fold_active
         return out
 
     @property
     def expand(self) -> Float[Array, "k n"] | None:
-        """Active coefficients per unit of each fitted number; None where the fitted numbers are the coefficients."""
+        """Derivative of the active coefficients by the fitted numbers; None where both are the same (no payload)."""
         return None if self._folded is None else self._folded.expand
 
     @cached_property
     def cov(self) -> Float[Array, "k k"]:
-        """Covariance of the active coefficients with priors; computed on demand, as few fits need it."""
+        """Covariance of the active coefficients, priors included; computed on demand, as few fits need it."""
         a, precision = products_of(self.problem, self.active, self.point.scalings, False).a, self.problem.precision
         folded = self._folded
         kept = self.active if folded is None else self.active[folded.keep]
@@ -107,7 +108,7 @@ class Load:
 
     Attributes:
         term: The effect.
-        start: Mass and first moments about which its inertia is linearised, ``(4,)``.
+        start: Mass [kg] and first moments [kg m] about which its inertia is linearised, ``(4,)``.
     """
 
     term: Term
@@ -119,16 +120,16 @@ class Point:
     """The estimate about which nonlinear laws are linearised.
 
     Attributes:
-        scalings: Gains of wrong torque constants, each with what is fitted on its row.
-        payload: Its estimate, None without one.
+        scalings: Gain of each wrong torque constant, with the coefficients of all else on its row.
+        payload: The payload with its estimate; None without one.
     """
 
     scalings: tuple[Scaling, ...] = ()
     payload: Load | None = None
 
     @property
-    def moved(self) -> bool:
-        """True if some law is nonlinear, so that the point comes from an iteration."""
+    def iterated(self) -> bool:
+        """True if some law is nonlinear, so that this estimate comes from an iteration."""
         return bool(self.scalings) or self.payload is not None
 
 
@@ -150,7 +151,7 @@ class Near:
         return Near(np.full(len(problem.precision), np.nan))
 
     def after(self, found: Fitted, terms: tuple[Term, ...]) -> Near:
-        """The start of the next fit after a fit of these terms; its payload is that of the last fit with one."""
+        """The start of the next fit after a fit of these terms; the payload is that of the last fit that had one."""
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
@@ -160,7 +161,7 @@ class Near:
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
-    """Sorted indices of the columns of a fit: the nuisances that all fits contain, and those of the terms."""
+    """Ascending indices of the columns of a fit: the nuisances that all fits contain, and those of the terms."""
     chosen = sorted({column for term in terms for column in term.columns})
     return np.array([*problem.fitted_nuisances, *chosen], dtype=int)
 
@@ -178,19 +179,19 @@ def fit(
     Args:
         problem: Columns, products, priors.
         terms: The effects in the model.
-        held_out: False skips the fits without each fold; the loss is then that of the one fit, in sample.
+        held_out: False skips the fits without each fold: `Fitted.loss` is then empty.
         near: A similar fit, to start from.
-        point: The point of linearisation, where it is known.
+        point: The estimate about which to linearise, if it is known.
     """
     near = Near.nothing(problem) if near is None else near
     scaled = [term for term in terms if term.effect.scales_joint]
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
-    # A torque constant multiplies everything else on its row: refit about the last gain.
+    # A torque constant multiplies everything else on its row: the fit is repeated about the last gain.
     columns = [term.columns[0] for term in scaled]
     rows = [sorted(problem.touched[column]) for column in columns]
 
-    def about(gains: Float[Array, " s"], theta: Float[Array, " K"]) -> tuple[Scaling, ...]:
+    def scalings_at(gains: Float[Array, " s"], theta: Float[Array, " K"]) -> tuple[Scaling, ...]:
         beside = np.where(np.isin(np.arange(len(theta)), columns), 0.0, np.nan_to_num(theta))
         return tuple(
             Scaling(row, column, float(gain), beside)
@@ -202,28 +203,27 @@ def fit(
     known = {scaling.column: scaling.gain for scaling in scalings}
     gains = np.array([known.get(column, 1.0) for column in columns])
     if not scalings and np.isfinite(near.theta[columns]).any():
-        # The similar fit gives the first gains.
         gains = np.maximum(1.0 + np.nan_to_num(near.theta[columns]), _LEAST_GAIN)
-        scalings = about(gains, near.theta)
+        scalings = scalings_at(gains, near.theta)
     for _ in range(0 if known else 4):
-        found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near, None)
-        # At the next gain hardly any bound binds that did not bind at this one.
+        found = _fit_at_point(_shifted_bounds(problem, columns, gains - 1.0), terms, scalings, False, near, None)
+        # Nearly the same bounds are active at the next gain.
         near = near.after(found, ())
         step = found.theta[columns]
         gains = np.maximum(gains + step, _LEAST_GAIN)
-        scalings = about(gains, found.theta)
+        scalings = scalings_at(gains, found.theta)
         if np.all(np.abs(step) < 1e-3):
             break
     payload = None if point is None else point.payload
-    found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, held_out, near, payload)
+    found = _fit_at_point(_shifted_bounds(problem, columns, gains - 1.0), terms, scalings, held_out, near, payload)
     theta, fold_active = found.theta.copy(), found.fold_active.copy()
     theta[columns] += gains - 1.0
     fold_active[:, np.searchsorted(found.active, columns)] += gains - 1.0
     return replace(found, problem=problem, theta=theta, fold_active=fold_active)
 
 
-def _beyond(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> Problem:
-    """The problem in terms of the differences of some coefficients from given values: its bounds are shifted."""
+def _shifted_bounds(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> Problem:
+    """The problem for the differences of some coefficients from the values ``part``: their bounds are shifted."""
     lower, upper = problem.lower.copy(), problem.upper.copy()
     lower[columns] -= part
     upper[columns] -= part
@@ -233,7 +233,7 @@ def _beyond(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> P
 def predict(
     problem: Problem, terms: tuple[Term, ...], theta: Float[Array, " K"], log: int, part: slice = slice(None)
 ) -> Float[Array, "n nv"]:
-    """Torque of the given model with nuisances and terms, in the band, on a part of one log, ``(n, nv)``."""
+    """Torque of the given model with nuisances and terms [N m or N], in the band, for a part of one log."""
     columns = problem.columns
     own = [term.columns[0] for term in terms if term.effect.scales_joint]
     others = theta.copy()
@@ -245,7 +245,7 @@ def predict(
         beside = values @ others[list(index)]
         out[:, j] = model[:, j] + beside
         for column in set(own) & set(index):
-            # The gain scales the modelled torque in its column, and the torque of all other fitted terms.
+            # The gain scales its own column, which is the modelled torque, and all other fitted torques.
             out[:, j] += theta[column] * (values[:, index.index(column)] + beside)
     return out
 
@@ -258,7 +258,7 @@ def _fit_at_point(
     near: Near,
     load: Load | None,
 ) -> Fitted:
-    """Fit with the torque constants linearised; a payload is linearised about its last estimate, or a known one."""
+    """Fit at given gains of the torque constants; a payload is linearised about ``load`` or its best estimate."""
     payload = next((term for term in terms if term.effect.inertial == "point mass"), None)
     active = active_columns(problem, terms)
     products = products_of(problem, active, scalings, held_out)
@@ -274,18 +274,18 @@ def _point_mass(
     payload: Term,
     near: Near,
 ) -> Float[Array, " 4"]:
-    """Mass and first moments of the best point mass.
+    """Mass [kg] and first moments [kg m] of the best point mass.
 
-    The inertia ``(h.h 1 - h h^T) / m`` makes the fit quadratic, so it is linearised about the last estimate, from
-    several starts: a fit whose inertia is free, which a load far out needs, one without inertia, and its first moments
-    at distances of 3 cm to 1.5 m. All starts are followed with the other columns eliminated; the best one is followed
-    to its end with all bounds.
+    The inertia ``(h.h 1 - h h^T) / m`` is not linear in mass ``m`` and first moments ``h``: it is linearised repeatedly
+    about the last estimate. There are several starts: a fit with free inertia, as a load far from the joint needs; a
+    fit without inertia; and the first moments of the latter with the mass that belongs to distances of 3 cm to 1.5 m.
+    All starts are iterated with the other columns eliminated; the best one is then iterated with all bounds.
     """
     first = _fit_linear(problem, active, products, Point(payload=Load(payload, np.zeros(4))), near)
     near = near.after(first, ())
     moments = first.theta[list(payload.columns[1:4])]
     far = max(float(np.linalg.norm(moments)), 1e-9)
-    # Where no lever shows, the mass does by itself.
+    # The fit without inertia.
     starts = [first.theta[list(payload.columns[:4])]]
     whole = _fit_linear(problem, active, products, Point(), near)
     free = whole.theta[list(payload.columns)]
@@ -298,7 +298,7 @@ def _point_mass(
         starts = [near.payload, starts[0]]
     else:
         starts += [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
-        # A mass that the model has and the robot lacks, at such distances too.
+        # Also a mass that the model has and the robot lacks, at such distances.
         missing = (distance for distance in (0.03, 0.08, 0.2, 0.5) if far < -least * distance)
         starts += [np.array([-far / distance, *moments]) for distance in missing]
     reduced = reduced_load(problem, active, products, payload, whole.theta)
@@ -320,7 +320,7 @@ def _fit_linear(
     near: Near,
     bodies: tuple[Body, ...] = (),
 ) -> Fitted:
-    """Linear fit of all coefficients: a payload by `load_map` about its estimate, free bodies as possible ones."""
+    """Linear fit of all coefficients: a payload is linearised about its estimate, and ``bodies`` must be possible."""
     load, folded, kept, held_out = point.payload, None, active, products.held_out
     square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
@@ -332,24 +332,24 @@ def _fit_linear(
         mass = len(kept) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
     found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
-    denied = -found.objective
+    denied_gain = -found.objective
     places = places_among(kept, bodies)
     found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places)
-    denied += found.objective
+    denied_gain += found.objective
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
     nuisances = slice(0, problem.nuisance_count)
     penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
     if held_out is None:
         none = np.zeros((0, len(active)))
-        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied)
+        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied_gain)
     fold_x = found.without if folded is None else folded.unfolded(found.without)
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied)
+    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied_gain)
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:
-    """The active columns, with the ten of a payload reduced to four about its estimate."""
+    """Map that reduces the ten columns of a payload among the active ones to four, linearised about its estimate."""
     jacobian = load_map(problem.session.robot, load.term, load.start)
     return FoldedLoad(np.searchsorted(active, load.term.columns), len(active), jacobian)

@@ -1,7 +1,8 @@
-"""Least squares with bodies that can exist: pseudo-inertias without a negative eigenvalue, centres within reach.
+"""Least squares with physically possible bodies: no negative eigenvalue of the pseudo-inertia, centre within reach.
 
-A quadratic loss is minimised over inertial parameters and other coefficients within bounds [Wensing]_. Bodies that are
-impossible without that limit are found in the cone, by `cone_minimum`; all else is eliminated.
+A quadratic loss is minimised over inertial parameters and other coefficients within bounds [Wensing]_. Only bodies that
+are impossible in the unconstrained fit are constrained: `cone_minimum` finds their parameters in the cone of possible
+bodies, with all other coefficients eliminated.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
@@ -25,29 +26,29 @@ from identification.estimators.consistent.consistent_bodies import ReferenceBody
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.model.robot import Robot
 
-# How far an eigenvalue may lie below zero, as a share of the body's size: rounding of files.
+# How far an eigenvalue may be below zero, as a share of the body's size, because files round numbers.
 _ROUNDING = 1e-6
-# Weak prior, in squared deviations: loss of a change as large as the given body. It decides what the data do not.
-_HELD = 1e-4
+# Penalty in squared deviations on a change as large as the given body: it decides what the data leave open.
+_PRIOR = 1e-4
 # Factor by which the box about a link is widened, and its smallest side as a share of the largest.
 _WIDER, _THINNEST = 1.5, 0.5
-# Reach of a link of a robot without any length [m].
+# Reach of a link if the model has no lengths at all [m].
 _SOME_LENGTH = 0.3
-# Squared deviations that releasing a bound has to gain.
-_ACCURACY = 1e-6
-# Times that bounds and bodies are exchanged; two or three are enough nearly always.
-_EXCHANGES = 12
+# Squared slope over curvature, in squared deviations, above which a bound is released.
+_LEAST_GAIN = 1e-6
+# Most changes of the set of active constraints; two or three are enough nearly always.
+_CHANGES = 12
 
 
 @dataclass(frozen=True)
 class Body:
-    """A body whose ten parameters a fit changes, and which of these changes make a body that can exist.
+    """A body whose ten inertial parameters a fit changes, with the constraints on a possible body.
 
     Attributes:
         name: Name of the joint that moves it.
-        columns: Columns of its changes, among those of a fit.
-        given: The body of the model, the nearest possible one where that cannot exist.
-        reach: Rows ``reach @ parameters >= 0`` of bodies whose centre is within reach.
+        columns: Columns of the changes of its parameters in a fit.
+        given: The body of the model, or the nearest possible one if that is impossible.
+        reach: Rows of ``reach @ parameters >= 0``, which holds if the centre of mass is within reach.
     """
 
     name: str
@@ -56,13 +57,13 @@ class Body:
     reach: Float[Array, "F 10"]
 
     @cached_property
-    def in_units(self) -> tuple[Float[Array, " 10"], Float[Array, "F 10"]]:
-        """The given body and the rows of its reach in the body's own units, rows with a largest entry of one."""
+    def scaled(self) -> tuple[Float[Array, " 10"], Float[Array, "F 10"]]:
+        """Given body and rows of its reach, in the body's own units; the largest entry of each row is one."""
         reach = self.reach * self.given.scale
         return self.given.standard / self.given.scale, reach / np.abs(reach).max(axis=1, keepdims=True)
 
     def exists(self, change: Float[Array, "*b 10"]) -> Array:
-        """True where the given body with a change can exist, to rounding, ``(*b,)``; false where it is not finite."""
+        """True where the given body with a change is possible up to rounding, ``(*b,)``; false if it is not finite."""
         finite: Array = np.asarray(np.isfinite(change).all(axis=-1, keepdims=True))
         parameters = (self.given.standard + np.where(finite, change, 0.0)) / self.given.scale
         least = np.linalg.eigvalsh(pseudo_inertia(parameters))[..., 0]
@@ -73,11 +74,11 @@ class Body:
 
 @dataclass(frozen=True)
 class Binding:
-    """What binds at a minimum: bodies that would be impossible without their cone, and coefficients at their bounds.
+    """Active constraints at a minimum.
 
     Attributes:
-        bodies: Whether each is held in its cone.
-        low, high: Coefficients at their lower and upper bounds, ``(k,)``.
+        bodies: For each body, whether it has to be constrained to be possible.
+        low, high: Coefficients at their lower and at their upper bounds, ``(k,)``.
     """
 
     bodies: tuple[bool, ...]
@@ -86,16 +87,16 @@ class Binding:
 
 
 def bodies_of_term(robot: Robot, term: Term) -> tuple[Body, ...]:
-    """Bodies whose inertial parameters an effect sets free."""
+    """Bodies whose inertial parameters an effect changes freely."""
     own = term.effect.regressor_columns(robot, term.joint)
     return tuple(body_of(robot, own[at] // 10 + 1, term.columns[at : at + 10]) for at in range(0, len(own), 10))
 
 
 def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
-    """The body of a joint by Pinocchio's index, with the columns of its changes.
+    """The body that a joint moves, by Pinocchio's index, with the columns of its changes.
 
-    Its centre lies in the box about its own joint, the next ones and the given centre, with the sides widened by half;
-    a last link reaches as far as the longest link of the robot.
+    Its centre must lie in the box around its own joint, the next joints and the given centre, enlarged by half; the box
+    of a last link reaches at least as far as the longest link of the robot.
     """
     model = robot.model
     given = model.inertias[index]
@@ -116,7 +117,7 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
 
 
 def _given(robot: Robot, index: int) -> ReferenceBody:
-    """The body of the model with its units; a body without mass has the mean mass of the others as its unit."""
+    """The body of the model with its units; a body without mass has the mean mass of the others as its unit of mass."""
     given = robot.model.inertias[index]
     mass = float(given.mass)
     if mass <= 0:
@@ -126,13 +127,13 @@ def _given(robot: Robot, index: int) -> ReferenceBody:
 
 
 def impossible(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, ...]:
-    """Names of the bodies that cannot exist with these coefficients of all columns."""
+    """Names of the bodies that are impossible with these coefficients of all columns."""
     return tuple(body.name for body in bodies if not body.exists(theta[list(body.columns)]))
 
 
 def places_among(kept: Int[Array, " n"], bodies: tuple[Body, ...]) -> list[tuple[Body, Int[Array, " 10"]]]:
-    """Bodies with the places of their changes among what is fitted."""
-    # Columns of a load come last, so that fitted columns are not in ascending order.
+    """Each body with the positions of its columns in ``kept``, the fitted columns."""
+    # The columns of a load come last, so ``kept`` is not in ascending order.
     order = np.argsort(kept)
     return [(body, order[np.searchsorted(kept, body.columns, sorter=order)]) for body in bodies]
 
@@ -146,39 +147,39 @@ def among_possible_bodies(
     folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
     bodies: list[tuple[Body, Int[Array, " 10"]]],
 ) -> Minimum:
-    """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
+    """The fit constrained to possible bodies, on all blocks and without each fold.
 
-    A fit whose bodies exist is the best of all that do, so that nothing is computed there.
+    If the bodies of the unconstrained fit are possible, it is also the constrained fit, and nothing is computed.
 
     Args:
-        found: The fit without that limit.
+        found: The unconstrained fit.
         square: Columns times columns.
         line: Columns times residual.
         precision: Prior precision of each coefficient.
         bounds: Bounds of each coefficient.
-        folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
-        bodies: Bodies with the places of their changes.
+        folds: Part of each fold in ``square`` and ``line``; None if nothing is held out.
+        bodies: Each body with the positions of its changes among the coefficients.
     """
 
-    def exist(x: Float[Array, " n"]) -> bool:
+    def possible(x: Float[Array, " n"]) -> bool:
         return all(body.exists(x[at]) for body, at in bodies)
 
     if not bodies:
         return found
     with_prior = square + np.diag(precision)
     x, objective, without, binding = found.x, found.objective, found.without.copy(), None
-    if not exist(x):
+    if not possible(x):
         x, binding = possible_minimum(with_prior, line, bounds, found.x, bodies)
         objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
     for k in range(len(without)):
-        if folds is not None and not exist(without[k]):
+        if folds is not None and not possible(without[k]):
             less, other = with_prior - folds[0][k], line - folds[1][k]
             without[k], _ = possible_minimum(less, other, bounds, without[k], bodies, binding)
     return Minimum(x, objective, without)
 
 
 def _loss_of(a: Float[Array, "n n"], b: Float[Array, " n"], x: Float[Array, " n"]) -> float:
-    """Loss of coefficients, up to what no coefficient changes."""
+    """Loss of some coefficients, up to a constant."""
     return float(x @ a @ x - 2.0 * b @ x)
 
 
@@ -190,57 +191,57 @@ def possible_minimum(
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
     binding: Binding | None = None,
 ) -> tuple[Float[Array, " k"], Binding]:
-    """Minimum of ``x a x / 2 - b x`` within bounds, with bodies that can exist.
+    """Minimum of ``x a x / 2 - b x`` within bounds and with possible bodies, by an active-set method.
 
-    Coefficients are held at the bounds that bind, and bodies that cannot exist are found in the cone, with all else
-    eliminated. Bounds and bodies that are then violated are taken in and bounds that pull the wrong way released, until
-    there are none: that is the minimum, as the problem is convex.
+    Coefficients are fixed at their active bounds, and constrained bodies are found in the cone, with all other
+    coefficients eliminated. Then violated bounds and impossible bodies become active, and bounds with an inward
+    slope are released, until nothing changes: that is the minimum, as the problem is convex.
 
     Args:
         a: Quadratic part, positive definite.
         b: Linear part.
         bounds: Lower and upper bounds; infinite for the bodies' coefficients.
-        x: The minimum within the bounds alone.
-        bodies: Each with the places of its changes among the coefficients.
-        binding: What binds at the minimum of a similar loss, where there is one: it binds here, too, nearly always.
+        x: The minimum within the bounds, with bodies unconstrained.
+        bodies: Each body with the positions of its changes among the coefficients.
+        binding: Active constraints at the minimum of a similar loss, to start from; None without one.
 
     Returns:
-        The minimum, and what binds there.
+        The minimum, and the constraints that are active there.
     """
     lower, upper = bounds
-    free_bodies = np.zeros(len(b), dtype=bool)
-    free_bodies[np.concatenate([at for _, at in bodies])] = True
+    of_bodies = np.zeros(len(b), dtype=bool)
+    of_bodies[np.concatenate([at for _, at in bodies])] = True
     if binding is None:
         within, low, high = tuple(not body.exists(x[at]) for body, at in bodies), x <= lower, x >= upper
     else:
         within, low, high = binding.bodies, binding.low, binding.high
         x = np.where(low, lower, np.where(high, upper, x))
-    held = ~free_bodies & (low | high)
-    for _ in range(_EXCHANGES):
-        x = _in_cone(a, b, x, held, [one for one, taken in zip(bodies, within, strict=True) if taken])
+    held = ~of_bodies & (low | high)
+    for _ in range(_CHANGES):
+        x = _minimum_in_cone(a, b, x, held, [one for one, taken in zip(bodies, within, strict=True) if taken])
         slope = a @ x - b
-        inwards = np.where(x <= lower, slope < 0.0, slope > 0.0) & (slope**2 > _ACCURACY * np.diag(a))
+        inwards = np.where(x <= lower, slope < 0.0, slope > 0.0) & (slope**2 > _LEAST_GAIN * np.diag(a))
         released, outside = held & inwards & (lower < upper), ~held & ((x < lower) | (x > upper))
         wrong = [not taken and not body.exists(x[at]) for (body, at), taken in zip(bodies, within, strict=True)]
         if not released.any() and not outside.any() and not any(wrong):
             return x, Binding(within, held & (x <= lower), held & (x >= upper))
         x, held = np.clip(x, lower, upper), (held & ~released) | outside
         within = tuple(taken or new for taken, new in zip(within, wrong, strict=True))
-    # Near twins can exchange their bounds without end: all bodies in the cone, and the best of the rest beside them.
-    x, others = np.clip(_in_cone(a, b, x, held, bodies), lower, upper), ~free_bodies
-    beside = b[others] - a[np.ix_(others, free_bodies)] @ x[free_bodies]
+    # Nearly equal columns may change their bounds without end: constrain all bodies, then solve for the others.
+    x, others = np.clip(_minimum_in_cone(a, b, x, held, bodies), lower, upper), ~of_bodies
+    beside = b[others] - a[np.ix_(others, of_bodies)] @ x[of_bodies]
     x[others] = bounded_solve(a[np.ix_(others, others)], beside, lower[others], upper[others])
     return x, Binding((True,) * len(bodies), others & (x <= lower), others & (x >= upper))
 
 
-def _in_cone(
+def _minimum_in_cone(
     a: Float[Array, "k k"],
     b: Float[Array, " k"],
     x: Float[Array, " k"],
     held: Bool[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
 ) -> Float[Array, " k"]:
-    """The minimum with some coefficients held and some bodies that can exist, all others free."""
+    """The minimum with the ``held`` coefficients fixed and ``bodies`` constrained to the cone, all else free."""
     at = np.concatenate([places for _, places in bodies])
     rest = ~held
     rest[at] = False
@@ -249,8 +250,8 @@ def _in_cone(
     cross = rows[:, at]
     made = solve(rows[:, free], np.column_stack([cross, line[free]]))
     scale = np.concatenate([body.given.scale for body, _ in bodies])
-    square = (a[np.ix_(at, at)] - cross.T @ made[:, :-1]) * np.outer(scale, scale) + _HELD * np.eye(len(at))
-    given, reach = (np.array(part) for part in zip(*(body.in_units for body, _ in bodies), strict=True))
+    square = (a[np.ix_(at, at)] - cross.T @ made[:, :-1]) * np.outer(scale, scale) + _PRIOR * np.eye(len(at))
+    given, reach = (np.array(part) for part in zip(*(body.scaled for body, _ in bodies), strict=True))
     x[at] = scale * best_bodies(square, (line[at] - cross.T @ made[:, -1]) * scale, given, reach)
     x[free] = made[:, -1] - made[:, :-1] @ x[at]
     return x

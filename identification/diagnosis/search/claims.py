@@ -75,7 +75,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
     if any(term.effect.inertial == "free" for term in new):
         possible = plain.objective - rich.objective
-        yield bodies_can_exist(possible, possible + rich.denied, search.threshold.of(*new))
+        yield bodies_can_exist(possible, possible + rich.denied_gain, search.threshold.of(*new))
     # The smaller gain counts: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
     held_out = plain.total - rich.total
     gain = min(held_out, plain.objective - rich.objective)

@@ -156,7 +156,7 @@ class Fits:
         # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
         point = self._points.get(chosen)
         found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
-        if found.point.moved:
+        if found.point.iterated:
             self._points[chosen] = found.point
         self._recent.append((chosen, found))
         return found

@@ -1,4 +1,4 @@
-"""Gaussian elimination of a positive definite matrix in compiled loops, for the minima that call it many times."""
+"""Gaussian elimination of a positive definite matrix in compiled loops, for minimisations that call it many times."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from phantom_dyn._kernels.jit import inlined
 
 Array = np.ndarray
 
-# Rows that are eliminated at once.
+# Number of rows that are eliminated at a time.
 _PANEL = 4
 
 
 @inlined
 def eliminate(u: Array, count: int | np.int64) -> None:
-    """Overwrite the upper triangle of the first ``count`` rows with ``U`` of ``U^T D^-1 U``, ``D`` its diagonal.
+    """Overwrite the upper triangle of a matrix, ``count`` rows and columns, with ``U``: it equals ``U^T D^-1 U``.
 
-    No row is exchanged, which a positive definite matrix does not need.
+    ``D`` is the diagonal of ``U``. No rows are exchanged: a positive definite matrix does not need it.
     """
     for first in range(0, count, _PANEL):
         last = min(first + _PANEL, count)
@@ -27,7 +27,7 @@ def eliminate(u: Array, count: int | np.int64) -> None:
                     u[i, k] -= share * u[j, k]
         if last - first < _PANEL:
             break
-        # Four rows are taken out at once: each row below is read and written once for all of them.
+        # Four rows are eliminated together, so that each row below is read and written once for all of them.
         j, m, n, o = first, first + 1, first + 2, first + 3
         for i in range(last, count):
             p, q, r, s = u[j, i] / u[j, j], u[m, i] / u[m, m], u[n, i] / u[n, n], u[o, i] / u[o, o]
@@ -40,7 +40,7 @@ def eliminate(u: Array, count: int | np.int64) -> None:
 
 @inlined
 def solve_eliminated(u: Array, right: Array, count: int | np.int64) -> None:
-    """Overwrite the first ``count`` entries of a right side with the solution, by what `eliminate` has made."""
+    """Overwrite the first ``count`` entries of a right side with the solution; ``u`` is the result of `eliminate`."""
     for j in range(count):
         share = right[j] / u[j, j]
         for k in range(j + 1, count):
