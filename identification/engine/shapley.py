@@ -1,4 +1,4 @@
-"""Shapley value of each member of a set: what it adds to those before it, in the mean over all orders."""
+"""Shapley value of each player of a set: the worth that it adds to those before it, averaged over all orders."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from phantom_dyn.random_streams import random_stream
 
 Player = TypeVar("Player", bound=Hashable)
 
-_EXACT = 7  # players: beyond, orders and sets are sampled, as each more doubles the sets
-_ORDERS = 4  # pairs of an order and its reverse
-_KNOWN = 0.005  # of the worth of all: standard error of a value at which drawing sets ends
-_KNOWN_BY_ORDERS = 0.5 * _KNOWN  # error of a mean over orders below which it is kept where others are not
-_MOST = 100  # pairs of sets a player
+_EXACT = 7  # largest number of players for exact values: each further player doubles the number of sets
+_ORDERS = 4  # number of random orders, each used with its reverse
+_ENOUGH = 0.005  # standard error at which a value is accurate enough, for a worth of all players of about one
+_ENOUGH_BY_ORDERS = 0.5 * _ENOUGH  # standard error of a mean over orders below which the value is not improved by sets
+_MOST = 100  # largest number of random sets per player, each used with its complement
 
 
 def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> dict[Player, float]:
-    """Mean over all orders of what each player adds to those before it; the values add up to the worth of all.
+    """Mean over all orders of the worth that each player adds to those before it; the sum is the worth of all players.
 
-    Exact to seven players. Beyond, the mean over four random orders and their reverses, where that is known to half a
-    percent: what acts on different joints hardly depends on the order. Elsewhere values that scatter over these orders
-    come from a regression on random sets, as many as it takes to know them to half a percent, up to a hundred pairs of
-    sets a player.
+    The values are exact for up to seven players. For more, they are means over four random orders and their reverses if
+    the standard errors are at most 0.005: effects on different joints hardly depend on the order. Otherwise the values
+    that scatter over these orders come from a regression on random sets. Sets are drawn until the standard errors are
+    0.005, or up to a hundred pairs of sets per player.
 
     Args:
-        players: All of them.
-        worth: Of any set of them; zero of none.
+        players: All players.
+        worth: Worth of any set of players: zero for the empty set, about one for all of them.
     """
     count = len(players)
     if count > _EXACT:
@@ -47,14 +47,15 @@ def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Playe
 
 
 def _sampled(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> Float[Array, " k"]:
+    """Estimates of the values from random orders and, for those that scatter, from random sets."""
     rng = random_stream("orders of findings")
     orders = [rng.permutation(len(players)) for _ in range(_ORDERS)]
     there, back = ([_added(players, order[::way], worth) for order in orders] for way in (1, -1))
     pairs = 0.5 * np.add(there, back)
     values = pairs.mean(axis=0)
-    if np.std(pairs, axis=0, ddof=1).max() > _KNOWN * np.sqrt(_ORDERS):
+    if np.std(pairs, axis=0, ddof=1).max() > _ENOUGH * np.sqrt(_ORDERS):
         every = np.concatenate([there, back])
-        uncertain = np.std(every, axis=0, ddof=1) > _KNOWN_BY_ORDERS * np.sqrt(len(every))
+        uncertain = np.std(every, axis=0, ddof=1) > _ENOUGH_BY_ORDERS * np.sqrt(len(every))
         values[uncertain] = _regressed(players, worth, values, uncertain)
     return values
 
@@ -62,7 +63,7 @@ def _sampled(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], f
 def _added(
     players: tuple[Player, ...], order: Int[Array, " k"], worth: Callable[[frozenset[Player]], float]
 ) -> Float[Array, " k"]:
-    """What each player adds to those before it."""
+    """Worth that each player adds to those before it in one order."""
     out, before = np.zeros(len(players)), frozenset[Player]()
     for k in order.tolist():
         out[k] = worth(before | {players[k]}) - worth(before)
@@ -76,12 +77,12 @@ def _regressed(
     values: Float[Array, " k"],
     unknown: Bool[Array, " k"],
 ) -> Float[Array, " u"]:
-    """Some of the values, where the others are known, from pairs of sets.
+    """The ``unknown`` values from random sets and their complements, with the other values given.
 
     Shapley values are coefficients of a weighted regression over all sets of players: the worth of a set less that of
     its complement is fitted by the sum of its players' values less those of the others (Lundberg and Lee, "A Unified
     Approach to Interpreting Model Predictions", 2017, theorem 2; in pairs: Covert and Lee, "Improving KernelSHAP",
-    2021). Sets of one player are all used, larger ones drawn by their weight.
+    2021). All sets of one player are used; larger ones are drawn with the probability of their weight.
     """
     count, everybody = len(players), frozenset(players)
     rng = random_stream("sets of findings")
@@ -106,14 +107,14 @@ def _regressed(
         drawn = len(sets) - count
         each = np.repeat([2 * weight[0] / count, weight[1:-1].sum() / drawn], [count, drawn])
         found, error = _weighted_fit(np.where(sets, 1.0, -1.0)[:, unknown], np.array(answers), each, total, drawn)
-        if (drawn > count and error.max() <= _KNOWN) or drawn >= _MOST * count:
+        if (drawn > count and error.max() <= _ENOUGH) or drawn >= _MOST * count:
             return found
 
 
 def _weighted_fit(
     signs: Float[Array, "s u"], answers: Float[Array, " s"], weight: Float[Array, " s"], total: float, drawn: int
 ) -> tuple[Float[Array, " u"], Float[Array, " u"]]:
-    """Coefficients that add up to a total, and their standard errors, where the last ``drawn`` rows are random."""
+    """Coefficients with the sum ``total``, and their standard errors from the scatter of the last ``drawn`` rows."""
     count = signs.shape[1]
     bordered = np.ones((count + 1, count + 1))
     bordered[count, count] = 0.0
@@ -122,6 +123,6 @@ def _weighted_fit(
     found = (inverse @ np.append((signs * weight[:, None]).T @ answers, total))[:count]
     pull = ((weight * (answers - signs @ found))[:, None] * signs)[-drawn:]
     pull -= pull.mean(axis=0)
-    # Residuals are smaller than errors by the degrees of freedom of the fit.
+    # Residuals are smaller than errors, by the degrees of freedom of the fit.
     spread = inverse[:count, :count] @ (pull.T @ pull) @ inverse[:count, :count] * len(signs) / (len(signs) - count)
     return found, np.sqrt(np.diag(spread))

@@ -13,7 +13,7 @@ from identification.engine.chance import in_another_order
 from identification.engine.numerics.bounded import bounded_solve
 from identification.engine.products.block_products import BlockProducts, NuisancePrior, Products, block_products
 from identification.engine.resampling import CHOSEN_AGAIN, block_counts
-from identification.engine.search.stepwise import Chosen, Terms, extended, gains, squares, stepwise
+from identification.engine.search.stepwise import Chosen, Terms, extended, gains, residual_squares, stepwise
 from identification.gates import above_chance
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
@@ -225,8 +225,8 @@ def _beyond_chance(residual: JointResidual, columns: LibraryColumns, chosen: Cho
     terms, seen = columns.terms, (residual.folds >= 0).astype(float)
     whole = columns.products.summed_without(seen, columns.prior)
     at = terms.columns(chosen)
-    left = squares(terms, whole, chosen)
-    least = min(squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
+    left = residual_squares(terms, whole, chosen)
+    least = min(residual_squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
     theta = whole.fitted(at)
     nuisances = columns.prior.fitted_with(columns.products.summed(seen), at, theta)
     model = columns.x[:, at] @ theta + columns.x[:, len(columns.size) :] @ nuisances

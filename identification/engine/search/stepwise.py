@@ -1,8 +1,8 @@
 """Choice of groups of columns one by one: orthogonal least squares with exchanges.
 
-In each step the group that lowers the squares most is added, by its part that is orthogonal to the chosen ones; then
-every group is exchanged for a better one where there is one. All of it works on products of the columns, summed over
-blocks, so that repeating the choice on other blocks costs next to nothing.
+Each step adds the group that lowers the sum of squares most beside the chosen ones. Then every chosen group is
+exchanged for another one if that lowers the sum further. Only products of the columns, summed over blocks, are needed,
+so that repeating the choice on other blocks costs next to nothing.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from phantom_dyn.array_types import Array, Float, Int
 
 Chosen = tuple[int, ...]
 
-_RANK = 1e-5  # share of a column's squares that has to be orthogonal to the chosen ones
+_RANK = 1e-5  # least share of a column's squares that is orthogonal to the chosen columns: less is rounding
 
 
 @dataclass(frozen=True)
 class Terms:
-    """Which columns each term has: one, or two that belong together as sine and cosine do.
+    """Columns of each term: one, or two that belong together, such as a sine and a cosine.
 
     Attributes:
         first: First column of each term, ``(K,)``.
-        second: Second column; the first again where there is none, ``(K,)``.
+        second: Second column, or the first again if the term has one only, ``(K,)``.
     """
 
     first: Int[Array, " K"]
@@ -51,7 +51,7 @@ def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
 
 
 def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list[Chosen]:
-    """Given terms with 0 to ``most`` further ones, chosen as by `stepwise`."""
+    """The given terms with 0 to ``most`` further ones, added without exchanges; without given ones as by `stepwise`."""
     if not start:
         return [(), *stepwise(terms, products, most)]
     out = [start]
@@ -65,15 +65,15 @@ def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list
 
 
 def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
-    """The same number of terms, each exchanged for a better one beside the others while that helps."""
-    left = squares(terms, products, chosen)
+    """As many terms, after exchanges of single terms that lower the sum of squares, in at most three rounds."""
+    left = residual_squares(terms, products, chosen)
     for _ in range(3 if len(chosen) > 1 else 0):
         before = left
         for place in range(len(chosen)):
             others = chosen[:place] + chosen[place + 1 :]
             gain = gains(terms, products, others)
             tried = (*others[:place], int(np.argmax(gain)), *others[place:])
-            now = squares(terms, products, tried)
+            now = residual_squares(terms, products, tried)
             if now < left:
                 chosen, left = tried, now
         if left >= before * (1 - 1e-9):
@@ -81,15 +81,17 @@ def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
     return chosen
 
 
-def squares(terms: Terms, products: Products, chosen: Chosen) -> float:
+def residual_squares(terms: Terms, products: Products, chosen: Chosen) -> float:
     """Sum of squares that a least squares fit of some terms leaves."""
     columns = terms.columns(chosen)
     return products.left(columns, products.fitted(columns)) if columns else products.total
 
 
 def gains(terms: Terms, products: Products, chosen: Chosen) -> Float[Array, " K"]:
-    """Decrease of the sum of squares by each term beside the chosen ones."""
+    """Decrease of the sum of squares by each term in addition to the chosen ones, which have zero."""
     gram, right = products.gram, products.right
+    # For the parts of the columns that are orthogonal to the chosen ones: their squares, their products with the
+    # residual, and the product of the two columns of each term.
     size = np.diag(gram).copy()
     kept, rest, cross = size.copy(), right.copy(), gram[terms.first, terms.second].copy()
     columns = terms.columns(chosen)

@@ -7,7 +7,7 @@ import pytest
 
 from identification.engine.products.block_products import block_products
 from identification.engine.search.few_columns import _swapped, few_columns, rivals_of, set_fits, until_same_set
-from identification.engine.search.stepwise import Terms, gains, squares, stepwise
+from identification.engine.search.stepwise import Terms, gains, residual_squares, stepwise
 
 SAMPLES, COLUMNS, PRICE = 200, 7, 12.0
 
@@ -154,4 +154,4 @@ def test_squares_of_steps_are_those_that_least_squares_leaves(samples, rng):
     x, blocks = samples
     y = rng.normal(size=COUNT)
     products = block_products(x, y, np.ones(COUNT), blocks, 8).summed(np.ones(8))
-    assert squares(_single(STEPS), products, (3, 7)) == pytest.approx(np.linalg.lstsq(x[:, [3, 7]], y)[1][0])
+    assert residual_squares(_single(STEPS), products, (3, 7)) == pytest.approx(np.linalg.lstsq(x[:, [3, 7]], y)[1][0])
