@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
 """Linear equations of measured poses: residuals, and Pinocchio's kinematic regressor of all candidate errors.
 
-A target is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are given in the root frame,
-the first and the last are identities times a ``base_pose`` and a ``tool_pose``. Residuals and columns are twists of the
-target in its own axes, so that isotropic noise stays isotropic. In a closed chain an error moves the frame itself, and
-also through the passive joints that keep the loops closed.
+The predicted pose of a target is ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are given in the
+root frame, the first and the last are only the errors ``base_pose`` and ``tool_pose``. Residuals and columns are twists
+of the target in its own axes, so that isotropic noise stays isotropic. In a closed chain an error moves the frame
+directly, and also through the passive joints that keep the loops closed.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ BASE, TOOL, DELAY = "base", "tool", "delay"
 
 @dataclass(frozen=True)
 class Estimate:
-    """Numbers of a fit.
+    """Estimated errors, poses and delays of a fit.
 
     Attributes:
-        values: Values of all terms; zero for terms that are not in the fit, ``(p,)``.
-        base: Pose of the robot's root in the axes of the tracker, by recording, each ``(4, 4)``.
-        tool: Pose of the target on its frame, by set of poses, each ``(4, 4)``.
-        delay: Time by which poses are stamped late [s], by recording.
+        values: Value of each term in its unit, zero if it is not in the fit, ``(p,)``.
+        base: ``T_tracker_base`` of each recording, ``(4, 4)``.
+        tool: ``T_frame_target`` of each set of poses, ``(4, 4)``.
+        delay: Time by which the stamps of poses are late [s], of each recording.
     """
 
     values: Float[Array, " p"]
@@ -44,7 +44,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A column that is always in the fit: one number of a base pose or a tool pose, or a delay."""
+    """A column that is always in the fit: a component of a base or tool pose, or a delay.
+
+    Attributes:
+        kind: `BASE`, `TOOL` or `DELAY`.
+        of: Number of the recording, or of the set of poses for `TOOL`.
+        part: Component of the twist, 0 to 5; 0 for a delay.
+    """
 
     kind: str
     of: int
@@ -53,15 +59,15 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Equations:
-    """Residuals of all poses, and their slopes.
+    """Residuals of all poses, and the derivatives of the predicted poses.
 
     Attributes:
-        left: Measured less predicted [m or rad], ``(m,)``.
+        left: Residuals, measured less predicted [m or rad], ``(m,)``.
         nuisance: Columns that are always in the fit, ``(m, k)``.
         columns: Columns of the terms, ``(m, p)``.
         kinds: Kind of each column of ``nuisance``.
-        pose: Number of the pose that a row belongs to, counted over all sets, ``(m,)``.
-        series: Number of the noise that is in a row: twice the set, plus one for orientations, ``(m,)``.
+        pose: Number of the pose of each row, counted over all sets, ``(m,)``.
+        series: Number of the noise series of each row: twice that of the set, plus one for orientations, ``(m,)``.
     """
 
     left: Float[Array, " m"]
@@ -72,7 +78,7 @@ class Equations:
     series: Int[Array, " m"]
 
     def rows(self, kept: Array) -> Equations:
-        """Some of the rows."""
+        """The equations of some rows."""
         return replace(
             self,
             left=self.left[kept],
@@ -89,13 +95,13 @@ class PoseProblem:
 
     Attributes:
         robot: The given model.
-        sets: Poses.
-        paths: Joint paths of those recordings that are motions.
+        sets: Sets of measured poses.
+        paths: Joint motion over time of each recording that has one, by number.
         terms: The candidate errors.
         in_root: True if poses are given in the robot's root frame, so that no pose of the base is fitted.
-        on_frame: Frames on which the targets sit by definition, so that no pose of theirs is fitted.
+        on_frame: Frames that are measured themselves, so that no pose of a target on them is fitted.
         loops: Loops of a closed chain, else None.
-        taken_up: Places in its loops that move no measured frame, as passive joints compensate them.
+        compensated: Geometry errors that are no terms, as passive joints compensate them and no measured frame moves.
     """
 
     robot: Robot
@@ -105,11 +111,11 @@ class PoseProblem:
     in_root: bool = False
     on_frame: tuple[str, ...] = ()
     loops: Loops | None = None
-    taken_up: tuple[PoseTerm, ...] = ()
+    compensated: tuple[PoseTerm, ...] = ()
 
     @property
     def model(self) -> pin.Model:
-        """The tree, with frames for its pins, and with known errors of its places corrected."""
+        """The robot's model; of a closed chain its tree, with pins as frames and known geometry errors corrected."""
         return self.robot.model if self.loops is None else self.loops.model
 
     @property
@@ -119,7 +125,7 @@ class PoseProblem:
 
 
 def nuisances_of(problem: PoseProblem) -> tuple[Nuisance, ...]:
-    """The pose of the base and the delay of each recording, the pose of each target: only what its poses can show."""
+    """Base pose and delay of each recording, and tool pose of each set: as far as the measured poses depend on them."""
     own = sorted({one.recording for one in problem.sets})
     out = [] if problem.in_root else [Nuisance(BASE, number, part) for number in own for part in range(6)]
     for k, one in enumerate(problem.sets):
@@ -129,12 +135,12 @@ def nuisances_of(problem: PoseProblem) -> tuple[Nuisance, ...]:
 
 
 def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Array, " p"]) -> pin.Model:
-    """The model with its joints and pins where ``link_geometry`` terms put them: ``placement @ exp(twist)``.
+    """A copy of the model with joints and pins moved by ``link_geometry`` terms: ``placement @ exp(twist)``.
 
     Args:
-        model: The given one; it is not changed.
-        terms: Others than those of a ``link_geometry`` are passed over.
-        values: One for each.
+        model: The given model.
+        terms: Errors; those of other effects than ``link_geometry`` are ignored.
+        values: Value of each term.
     """
     out = model.copy()
     twists: dict[tuple[int, int], Array] = {}
@@ -153,7 +159,7 @@ def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Arr
 def true_positions(
     q: Float[Array, "n nv"], load: Float[Array, "n nv"], terms: Sequence[PoseTerm], values: Float[Array, " p"]
 ) -> Float[Array, "n nv"]:
-    """Positions of the links: readings less zeros, less deflections under load."""
+    """Positions of the links [rad or m]: readings less wrong zeros, less deflections under load."""
     out = q.copy()
     for term, value in zip(terms, values, strict=True):
         if term.effect in (ZERO, ELASTIC) and value != 0.0:
@@ -162,17 +168,17 @@ def true_positions(
 
 
 def equations(problem: PoseProblem, estimate: Estimate) -> Equations:
-    """Residuals of the poses at an estimate, and the slopes of the prediction there.
+    """Residuals of the poses at an estimate, and the derivatives of the predicted poses there.
 
     Args:
         problem: Poses and terms.
-        estimate: Where the slopes are taken.
+        estimate: The estimate about which the equations are linearised.
     """
     kinds = nuisances_of(problem)
     model = changed_model(problem.model, problem.terms, estimate.values)
     parts, first = [], 0
     for number, one in enumerate(problem.sets):
-        parts.append(_of_set(problem, model, kinds, number, estimate, first))
+        parts.append(_equations_of_set(problem, model, kinds, number, estimate, first))
         first += len(one.t)
     return Equations(
         *(np.concatenate([getattr(part, name) for part in parts]) for name in ("left", "nuisance", "columns")),
@@ -182,7 +188,7 @@ def equations(problem: PoseProblem, estimate: Estimate) -> Equations:
     )
 
 
-def _of_set(
+def _equations_of_set(
     problem: PoseProblem, model: pin.Model, kinds: tuple[Nuisance, ...], number: int, estimate: Estimate, first: int
 ) -> Equations:
     one = problem.sets[number]
@@ -195,14 +201,14 @@ def _of_set(
     base = pin.SE3(estimate.base[one.recording]) * placed(pose_errors[BASE_POSE])
     tool = pin.SE3(estimate.tool[number]) * placed(pose_errors[TOOL_POSE])
     x = tree_positions(problem, model, one, q)
-    left, twists, regressor, pose = _each(model, one, x, base, tool)
-    motions = _joint_columns(model, regressor)  # twist of the target per unit of each joint, (n, 6, nv)
+    left, twists, regressor = _residuals_and_derivatives(model, one, x, base, tool)
+    motions = _joint_columns(model, regressor)
     by_pin: dict[int, Array] = {}
     if problem.loops is not None:
         follow = followed(replace(problem.loops, model=model), x)
         regressor = rounded(regressor + motions @ follow.by_place)
         for frame, moves in follow.by_pin.items():
-            by_pin[frame] = rounded(_with_pin(model, one, frame, tool) + motions @ moves)
+            by_pin[frame] = rounded(_pin_columns(model, one, frame, tool) + motions @ moves)
         motions = motions @ follow.by_active
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
     for k, kind in enumerate(kinds):
@@ -212,17 +218,17 @@ def _of_set(
             nuisance[:, kind.part, k] = 1.0
         elif kind.kind == DELAY and kind.of == one.recording:
             nuisance[:, :, k] = -np.einsum("nij,nj->ni", motions, v)
-    by_tool = np.broadcast_to(_slope(pose_errors[TOOL_POSE]), twists.shape)
-    slopes = {BASE_POSE: twists @ _slope(pose_errors[BASE_POSE]), TOOL_POSE: by_tool}
+    tool_columns = np.broadcast_to(_pose_error_columns(pose_errors[TOOL_POSE]), twists.shape)
+    pose_columns = {BASE_POSE: twists @ _pose_error_columns(pose_errors[BASE_POSE]), TOOL_POSE: tool_columns}
     columns = np.zeros((len(one.t), 6, len(problem.terms)))
     for k, term in enumerate(problem.terms):
-        if term.effect not in slopes:
+        if term.effect not in pose_columns:
             own = by_pin.get(term.frame)
             columns[:, :, k] = (
-                _column(model, term, regressor, motions, one.load) if own is None else own[:, :, term.part]
+                _term_column(model, term, regressor, motions, one.load) if own is None else own[:, :, term.part]
             )
         elif term.joint in (None, one.frame):
-            columns[:, :, k] = slopes[term.effect][:, :, term.part]
+            columns[:, :, k] = pose_columns[term.effect][:, :, term.part]
     kept = 3 if one.turn is None else 6
     rows = len(one.t) * kept
     return Equations(
@@ -230,7 +236,7 @@ def _of_set(
         nuisance[:, :kept].reshape(rows, -1),
         columns[:, :kept].reshape(rows, -1),
         kinds,
-        np.repeat(first + pose, kept),
+        np.repeat(first + np.arange(len(one.t)), kept),
         np.tile(2 * number + (np.arange(kept) >= 3), len(one.t)),
     )
 
@@ -238,12 +244,12 @@ def _of_set(
 def tree_positions(
     problem: PoseProblem, model: pin.Model, one: Measured, q: Float[Array, "n nv"]
 ) -> Float[Array, "n nt"]:
-    """Positions of all joints of the tree; of an open chain those that are given.
+    """Positions of all joints of the tree [rad or m]; of an open chain, ``q`` itself.
 
     Args:
-        problem: Gives the loops.
-        model: The tree of the current estimate.
-        one: Poses; loops are closed near their positions.
+        problem: The problem with its loops.
+        model: The tree at the current estimate.
+        one: Set of poses; the loops are closed near the positions that belong to it.
         q: Positions of the robot's joints.
     """
     if problem.loops is None:
@@ -251,23 +257,23 @@ def tree_positions(
     return closed_positions(replace(problem.loops, model=model), q, problem.robot.solutions.at(one.q).x)
 
 
-def _with_pin(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Float[Array, "6 6"]:
-    """Twist of the target per twist of a pin that it is fixed to, in the axes of the pin."""
+def _pin_columns(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Float[Array, "6 6"]:
+    """Twist of the target per twist of a pin in its own axes; zero if the pin does not carry the target."""
     if not is_carried(model, one.index, frame):
         return np.zeros((6, 6))
     apart = model.frames[frame].placement.actInv(model.frames[one.index].placement * tool)
     return apart.toActionMatrixInverse()
 
 
-def _slope(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:
-    """Twists of a ``base_pose`` or ``tool_pose`` in its own axes, per unit of each of its numbers."""
+def _pose_error_columns(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:
+    """Twist of a ``base_pose`` or ``tool_pose`` in its own axes, per unit of each of its six numbers."""
     out = np.zeros((6, 6))
     out[:3, :3], out[3:, 3:] = pin.exp3(numbers[3:]).T, pin.Jexp3(numbers[3:])
     return out
 
 
 def _pose_error(problem: PoseProblem, estimate: Estimate, effect: str, of: str | None) -> Float[Array, " 6"]:
-    """The numbers of a ``base_pose`` or of the ``tool_pose`` of a frame."""
+    """The six estimated numbers of a ``base_pose``, or of the ``tool_pose`` of a frame [m and rad]."""
     out = np.zeros(6)
     for term, value in zip(problem.terms, estimate.values, strict=True):
         if term.effect_joint == (effect, of):
@@ -275,8 +281,10 @@ def _pose_error(problem: PoseProblem, estimate: Estimate, effect: str, of: str |
     return out
 
 
-def _each(model: pin.Model, one: Measured, x: Array, base: pin.SE3, tool: pin.SE3) -> tuple[Array, Array, Array, Array]:
-    """For each pose the residual, its slopes by the base and by the places of all joints, and its number."""
+def _residuals_and_derivatives(
+    model: pin.Model, one: Measured, x: Array, base: pin.SE3, tool: pin.SE3
+) -> tuple[Float[Array, "n 6"], Float[Array, "n 6 6"], Float[Array, "n 6 j"]]:
+    """Residual of each pose, and the twist of the target per twist of the base and of each joint's placement."""
     data, configuration = model.createData(), configurations(model, x)
     n = len(x)
     left, by_base = np.zeros((n, 6)), np.empty((n, 6, 6))
@@ -291,10 +299,11 @@ def _each(model: pin.Model, one: Measured, x: Array, base: pin.SE3, tool: pin.SE
         left[k, :3] = predicted.rotation.T @ (one.position[k] - predicted.translation)
         if one.turn is not None:
             left[k, 3:] = pin.log3(predicted.rotation.T @ pin.Quaternion(one.turn[k]).toRotationMatrix())
-    return left, by_base, regressor, np.arange(n)
+    return left, by_base, regressor
 
 
 def _joint_columns(model: pin.Model, regressor: Float[Array, "n 6 j"]) -> Float[Array, "n 6 nv"]:
+    """Twist of the target per unit of each joint position."""
     out = np.empty((len(regressor), 6, model.nv))
     for index in range(1, model.njoints):
         own = regressor[:, :, 6 * (index - 1) : 6 * index]
@@ -302,7 +311,9 @@ def _joint_columns(model: pin.Model, regressor: Float[Array, "n 6 j"]) -> Float[
     return out
 
 
-def _column(model: pin.Model, term: PoseTerm, regressor: Array, motions: Array, load: Array) -> Float[Array, "n 6"]:
+def _term_column(
+    model: pin.Model, term: PoseTerm, regressor: Array, motions: Array, load: Array
+) -> Float[Array, "n 6"]:
     """Twist of the target per unit of a term."""
     if term.effect == LINK:
         return regressor[:, :, 6 * (joint_index(model, term.row) - 1) + term.part]

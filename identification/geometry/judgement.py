@@ -274,7 +274,7 @@ def pose_bounds(
     columns, terms = explained.equations.columns, explained.problem.terms
     own = without(columns, orthonormal(columns[:, list(explained.chosen)], 1e-9))
     wanted = np.sqrt(explained.price) + _POWER
-    bounds, unseen = [], [_unseen(term, TAKEN_UP) for term in explained.problem.taken_up]
+    bounds, unseen = [], [_unseen(term, TAKEN_UP) for term in explained.problem.compensated]
     for k, term in enumerate(terms):
         if k in explained.chosen:
             continue

@@ -37,7 +37,7 @@ def problem_of(
         paths: Of joints of motions.
         loops: Loops of a closed chain.
     """
-    free = _without_taken_up(
+    free = _without_compensated(
         PoseProblem(robot, sets, paths, terms_of(robot, [one.frame for one in sets], loops), loops=loops)
     )
     joints = free.terms
@@ -61,7 +61,7 @@ def problem_of(
     return replace(free, terms=kept + without_twins(robot, joints, sets), in_root=True, on_frame=frames)
 
 
-def _without_taken_up(problem: PoseProblem) -> PoseProblem:
+def _without_compensated(problem: PoseProblem) -> PoseProblem:
     """Without places that passive joints compensate: beside other errors they would move frames by next to nothing."""
     if problem.loops is None or not problem.terms:
         return problem
@@ -73,7 +73,7 @@ def _without_taken_up(problem: PoseProblem) -> PoseProblem:
         least[same] = _LITTLE * size[same].max(initial=0.0)
     moves = ~places | (size > least)
     kept, lost = (tuple(np.array(problem.terms, dtype=object)[rows]) for rows in (moves, ~moves))
-    return replace(problem, terms=kept, taken_up=lost)
+    return replace(problem, terms=kept, compensated=lost)
 
 
 def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measured]) -> tuple[PoseTerm, ...]:
