@@ -118,7 +118,7 @@ def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Ar
         dt: Sampling time [s].
         nudge: Shift of position and velocity.
     """
-    readings = [part.reading for part in model.parts if part.reading is not None]
+    readings = [part.reading for part in model.simulated_causes if part.reading is not None]
     moved = np.zeros((2, model.robot.nv)) if nudge is None else nudge
     q, v = states.q[at] + moved[0], states.v[at] + moved[1]
 
@@ -270,7 +270,7 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
     if model.late:
         dt = (t[-1] - t[0]) / (len(t) - 1)
         out = interpolated(t - model.late * dt, t, out)
-    for drive in model.drives:
+    for drive in model.simulated_commands:
         out = drive.given(t, out)
     return out
 
@@ -322,7 +322,7 @@ def simulated(
 
 def moved(model: Model, law: Tracking, start: Start, base: BaseMotion | None) -> Simulation:
     """A simulation of a model in which the law gives the torque that the drives exert."""
-    return simulated(model.moving, model.causes, law, start, base)
+    return simulated(model.torque_driven, model.causes, law, start, base)
 
 
 def feedback_gains(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:

@@ -272,7 +272,7 @@ def under_torque(
         return _from_hidden_start(shot, hidden, torque, nudge)
     shift = np.zeros((2, model.robot.nv)) if nudge is None else nudge
     window, states = shot.window, shot.states
-    lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
+    lead = min(window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
     rows = slice(window.start - lead, window.stop)
     t, q, v = shot.log.motion.t[rows], states.q[rows] + shift[0], states.v[rows] + shift[1]
     pulled = _touched(shot.log, rows)
@@ -329,7 +329,7 @@ def under_control(
     if shot.hidden_start is not None and shot.hidden_start.model is model:
         first, start = shot.hidden_start.at, _nudged(shot.hidden_start.start, nudge)
     else:
-        first = window.start - min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
+        first = window.start - min(window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
         start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, nudge)
     rows = slice(first, window.stop)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])

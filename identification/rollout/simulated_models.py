@@ -1,4 +1,4 @@
-"""The given and the corrected model with all their effects, ready for simulation."""
+"""The given and the corrected model, with all their effects in the form that simulations need."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from phantom_dyn.simulation.simulate import Cause
 from phantom_dyn.simulation.stepping import longest_step, machine_of
 
 _LARGEST = 1e12  # largest parameter: a larger one comes from a division by rounding errors
-# Times [s] for which a model follows a recording until its hidden states no longer depend on their first values: in
-# general, and where springs alone have such states.
+# Times [s] for which a model follows a recording until its hidden states no longer depend on their initial values: in
+# general, and if only springs have hidden states.
 LEAD, _SPRING_LEAD = 0.15, 0.03
 
 
@@ -35,14 +35,14 @@ class Model:
 
     Attributes:
         robot: The robot, including all effects that only change its parameters (friction, inertias, gravity).
-        commands: Effects between the command of a controller and the torque of its drive.
+        commands: Effects that change the command of a controller into the torque of its drive.
         causes: All other effects.
-        late: Delay of the recorded torque against the log [samples].
+        late: Delay of the recorded torque relative to the motion of the log [samples].
         late_references: Delay of the references of each joint's controller [s], ``(nv,)``; None without any.
         soft: Joints whose modelled dry friction changes sign gradually, each with its share of the full softness.
-        arrivals: For joints whose references arrive at an unknown time in the controller's frame: how much later they
-            arrive than half a frame before a reading, as a share of the frame.
-        base: Name and size of each error of the sensors on a floating base.
+        arrivals: For joints whose references arrive at an unknown time within the controller's period: that time,
+            counted from half a period before a reading, as a share of the period.
+        base: Name and size of each sensor error of a floating base.
     """
 
     robot: Robot
@@ -55,61 +55,61 @@ class Model:
     base: tuple[tuple[str, float], ...] = ()
 
     @cached_property
-    def parts(self) -> tuple[Simulated, ...]:
-        """The causes, in the form in which a simulation of this robot uses them."""
-        return tuple(self._part(cause) for cause in self.causes)
+    def simulated_causes(self) -> tuple[Simulated, ...]:
+        """The causes in the form that a simulation of this robot uses."""
+        return tuple(self._simulated(cause) for cause in self.causes)
 
     @cached_property
-    def drives(self) -> tuple[Simulated, ...]:
-        """The commands, in the form in which a simulation of this robot uses them."""
-        return tuple(self._part(cause) for cause in self.commands)
+    def simulated_commands(self) -> tuple[Simulated, ...]:
+        """The commands in the form that a simulation of this robot uses."""
+        return tuple(self._simulated(cause) for cause in self.commands)
 
     @cached_property
     def transmissions(self) -> tuple[Transmission, ...]:
         """Transmissions between motors and links that are not rigid."""
-        return tuple(part.transmission for part in self.parts if part.transmission is not None)
+        return tuple(part.transmission for part in self.simulated_causes if part.transmission is not None)
 
     def longest_step(self, q: Float[Array, " nv"]) -> float:
         """Longest integration step [s] that resolves the transmissions; infinite if all are rigid.
 
         Raises:
-            ParameterError: If a motor without inertia would have to move by itself.
+            ParameterError: If a motor behind an elastic transmission has no inertia.
         """
         return longest_step(machine_of(self.robot, self.transmissions), q)
 
-    def _part(self, cause: Cause) -> Simulated:
+    def _simulated(self, cause: Cause) -> Simulated:
         return cause.effect.simulated(self.robot, cause.joint, cause.theta)
 
     @cached_property
-    def moving(self) -> Robot:
-        """The robot for simulations under a given torque.
+    def torque_driven(self) -> Robot:
+        """The robot for simulations with a given drive torque.
 
-        It is made once, because simulations cache what they compute from a robot by the object.
+        It is made once, because simulations cache results by this object.
         """
         return replace(self.robot, torque_hold="instant", torque_source="command")
 
     @property
-    def settles(self) -> float:
-        """Time [s] along a recording after which hidden states no longer depend on their first values.
+    def settling_time(self) -> float:
+        """Time [s] of following a recording after which hidden states no longer depend on their initial values.
 
-        It is short for springs: their deflection follows from their load, and longer feedback would only make them
-        oscillate.
+        It is short if only springs have hidden states: the load gives their deflection, and the feedback that follows
+        the recording would make them oscillate.
         """
-        if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.parts):
+        if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.simulated_causes):
             return LEAD
         return _SPRING_LEAD if self.transmissions else 0.0
 
 
 def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:
-    """The model with effects, except those that only add noise to readings: they do not change the motion.
+    """The model of a robot with effects, except those that only add noise to readings and do not change the motion.
 
     Args:
         robot: The robot without the effects.
-        causes: The effects; those of drives in their order from the controller to the joint.
-        late: Delay of the recorded torque against the log [samples].
+        causes: The effects; those of drives are applied in this order, from the controller to the joint.
+        late: Delay of the recorded torque relative to the motion of the log [samples].
 
     Raises:
-        RobotError: If a link would weigh nothing or less.
+        RobotError: If a link would have no mass or less.
     """
     changed, commands, others = robot, [], []
     late_references: Array | None = None
@@ -134,7 +134,7 @@ def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, .
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
-    """Effects with the coefficients of one fit, except structures that no effect names and loads (see `loaded`).
+    """Effects with the coefficients of one fit, without loads (see `with_load`) and structures outside the catalogue.
 
     Args:
         robot: The given model.
@@ -158,14 +158,14 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
     return tuple(out)
 
 
-def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> Robot:
-    """``robot`` with the load of one fit in a recording, by the ten inertial parameters that the fit used.
+def with_load(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> Robot:
+    """The robot with the load that one fit has in a recording, given by the ten inertial parameters of the fit.
 
-    The fit of a point mass is linearised: where the motion shows the inertia and not the mass, the fitted mass need not
-    match the fitted inertia.
+    All ten are used because the fit of a point mass is linearised: if the motion shows the inertia but not the mass,
+    the fitted mass and inertia need not be those of one point mass.
 
     Raises:
-        RobotError: If a link would weigh nothing or less.
+        RobotError: If a link would have no mass or less.
     """
     for term in terms:
         elsewhere = isinstance(term.effect, OwnEffect) and term.effect.recording != recording
@@ -183,7 +183,7 @@ def corrected_model(
     theta: Float[Array, " K"],
     operation: Operation,
 ) -> Model:
-    """The model of one recording, changed within its tolerances and with the effects of one fit.
+    """The model for one recording: the given one, changed within its tolerances, with the effects of one fit.
 
     Args:
         given: The given model.
@@ -193,14 +193,14 @@ def corrected_model(
         operation: Motion of the recording; its robot may carry a known load.
 
     Raises:
-        RobotError: If a link would weigh nothing or less.
+        RobotError: If a link would have no mass or less.
         ParameterError: If a parameter is not finite.
     """
     parameters = tolerance_parameters(given)
     values = theta[: len(parameters)]
     late = sum(float(x) for x, parameter in zip(values, parameters, strict=True) if parameter.owner is None)
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
-    robot = loaded(adjusted_robot(operation.robot, values, given), terms, theta, operation.recording)
+    robot = with_load(adjusted_robot(operation.robot, values, given), terms, theta, operation.recording)
     soft, arrivals, base = (
         tuple((str(p.owner), float(x)) for x, p in zip(values, parameters, strict=True) if p.kind == kind and x)
         for kind in (SOFTNESS, ARRIVAL, BASE)
@@ -209,5 +209,5 @@ def corrected_model(
 
 
 def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:
-    """The causes at one operation: parameters that change slowly, as with temperature, have their mean over it."""
+    """The causes during one recording: parameters that change slowly, as with temperature, have their mean over it."""
     return tuple(replace(one, theta=one.effect.at_work(operation, one.joint, one.theta)) for one in causes)

@@ -77,9 +77,8 @@ def strayed(made, true: Cause, seconds: float) -> tuple[np.ndarray, np.ndarray]:
             (truth.encoders.q[k], truth.encoders.v[k]) if model.robot.actuators[1].encoder_side == "motor" else None
         )
         start = truth.links.q[k], truth.links.v[k]
-        best.append(
-            (simulate(model.moving, (true,), law, law.t, *start, max_step=1e-3, given=Given(motors)).q - shot.read)[1:]
-        )
+        simulation = simulate(model.torque_driven, (true,), law, law.t, *start, max_step=1e-3, given=Given(motors))
+        best.append((simulation.q - shot.read)[1:])
     return rms(ours), rms(best)
 
 

@@ -17,7 +17,7 @@ from identification.rollout.joint_limits import Engaged, Simulated, limit_notes,
 from identification.rollout.rollout import _everywhere, motion_deviations, unknown_if_motion_deviates
 from identification.rollout.rollout_starts import States, Window, given_torque, states_of, true_state
 from identification.rollout.shots import under_torque
-from identification.rollout.simulated_models import loaded, model_of
+from identification.rollout.simulated_models import model_of, with_load
 from identification.words.note_words import sentence, sentences
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
@@ -237,7 +237,7 @@ def test_a_load_is_simulated_with_the_inertia_that_its_fit_has_seen(pendulum):
     # Oracle: the regressor of Pinocchio. Mass and moments alone would say another inertia, h^2/m = 0.5 kg m^2.
     seen = np.array([0.5, 0.0, 0.0, -0.5, 0.3, 0.0, 0.3, 0.0, 0.0, 0.0])
     term = Term(effect_named("payload"), None, (), tuple(range(3, 13)), 4, (-np.inf,) * 10, (np.inf,) * 10)
-    robot = loaded(pendulum, (term,), np.concatenate([np.full(3, 7.0), seen]), 0)
+    robot = with_load(pendulum, (term,), np.concatenate([np.full(3, 7.0), seen]), 0)
     motion = Motion(np.zeros(1), np.array([[0.4]]), np.array([[1.0]]), np.array([[2.0]]))
     more = inverse_dynamics(robot, motion) - inverse_dynamics(pendulum, motion)
     wanted = rigid_body_regressor(pendulum, motion)[0] @ seen
