@@ -1,7 +1,7 @@
 """From raw samples to a `Log`: uniform time, aligned torque, derivatives, and a band chosen from the data.
 
-The chain: resample to a uniform rate if the recording has none; correct the known delay of half a sample of a held
-torque; low-pass the positions far above the band (so that the filter has no effect inside it) and differentiate; filter
+The steps: resample to a uniform rate if the recording has none; correct the delay of half a sample of a held torque;
+low-pass the positions far above the band, so that the filter has no effect inside it, and differentiate them; filter
 torque and regressor columns with the same linear-phase kernel at the edge of the band and decimate. Filtering only the
 torque, or filtering accelerations twice, biases friction by one to several per cent. The edge of the band is where the
 power spectra of motion and torque end in noise.
@@ -33,32 +33,32 @@ from phantom_dyn.signals.band_edges import acceleration_edge, driven_edge, slow_
 from phantom_dyn.signals.recursive import low_pass_kernel
 from phantom_dyn.signals.splines import interpolated
 
-# Positions, torques and rate of one recording.
+# Positions [rad or m], torques [N m or N] and rate [Hz] of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 
 # The band ends at 6 % of the rate: above, what a torque "at an instant" means differs by more than a per cent between
 # recorders that log a held torque, its mean over a sample, or its value in between.
 _HIGHEST = 0.06
-_WIDEST_HZ = 50.0
-# Samples in the band per period of its edge: the smallest number without aliasing.
+_WIDEST_HZ = 50.0  # largest edge of the band of logs
+# Samples after decimation per period of the band's edge: the smallest number without aliasing.
 _SAMPLES_PER_PERIOD = 2.5
-# Smallest number of samples in the band that can be fitted.
+# Smallest number of decimated samples that can be fitted.
 _FEWEST = 20
-# Number of samples in the band that a slow motion gets at least, even if it is not driven at its highest frequencies. A
-# joint moves in about a third of them, which have to separate the gains of fifty laws from chance.
+# The band is at least wide enough for this number of decimated samples, even if the drives move nothing at its highest
+# frequencies. A joint moves in about a third of them, which must separate the gains of fifty laws from chance.
 _ENOUGH = 300
-# Length of a gap, in median steps between samples. Where a quarter of the steps is several times as long, it is counted
-# in these instead, up to as many periods of the band's edge as five steps have in the widest band.
+# A step between samples is a gap if it is longer than `_GAP_STEPS` median steps. If steps are uneven, the limit is as
+# many steps of their quantile `_LONG_STEPS`, but at most `_GAP_PERIODS` periods of the band's edge.
 _GAP_STEPS = 5
 _GAP_PERIODS = _GAP_STEPS * _HIGHEST
 _LONG_STEPS = 0.75
 
 
 def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N nv"], Float[Array, "N nv"], Array]:
-    """Time, positions, torques and validity on a uniform grid with the recording's median step.
+    """Time [s], positions, torques and validity of samples on a uniform grid with the recording's median step.
 
-    Positions are interpolated by cubic splines, torques linearly (or held, as ``torque_hold`` of the robot says,
-    after alignment). Samples inside a gap of more than five steps or an excluded stretch are not valid.
+    Positions are interpolated by cubic splines, torques linearly. Samples inside a gap of more than five steps or in an
+    excluded stretch are not valid.
     """
     t = recording.t
     steps = np.diff(t)
@@ -82,10 +82,10 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
 
 
 def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple[float, float, float]:
-    """Autocovariance at no, one and two steps of readings with noise of unit variance, once lines are drawn between.
+    """Autocovariance, at lags of 0, 1 and 2 grid steps, of white noise of unit variance after linear interpolation.
 
-    Neighbours on the grid depend on the same readings, so that white noise loses power at high frequencies. The sum
-    over all lags is the power density at frequency zero.
+    Neighbours on the grid depend on the same readings, so that the noise loses power at high frequencies. The sum over
+    all lags is the power density at frequency zero.
 
     Args:
         t: Times of the readings [s].
@@ -105,7 +105,7 @@ def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple
 
 
 def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[Array, " N"]:
-    """Which instants lie in no excluded stretch, and in none of more than ``longest`` seconds without a sample."""
+    """True at times outside of excluded stretches and of gaps of more than ``longest`` seconds between samples."""
     gaps = np.flatnonzero(np.diff(recording.t) > longest)
     valid = np.ones(len(t), dtype=bool)
     for start, stop in [*((recording.t[k], recording.t[k + 1]) for k in gaps), *recording.excluded]:
@@ -126,7 +126,7 @@ def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
 
 
 def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv"]:
-    """Torque that drives with stated limits give when ``tau`` is commanded; a measured torque stays as it is."""
+    """Torque of the drives when ``tau`` is commanded, clipped to stated limits; a measured torque is not changed."""
     if robot.torque_source != "command":
         return tau
     limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
@@ -134,7 +134,7 @@ def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv
 
 
 def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
-    """Hamming-windowed band of half length two periods of its edge, decimated to 2.5 samples per period."""
+    """Band with a Hamming-windowed low pass, two periods of its edge to either side, and 2.5 samples per period."""
     if cutoff_hz >= 0.4 * rate_hz:
         return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
     half = int(np.ceil(2 * rate_hz / cutoff_hz))
@@ -143,7 +143,7 @@ def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
 
 
 def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Float[Array, "n ..."]:
-    """``x`` without what lies above ``cutoff_hz``, of the same length; the ends see their mirror image."""
+    """``x`` low-passed at ``cutoff_hz``, of the same length; the series is mirrored at its ends."""
     band = low_pass(cutoff_hz, rate_hz)
     half = min(band.half, len(x) - 1)
     if half == 0:
@@ -157,9 +157,9 @@ def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Floa
 def smoothed_where(
     x: Float[Array, "n ..."], valid: Bool[Array, " n"], rate_hz: float, cutoff_hz: float
 ) -> Float[Array, "n ..."]:
-    """``x`` without what lies above ``cutoff_hz``, each stretch of valid samples by itself; zero between them.
+    """``x`` low-passed at ``cutoff_hz``, each stretch of valid samples by itself; zero at samples that are not valid.
 
-    Interpolated values in gaps must not spread to valid samples.
+    Interpolated values in gaps thus do not spread to valid samples.
     """
     if valid.all():
         return smoothed(x, rate_hz, cutoff_hz)
@@ -188,30 +188,30 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     """
     t, q, tau, valid = uniform(recording)
     rate = (len(t) - 1) / (t[-1] - t[0])
-    wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
+    q_ref = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
     held_references = holds_references(recording, robot)
-    if wanted is not None and held_references:
-        held = align_held_torque(wanted)
-        sent = _references(recording, robot, t, wanted, q, _on_grid(recording.t, differences(recording), t))
+    if q_ref is not None and held_references:
+        held = align_held_torque(q_ref)
+        sent = _references(recording, robot, t, q_ref, q, _on_grid(recording.t, differences(recording), t))
         # The torque was computed with references that act without delay.
         tau = tau if sent is None else tau + sent.with_references(held)
-        wanted = held
+        q_ref = held
     if robot.torque_hold == "zoh":
         tau = align_held_torque(tau)
     if cutoff_hz is None:
         cutoff_hz = choose_cutoff([(q, tau, rate)])
     band = low_pass(cutoff_hz, rate)
     if len(band.samples(len(t))) < _FEWEST:
-        wanted = max(10.0, shortest_recording(band))
+        least = max(10.0, shortest_recording(band))
         raise LogError(
             f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.2g} Hz, where a "
-            f"sample comes every {1 / rate:.3g} s: record at least {wanted:.2g} s of motion, or at a higher rate."
+            f"sample comes every {1 / rate:.3g} s: record at least {least:.2g} s of motion, or at a higher rate."
         )
     if not valid.all():
         median, long = np.quantile(np.diff(recording.t), [0.5, _LONG_STEPS])
         longest = max(_GAP_STEPS * median, min(_GAP_STEPS * long, _GAP_PERIODS / band.cutoff_hz))
         valid = _valid(recording, t, longest)
-    # From the recorded rows, as readings interpolated to even times have no common step any more.
+    # From the recorded positions: interpolated ones are no multiples of the encoder step any more.
     steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     edges = edges_of_readings(q, steps, valid, band)
     smooth, v, a = differentiate(q, rate, edges)
@@ -221,40 +221,40 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
         tau = tau + friction_taken(robot, recording, v)
     temperature = None if recording.temperature is None else _on_grid(recording.t, recording.temperature, t)
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
-    references = None if wanted is None else _references(recording, robot, t, wanted, q, v)
+    references = None if q_ref is None else _references(recording, robot, t, q_ref, q, v)
     external = external_torque(robot, smooth, forces) if forces else None
     base = None if recording.base is None else filtered_base(recording, robot, t, rate, motion_edge(band))
     motion = Motion(t, smooth, v, a, base=base)
-    found = (q, wanted, external, steps, temperature, references, touched_rows(recording, robot, t))
+    fields = (q, q_ref, external, steps, temperature, references, touched_rows(recording, robot, t))
     between = between_readings(recording, robot, t, held_references)
     tau = tau if between is None else tau + between.torque
-    left_open = (None, None) if between is None else (between.arrival, between.doubt)
-    sensors, shared = sensors_of_base(recording), interpolated_noise(recording.t, t)
+    arrival = (None, None) if between is None else (between.arrival, between.doubt)
+    sensors, noise = sensors_of_base(recording), interpolated_noise(recording.t, t)
     return Log(
-        recording.file, recording.joint_names, motion, tau, band, valid, *found, sensors, *left_open, shared, edges
+        recording.file, recording.joint_names, motion, tau, band, valid, *fields, sensors, *arrival, noise, edges
     )
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:
-    """True if a reference acts from its sample to the next; where torques are held, these hold it already."""
+    """True if each reference is held until the next sample; False if torques are held, which then hold it with them."""
     stated = robot.reference_hold
     held = recording.references_held if stated is None else stated == "zoh"
     return held and robot.torque_hold != "zoh"
 
 
 def differences(recording: Recording) -> Float[Array, "N nv"]:
-    """Velocities of a recording by differences of its positions, as torques are computed with before any filter."""
+    """Velocities [rad/s or m/s] by differences of the recorded positions, without any filter."""
     return np.gradient(recording.q, recording.t, axis=0)
 
 
 def _references(
     recording: Recording, robot: Robot, t: Float[Array, " N"], q_ref: Array, q: Array, v: Array
 ) -> References | None:
-    """Torque that the controllers command, if the torque was computed from references; else None."""
+    """The references and the torque that they command, if the torque was computed from references; else None."""
     gain, limits = recording.reference_gain, recording.reference_torque_limit
     if gain is None or limits is None:
         return None
-    # The damping of a controller is part of a torque that is clipped; where a voltage is, back-EMF comes on top.
+    # Where the torque is clipped, the controller's damping is clipped too; where the voltage is, back-EMF comes on top.
     inside = recording.controlled & np.isinf([voltage_bound(actuator) for actuator in robot.actuators])
     damping = np.zeros(len(gain)) if recording.velocity_gain is None else np.where(inside, recording.velocity_gain, 0.0)
     commanded = gain * (q_ref - q) - damping * v
@@ -265,7 +265,7 @@ def _references(
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
-    """Linear interpolation of references and the like, which are no smoother than their generator left them."""
+    """Columns that need not be smooth, such as references, interpolated linearly from times ``t`` to ``grid``."""
     if grid is t:
         return columns
     return interpolated(grid, t, columns)
@@ -274,19 +274,19 @@ def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
 def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:
     """Logs of several recordings in one band that is wide enough for whitening, and the edge of the judged band [Hz].
 
-    The judged band is that of `choose_cutoff`; the logs have up to four times that band (at most 50 Hz, 6 % of the
-    rate, and the band of the recorder's own filter), as sharp effects have content there that a fit can use if it
-    weights each frequency by its noise.
+    The edge of the judged band is that of `choose_cutoff`. That of the logs is up to four times as high (at most 50 Hz,
+    6 % of the rate, and the edge of the recorder's own filter): abrupt effects have content there, which a fit can use
+    if it weights each frequency by its noise.
     """
     raw = [uniform(recording) for recording in recordings]
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
     signals = [(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)]
-    # A computed torque was not smoothed by a recorder, and a position servo commands little at high frequencies.
+    # No recorder has smoothed a computed torque, and a position servo commands little torque at high frequencies.
     controlled = all(recording.controlled for recording in recordings)
     smoothed = np.inf if controlled else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     judged = _within_rate(_moving_edge(signals), signals) if controlled else choose_cutoff(signals)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
-    # Contact forces on feet excite motion as drives do.
+    # On legs, contact forces move the joints as well as the drives.
     driven = (
         np.inf if controlled or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
     )
@@ -297,13 +297,13 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
 
 
 def _least_edge(recordings: tuple[Recording, ...]) -> float:
-    """Edge [Hz] below which all recordings together leave too few samples to judge a catalogue of effects on."""
+    """Smallest edge [Hz] with which all recordings together have enough decimated samples to judge the effects."""
     seconds = sum(float(recording.t[-1] - recording.t[0]) for recording in recordings)
     return _ENOUGH / (_SAMPLES_PER_PERIOD * seconds)
 
 
 def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
-    """Edge [Hz] above which the drives move nothing: the median over joints of `driven_edge` on the longest recording.
+    """Edge [Hz] above which the drives do not move the robot: median of `driven_edge` over joints, longest recording.
 
     Motion above it comes from disturbances or encoder noise, which appear in torque and acceleration with opposite
     signs: a fit would take them for a negative inertia, or for a delay.
@@ -317,7 +317,7 @@ def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> floa
 
 
 def choose_cutoff(signals: list[Signals]) -> float:
-    """Edge of the band [Hz] that the data support: the lower of two edges, over ``(q, tau, rate)`` of recordings.
+    """Edge of the band [Hz] in which the recorded signals are more than noise: the lower one of two edges.
 
     The first is the median, over moving joints, of the frequency up to which the acceleration is 10 dB above its noise
     floor. The second is the frequency above which the torque has less than 1 % of its amplitude: there the recorder has
@@ -332,9 +332,9 @@ def _within_rate(edge: float, signals: list[Signals]) -> float:
 
 
 def _moving_edge(signals: list[Signals]) -> float:
-    """Median, over moving joints, of the frequency up to which the acceleration is more than noise; else infinite.
+    """Median, over moving joints, of the frequency [Hz] up to which the acceleration is more than noise.
 
-    If no joint moves at frequencies that its spectrum resolves, slow motions count.
+    If no joint moves at frequencies that its spectrum resolves, slow motions are used; without any it is infinite.
     """
     for edge_of in (acceleration_edge, slow_motion_edge):
         moving = [edge_of(column, rate) for q, _, rate in signals for column in q.T]

@@ -21,9 +21,9 @@ from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import LogError, ParameterError
 
-_STUCK = 0.5  # of the loop's median speed: below it the motor is stuck or about to be, and friction takes any value
-_HARMONICS = 20.0  # of the triangle that are kept: its corners lie above
-_SHARE_OF_RATE = 0.2
+_STUCK = 0.5  # share of the loop's median speed below which the motor sticks or is about to, with any friction torque
+_HARMONICS = 20.0  # edge of the low pass over the frequency of the triangle: higher harmonics only sharpen its corners
+_SHARE_OF_RATE = 0.2  # largest edge of the low pass over the sampling rate
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,8 @@ def blocked_arm_loop(
     """Motion of a motor against a blocked arm, without inertia, from rest at zero.
 
     Between two samples the torque is that of the later one and the motor moves at one speed (implicit Euler), so that
-    with ``damping = 0`` the result is exact: dry friction lets the torque play by ``coulomb`` to either side.
+    with ``damping = 0`` the result is exact: the motor stands still until its torque and that of the spring differ by
+    more than ``coulomb``.
 
     Args:
         t: Time [s], in equal steps.
@@ -68,7 +69,7 @@ def blocked_arm_loop(
         coulomb: Dry friction on the motor's side [N m].
 
     Raises:
-        ParameterError: If the stiffness is not positive, or another is negative.
+        ParameterError: If the stiffness is not positive, or damping or friction is negative.
     """
     if not (stiffness > 0 and damping >= 0 and coulomb >= 0):
         raise ParameterError(
@@ -88,11 +89,11 @@ def blocked_arm_loop(
 def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
     """Stiffness K, damping B, dry friction C and offset of a transmission from its hysteresis loops.
 
-    Samples near the turns are left out: there the motor sticks, and friction takes whatever value holds it.
+    Samples near the reversals are left out: there the motor sticks, and friction may have any value that holds it.
 
     Args:
-        loops: Of several rates; with loops of one rate, B and C have large deviations, as they are hardly separable.
-        cutoff_hz: Positions are low-passed here before they are differentiated [Hz].
+        loops: Hysteresis loops at several rates; with one rate, B and C are hardly separable and have large deviations.
+        cutoff_hz: Edge of the low pass of positions before they are differentiated [Hz].
 
     Returns:
         Unknowns ``K`` [N m/rad], ``B`` [N m s/rad], ``C`` [N m] and ``offset`` [N m].
@@ -106,7 +107,8 @@ def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
     return fit_linear(W, torque, ("K", "B", "C", "offset"), ("N m/rad", "N m s/rad", "N m", "N m"))
 
 
-def _equations(loop: Loop, cutoff_hz: float) -> tuple[Array, Array]:
+def _equations(loop: Loop, cutoff_hz: float) -> tuple[Float[Array, "n 4"], Float[Array, " n"]]:
+    """Position, speed, direction and one, and the torque [N m], at the samples of a loop in which the motor moves."""
     if np.ptp(loop.position) == 0:
         raise LogError("The motor does not move against the blocked arm: give more torque than its dry friction.")
     rate = (len(loop.t) - 1) / (loop.t[-1] - loop.t[0])
@@ -122,7 +124,7 @@ def loop_of(recording: Recording, joint: str) -> Loop:
     """Torque and motor position of one joint of a recording.
 
     Raises:
-        LogError: If the recording has no torque, or is not usable for the loop.
+        LogError: If the recording has no torque, or has gaps.
     """
     t, q, tau, valid = uniform(recording)
     if not valid.all():
@@ -132,7 +134,7 @@ def loop_of(recording: Recording, joint: str) -> Loop:
 
 
 def cutoff_of(loops: tuple[Loop, ...]) -> float:
-    """Frequency [Hz] up to which positions are kept: twenty times that of the slowest torque, where the rate allows."""
+    """Edge of the low pass of positions [Hz]: twenty times the frequency of the torque, at most a fifth of the rate."""
     edges = []
     for loop in loops:
         rate = (len(loop.t) - 1) / (loop.t[-1] - loop.t[0])
@@ -146,7 +148,7 @@ def moving_joint(recordings: tuple[Recording, ...]) -> str:
     """The joint whose torque changes most in all recordings: the one whose motor pushed.
 
     Raises:
-        LogError: If a recording has no torque, or in none a torque changes.
+        LogError: If a recording has no torque, or no torque changes in any of them.
     """
     swing = np.zeros(len(recordings[0].joint_names))
     for recording in recordings:

@@ -1,4 +1,4 @@
-"""Sentences on the law of the residual: its inputs and its formula."""
+"""Sentences on the law of the residual: the inputs that it depends on, and its formula."""
 
 from __future__ import annotations
 
@@ -59,13 +59,14 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
     out = [f"It depends on {inputs_words(found.inputs, found.joint)}."]
     if not has_gain:
         out.append(
-            "Most formulas that fit randomly drawn stretches use it; smooth functions of other pairs predict more."
+            "Most formulas that are fitted to random draws of the recording use it, but smooth functions of other "
+            "inputs predict more."
         )
     dynamic = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
     if dynamic:
         out.append(
-            f"Its response to {joined(dynamic)} has a gain and a phase that change with the frequency, which no "
-            "function of the present value has."
+            f"Its response to {joined(dynamic)} has a gain and a phase that change with the frequency: it "
+            "depends on past values, too."
         )
     if law is None:
         out.append(

@@ -22,7 +22,7 @@ CHANGES = {
 }
 """Measurements other than motion that separate effects which leave the same torque in every motion."""
 _MOST_PAIRS = 3
-"""Most causes that a sentence lists with their rivals; of more it names the first, and `diagnosis.json` has all."""
+"""Most causes that a sentence lists with their rivals; if there are more, it lists the first one only."""
 
 
 def pairs_words(pairs: Sequence[RivalPair]) -> str:
@@ -115,16 +115,16 @@ def _drive_sum(note: Note) -> str:
     )
     return (
         f"The voltage of {note.joint} shows only a sum: {parts} make {n['sum']:.3g} ± {n['std']:.2g} {n['unit']} "
-        f"together. Each of them is as accurate as the motor constants in robot.yaml, by which "
-        f"{n['back_emf']:.3g} of it is back-EMF{', and as the delay that is put down to the bus' if n['late'] else ''}."
+        f"together. By the motor constants in robot.yaml, {n['back_emf']:.3g} of it is back-EMF; the parts "
+        f"are as accurate as these constants{' and the delay that is attributed to the bus' if n['late'] else ''}."
     )
 
 
 def _perhaps_volts(note: Note) -> str:
     joints = list(note.numbers["joints"])
     return (
-        f"On {joints_words(joints)} a torque constant and viscous friction were found together, which is also what a "
-        "column of volts does that is called torque. If tau holds volts, call the columns u.<joint> and state "
+        f"On {joints_words(joints)} a torque constant and viscous friction were found together. This also happens if "
+        "the torque columns contain voltages: if tau is in volts, name the columns u.<joint>, and state "
         "torque_constant, resistance and gear_ratio of the drives in robot.yaml."
     )
 
@@ -133,8 +133,8 @@ def _one_sided(note: Note) -> str:
     parts = [with_unit(f"{name} {low:.3g} to {high:.3g}", unit) for name, low, high, unit in note.numbers["intervals"]]
     where = f" of {note.joint}" if note.joint else ""
     return (
-        f"The inertial parameters{where} lie on the edge of what a body can have, so that these are uncertain to one "
-        f"side only: {', '.join(parts)} (95{NO_BREAK}%, as changes of the model)."
+        f"The inertial parameters{where} lie on the limit of what a real body can have, so that they are "
+        f"uncertain in one direction only. Changes of the model, 95{NO_BREAK}% intervals: {', '.join(parts)}."
     )
 
 

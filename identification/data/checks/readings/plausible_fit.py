@@ -4,8 +4,8 @@
 Inertial parameters of every link may be half to twice the modelled ones, the last link may carry a payload of five
 kilograms plus five times the mass of all links, rotors may have thirty times the inertia of their load, every torque
 constant may be half to twice the assumed one, friction may have any size as long as it opposes the motion, and offsets
-are free. A large residual of this fit is no property of a robot: the recording is wrong if another reading of the same
-data has a far smaller one.
+are free. No real robot leaves a large residual of this fit, so the recording is read wrongly if another reading of the
+same data leaves a far smaller one.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
 ENOUGH = 0.005
-"""Unexplained share of a torque's variance below which a fit is good: real laws of friction differ by as much."""
-# Mass of a payload: over that of all moving links, and on the lightest robot [kg]: a bare lever of 0.08 kg may carry 2.
+"""Unexplained share of a torque's variance below which a fit is good: real friction differs from its law by as much."""
+# Largest mass of a payload: the first times the mass of all moving links, plus the second [kg], as a lever of 0.08 kg
+# may carry 2 kg.
 _PAYLOAD, _PAYLOAD_KG = 5.0, 5.0
-# Samples over which the inertia at a joint is averaged.
+# Number of postures over which the inertia at a joint is averaged.
 _POSTURES = 12
-# Unexplained share below which two fits are the same. What any law of friction leaves is the same in both readings that
-# are compared, so that it may be far below `ENOUGH`.
+# Unexplained share below which two fits are equally good. The error of the friction law is the same in both readings
+# that are compared, so this may be far below `ENOUGH`.
 _SAME = 0.0005
-# A half of the recording is not used if a torque varies in it by less than this share of its whole variance.
+# A half of the recording is not used if the variance of the torque in it is less than this share of the whole variance.
 _QUIET = 1e-3
-# Weight of the ridge on every coefficient, with columns of length one: the fit loses a millionth.
+# Square root of the ridge penalty, with columns of length one: its square, a millionth, is the error that it makes.
 _RIDGE = 1e-3
 # Number of rounds of fitting torque constants and inertias in turn, as their product is not linear.
-_TURNS = 3
+_ROUNDS = 3
 _PARAMETERS = 10  # inertial parameters of a body
-_FIRST = 4  # of them: mass and first moments
+_MASS_AND_MOMENTS = 4  # the first of them: mass and first moments
 _OWN = 4  # columns that each joint has for itself: rotor, viscous and Coulomb friction, offset
 
 
@@ -48,8 +49,8 @@ class Freedom(NamedTuple):
 
     Attributes:
         factor: Largest factor of an inertia and of a torque constant, either way.
-        last: Least part of the modelled last link that is there: a tool may be missing, and its link weighs something.
-        rotor: Largest inertia of a rotor behind its gear over what the joint moves.
+        last: Smallest factor of the last link: the modelled tool may be missing, but the link itself has some mass.
+        rotor: Largest rotor inertia on the joint side, divided by the inertia that the joint moves.
         offset: Largest offset over the root mean square of the modelled torque.
     """
 
@@ -60,14 +61,14 @@ class Freedom(NamedTuple):
 
 
 PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
-"""Any robot: what leaves a large residual here is no property of one."""
+"""Any plausible robot: no robot has a large residual with it."""
 AS_MODELLED = Freedom(1.06, 1 / 1.06, 0.15, 0.5)
-"""A robot like its model, but for friction and a payload, to compare readings that some robot explains equally."""
+"""A robot like its model except for friction and a payload: for readings that plausible robots explain equally well."""
 
 
 @dataclass(frozen=True)
 class _Bounded:
-    """Columns that all joints share, those that each joint has for itself, and bounds of their coefficients."""
+    """Columns that all joints share and columns of each single joint, with bounds of their coefficients."""
 
     shared: Float[Array, "N nv s"]
     own: Float[Array, "N nv 4"]
@@ -79,7 +80,7 @@ class _Bounded:
 
 
 def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) -> Float[Array, "2 nv"]:
-    """Share of each joint's torque variance that no plausible robot explains, in each half of the record.
+    """Share of each joint's torque variance that no plausible robot explains, in each half of the recording.
 
     Args:
         robot: The given model.
@@ -89,16 +90,16 @@ def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) ->
     Returns:
         Shares from 0 on, NaN for a half in which the torque hardly varies.
     """
-    columns = _columns(robot, reading, freedom)
-    felt = reading.tau + reading.external
-    half = len(felt) // 2
-    out = np.full((2, felt.shape[1]), np.nan)
-    whole = felt.var(axis=0)
+    columns = _bounded_columns(robot, reading, freedom)
+    torque = reading.tau + reading.external
+    half = len(torque) // 2
+    out = np.full((2, torque.shape[1]), np.nan)
+    whole = torque.var(axis=0)
     for k, rows in enumerate((slice(None, half), slice(half, None))):
-        variance = felt[rows].var(axis=0)
-        said = (variance > _QUIET * whole) & varies(felt[rows])
-        if said.any():
-            out[k, said] = _left(columns, felt, rows, np.flatnonzero(said)) / variance[said]
+        variance = torque[rows].var(axis=0)
+        used = (variance > _QUIET * whole) & varies(torque[rows])
+        if used.any():
+            out[k, used] = _mean_squares(columns, torque, rows, np.flatnonzero(used)) / variance[used]
     return out
 
 
@@ -112,8 +113,8 @@ def misfit_as_modelled(robot: Robot, reading: Reading) -> float:
     return float(np.sum(np.log(np.nanmean(known, axis=0) + _SAME)))
 
 
-def _columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bounded:
-    """Columns of the torques with the least and the largest plausible coefficient of each."""
+def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bounded:
+    """Columns of the torque, with the smallest and the largest plausible coefficient of each."""
     regressor = rigid_body_regressor(robot, reading.motion)
     modelled = standard_parameters(robot)
     carries = payload_body(robot) - 1
@@ -121,7 +122,7 @@ def _columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bounded:
     columns, low, high = [], [], []
     for body in range(len(modelled) // _PARAMETERS):
         start = body * _PARAMETERS
-        for part in (slice(start, start + _FIRST), slice(start + _FIRST, start + _PARAMETERS)):
+        for part in (slice(start, start + _MASS_AND_MOMENTS), slice(start + _MASS_AND_MOMENTS, start + _PARAMETERS)):
             columns.append(regressor[:, :, part] @ modelled[part])
             low.append(freedom.last if body >= carries else 1 / freedom.factor)
             high.append(freedom.factor)
@@ -157,18 +158,18 @@ def _reach(robot: Robot) -> float:
     return max(sum(lengths) + float(np.linalg.norm(robot.model.inertias[robot.model.njoints - 1].lever)), 0.1)
 
 
-def _left(columns: _Bounded, felt: Float[Array, "N nv"], rows: slice, joints: Array) -> Float[Array, " k"]:
+def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, joints: Array) -> Float[Array, " k"]:
     """Mean squared residual of each joint's torque with the best coefficients within their bounds."""
     count = columns.shared.shape[2]
     low = np.concatenate([columns.low, *(columns.own_low[j] for j in joints)])
     high = np.concatenate([columns.high, *(columns.own_high[j] for j in joints)])
-    size = felt[rows][:, joints].std(axis=0)
-    wanted = felt[rows][:, joints] / size
+    size = torque[rows][:, joints].std(axis=0)
+    wanted = torque[rows][:, joints] / size
     shared, own = columns.shared[rows][:, joints] / size[:, None], columns.own[rows][:, joints] / size[:, None]
     constants = np.ones(len(joints))
     best = np.full(len(joints), np.inf)
-    for turn in range(_TURNS):
-        x = _bounded(_stacked(shared * constants[:, None], own), wanted.T.ravel(), low, high)
+    for turn in range(_ROUNDS):
+        x = _bounded_fit(_stacked(shared * constants[:, None], own), wanted.T.ravel(), low, high)
         need = shared @ x[:count]
         each = []
         for k in range(len(joints)):
@@ -183,7 +184,7 @@ def _left(columns: _Bounded, felt: Float[Array, "N nv"], rows: slice, joints: Ar
 
 
 def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float[Array, "m c"]:
-    """All joints below each other: shared columns first, then those of each joint, which are zero for the others."""
+    """Rows of all joints below each other: shared columns first, then those of each joint, zero in all other rows."""
     n, joints, count = shared.shape
     out = np.zeros((joints * n, count + _OWN * joints))
     for k in range(joints):
@@ -195,14 +196,16 @@ def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float
 def _own_fit(
     need: Float[Array, " n"], own: Float[Array, "n 4"], wanted: Float[Array, " n"], bounds: tuple[Array, Array]
 ) -> tuple[float, float]:
-    """Torque constant of one joint for the torque that its links need, and the mean squared residual."""
+    """Factor of a joint's torque constant, given the torque that its links need, and the mean squared residual."""
     columns = np.column_stack([need, own])
-    x = _bounded(columns, wanted, *bounds)
+    x = _bounded_fit(columns, wanted, *bounds)
     return float(x[0]), float(np.mean((wanted - columns @ x) ** 2))
 
 
-def _bounded(columns: Float[Array, "n k"], target: Float[Array, " n"], low: Array, high: Array) -> Float[Array, " k"]:
-    """The best coefficients within their bounds."""
+def _bounded_fit(
+    columns: Float[Array, "n k"], target: Float[Array, " n"], low: Array, high: Array
+) -> Float[Array, " k"]:
+    """Coefficients of least squares within their bounds."""
     size = np.linalg.norm(columns, axis=0)
     used = (size > 0) & (high > low)
     scale = size[used]
@@ -211,7 +214,7 @@ def _bounded(columns: Float[Array, "n k"], target: Float[Array, " n"], low: Arra
     padded = np.column_stack(
         [np.vstack([columns[:, used] / scale, ridge]), np.concatenate([target, np.zeros(len(ridge))])]
     )
-    # The triangular factor has all information of the fit, in as many rows as there are columns.
+    # The triangular factor has the same solution with as many rows as columns.
     factor = np.asarray(np.linalg.qr(padded, mode="r"))
     out = np.zeros(len(size))
     out[used] = (

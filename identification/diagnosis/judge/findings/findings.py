@@ -1,11 +1,11 @@
-"""Chosen effects as findings (parameters, share of the gap closed, rivals), with notes on sizes that need one.
+"""Chosen effects as findings (parameters, share of the gap closed, rivals), with notes on their sizes.
 
-Two notes are made here. Back-EMF, viscous friction and a late reference are all torque per speed while the joint
-follows its reference: a recording of a drive that a voltage feeds shows their sum. Each by itself shows only where
-constants of the motor, or another gain of its loop, fix the others.
+Sum of a drive: back-EMF, viscous friction and a late reference all give a torque proportional to the speed while the
+joint follows its reference. A recording of a drive that is fed by a voltage shows only their sum. They are separated
+only if motor constants, or a second gain of the loop, determine the others.
 
-And the estimate of a body may lie on the edge of what can exist. Beyond the edge are bodies with a negative mass or a
-negative moment of inertia, or with a centre out of reach, so its interval reaches to one side alone.
+One-sided intervals: the estimate of a body may lie on the limit of possible bodies. Beyond it are bodies with a
+negative mass or moment of inertia, or with a centre out of reach, so that the interval reaches to one side only.
 """
 
 from __future__ import annotations
@@ -22,9 +22,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
-from identification.diagnosis.judge.findings.missing_parts import (
-    missing_part_notes,
-)
+from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
 from identification.diagnosis.judge.findings.parameters import base_parameters, finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import only_shown, with_other_causes, with_other_tolerances
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
@@ -49,15 +47,16 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_DRAWS = 200  # of the parameters: ends of a 95 % interval are the fifth from either side
-# Ratio of interval widths, bodies that can exist over all bodies, above which no note calls the interval one-sided.
+_DRAWS = 200  # random draws of the parameters: the ends of a 95 % interval are the fifth lowest and the fifth highest
+# An interval is one-sided if the limit to possible bodies makes it narrower than this share of its width.
 _NARROWER = 0.8
-_FAR_FROM_ONE = 0.25  # a torque constant that is so far off is rarely the motor's
+_FAR_FROM_ONE = 0.25  # a wrong motor constant rarely makes a torque constant so wrong
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
     """Notes on the sizes of findings: sums of a drive, volts, one-sided intervals, missing parts, implausible sizes."""
-    robot, out = shown.problem.session.robot, list[Said]((*drive_sums(shown), *perhaps_volts(shown), *one_sided(shown)))
+    robot = shown.problem.session.robot
+    out = list[Said]((*drive_sums(shown), *perhaps_volts(shown), *one_sided_notes(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.joint_fit.coefficients(term)
         assert isinstance(effect, Effect)
@@ -70,8 +69,8 @@ def remarks(shown: Shown) -> tuple[Said, ...]:
     return tuple(out)
 
 
-def _law(robot: Robot, term: Term, coefficients: Float[Array, " k"]) -> str | None:
-    """The simulator whose own law of dry friction a finding follows; None for the law of the catalogue."""
+def _simulator_of_law(robot: Robot, term: Term, coefficients: Float[Array, " k"]) -> str | None:
+    """Simulator whose law of dry friction a finding follows; None if it follows the law of the catalogue."""
     assert isinstance(term.effect, Effect)
     if term.joint not in soft_joints(robot):
         return None
@@ -90,12 +89,12 @@ class FindingWithout:
 
 
 def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingWithout, ...]:
-    """Each named effect as a finding, with the torque of the model that has all other findings and not this one.
+    """Each named effect as a finding, with the torque of the model that has all other findings but not this one.
 
     Args:
-        shown: The effects that are shown.
-        judge: Problem and floor of the gap.
-        within: Residual of the best changes within the tolerances.
+        shown: The effects that passed all gates.
+        judge: Problem and noise floor.
+        within: Residual of the given model with the best changes within its tolerances.
     """
     plain, chosen = shown.plain, shown.chosen
     fitted = with_other_causes(with_other_tolerances(shown.joint_fit, plain, chosen), shown)
@@ -116,7 +115,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
         torque = held_out_torque(problem, chosen - {term}, without)
         lost = sums(problem, judge.narrow(residual_after(problem, torque)))
 
-        def closed(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
+        def gap_share(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
             gap = gap_of(judge, within, after, weights)
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
@@ -126,20 +125,20 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             comparison = on_a_line(beside_imitation(comparison, imitated_by(plain, chosen, term)), term)
         if not compensated.isdisjoint(rows):
             comparison = of_a_model(comparison, term)
-        low, high = np.percentile(closed(drawn), [2.5, 97.5])
+        low, high = np.percentile(gap_share(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
             joint=term.joint,
             regime=term.effect.regime,
             parameters=only_shown(finding_parameters(robot, term, fitted), problem.session, term.joint),
-            gap_closed=float(closed(once)[0]),
+            gap_closed=float(gap_share(once)[0]),
             gap_closed_interval=(float(low), float(high)),
             probability=comparison.probability,
             rivals=comparison.rivals,
             verdict="one_of" if comparison.rivals else "supported",
             loadings=finding_loadings(robot, term, fitted),
             share=shares[term],
-            law=_law(robot, term, shown.joint_fit.coefficients(term)),
+            law=_simulator_of_law(robot, term, shown.joint_fit.coefficients(term)),
         )
         more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
         large = large_enough(finding.gap_closed, float(np.max(more / floor)))
@@ -151,10 +150,10 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
 
 
 def drive_sums(shown: Shown) -> tuple[Note, ...]:
-    """A note on each joint that a voltage drives, with a finding of viscous friction or of a late reference.
+    """A note on each voltage-driven joint with a finding of viscous friction or of a late reference.
 
     Args:
-        shown: The findings, with the fit of all their numbers.
+        shown: The findings, with the fit of all their parameters.
     """
     session = shown.problem.session
     robot, recordings = session.robot, session.recordings
@@ -164,34 +163,35 @@ def drive_sums(shown: Shown) -> tuple[Note, ...]:
             continue
         gains = [0.0 if one.reference_gain is None else float(one.reference_gain[j]) for one in recordings]
         if np.ptp(gains) > 1e-3 * max(gains):
-            # With several gains of the controller the parts of the sum are determined.
+            # Several gains of the controller determine each part of the sum.
             continue
         per_volt_loop = gains[0]
-        found, row = 0.0, np.zeros(0)
+        found, loadings = 0.0, np.zeros(0)
         for term in ordered(shown.named):
             per_number = _per_speed_of(robot, term, j, per_volt_loop)
             if per_number is None:
                 continue
             (value,) = finding_parameters(robot, term, shown.joint_fit).values()
             assert isinstance(value.value, float)
-            own = per_number * np.array(finding_loadings(robot, term, shown.joint_fit)[0])
-            found, row = found + per_number * value.value, own if not row.size else row + own
-        if not row.size:
+            loading = per_number * np.array(finding_loadings(robot, term, shown.joint_fit)[0])
+            found += per_number * value.value
+            loadings = loadings + loading if loadings.size else loading
+        if not loadings.size:
             continue
         back_emf, modelled = per_speed(robot.actuators[j]), float(robot.viscous_friction[j])
-        numbers = {"sum": back_emf + modelled + found, "std": float(np.linalg.norm(row)), "back_emf": back_emf}
+        numbers = {"sum": back_emf + modelled + found, "std": float(np.linalg.norm(loadings)), "back_emf": back_emf}
         unit = "N s/m" if robot.prismatic[j] else "N m s/rad"
         out.append(Note(Code.DRIVE_SUM, joint, {**numbers, "unit": unit, "late": per_volt_loop > 0}))
     return tuple(out)
 
 
 def perhaps_volts(shown: Shown) -> tuple[Note, ...]:
-    """A note on joints with a torque constant far from one and viscous friction: volts that are called torque do that.
+    """A note on joints whose torques are perhaps volts: both torque constant and viscous friction are wrong.
 
-    A motor's voltage is its torque times resistance over torque constant, and its speed times the torque constant.
+    The voltage of a motor is its torque times resistance over torque constant, plus its speed times torque constant.
 
     Args:
-        shown: The findings, with the fit of all their numbers.
+        shown: The findings, with the fit of all their parameters.
     """
     session = shown.problem.session
     named = [term for term in ordered(shown.named) if isinstance(term.effect, Effect) and term.joint]
@@ -213,7 +213,7 @@ def perhaps_volts(shown: Shown) -> tuple[Note, ...]:
 
 
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:
-    """Torque per speed of a joint by one unit of an effect's only number; None for any other effect."""
+    """Torque per speed that a unit of an effect's only parameter makes on a joint; None if it makes none."""
     effect, joint = term.effect, robot.joint_names[row]
     if not isinstance(effect, Effect) or term.joint not in (None, joint):
         return None
@@ -226,20 +226,20 @@ def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | No
     return effect.model_numbers(robot, term.joint, one).viscous or None
 
 
-def one_sided(shown: Shown) -> tuple[Note, ...]:
-    """A note on each finding of inertial parameters whose intervals end at the edge of what bodies can be.
+def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
+    """A note on each finding of inertial parameters whose intervals end at the limit of possible bodies.
 
     Args:
-        shown: The findings, with the fit of all their numbers.
+        shown: The findings, with the fit of all their parameters.
     """
     free = [term for term in ordered(shown.named) if term.effect.inertial == "free"]
-    return tuple(note for term in free if (note := _of(shown, term)) is not None)
+    return tuple(note for term in free if (note := _one_sided_note(shown, term)) is not None)
 
 
-def _of(shown: Shown, term: Term) -> Note | None:
+def _one_sided_note(shown: Shown, term: Term) -> Note | None:
     """The note on one finding; None if its intervals reach to both sides.
 
-    The interval is from fits to other draws of the data, each restricted to bodies that can exist.
+    The intervals come from random draws of the estimate, each moved to the nearest possible body.
     """
     robot, fitted = shown.problem.session.robot, shown.joint_fit
     at = fitted.slices_of(term).coefficients
@@ -249,11 +249,11 @@ def _of(shown: Shown, term: Term) -> Note | None:
     root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
     bodies = places_among(np.array(term.columns), bodies_of_term(robot, term))
-    precision, anywhere = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
-    nearest = np.array([_nearest(one, precision, anywhere, bodies) for one in drawn])
+    precision, unbounded = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
+    nearest = np.array([_nearest(one, precision, unbounded, bodies) for one in drawn])
     stated, mix = base_parameters(robot, term)
-    (low, high), all_of_them = (np.percentile(some @ mix.T, [2.5, 97.5], axis=0) for some in (nearest, drawn))
-    width = all_of_them[1] - all_of_them[0]
+    (low, high), unrestricted = (np.percentile(some @ mix.T, [2.5, 97.5], axis=0) for some in (nearest, drawn))
+    width = unrestricted[1] - unrestricted[0]
     intervals = [
         (one.name, float(low[k]), float(high[k]), one.unit)
         for k, one in enumerate(stated)
@@ -265,11 +265,11 @@ def _of(shown: Shown, term: Term) -> Note | None:
 def _nearest(
     drawn: Float[Array, " k"],
     precision: Float[Array, "k k"],
-    anywhere: Float[Array, " k"],
+    unbounded: Float[Array, " k"],
     bodies: list[tuple[Body, Int[Array, " 10"]]],
 ) -> Float[Array, " k"]:
-    """The fit restricted to bodies that can exist, from the unrestricted fit to the same draw of the data."""
+    """The possible bodies nearest to a draw of the estimate, by the precision of the estimate."""
     if all(body.exists(drawn[at]) for body, at in bodies):
         return drawn
-    best, _ = possible_minimum(precision, precision @ drawn, (-anywhere, anywhere), drawn, bodies)
+    best, _ = possible_minimum(precision, precision @ drawn, (-unbounded, unbounded), drawn, bodies)
     return best

@@ -19,7 +19,7 @@ from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit
 from identification.diagnosis.judge.findings import shown as shown_module
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
-from identification.diagnosis.judge.findings.findings import one_sided
+from identification.diagnosis.judge.findings.findings import one_sided_notes
 from identification.diagnosis.judge.findings.shown import (
     _with_exchanges_undone,
     replacements_of,
@@ -306,7 +306,7 @@ def test_a_body_on_the_edge_has_an_interval_to_one_side(lab, planar2):
     inertia = float(planar2.model.inertias[2].toDynamicParameters()[6])
     # More inertia is missing than the elbow has.
     shown = shown_on(lab, planar2, lambda motion: 30.0 * inertia * motion.a * [0.0, 1.0])
-    (note,) = one_sided(shown)
+    (note,) = one_sided_notes(shown)
     assert note.joint == "elbow"
     (moment,) = [part for part in note.numbers["intervals"] if part[0] == "elbow.Iyy"]
     # No link has less than no inertia.
@@ -318,7 +318,7 @@ def test_a_heavier_link_that_exists_has_none(lab, planar2):
     def heavier(motion):
         return lab.acting(planar2, motion, "payload", None, 0.3, 0.1, 0.0, -0.2)
 
-    assert one_sided(shown_on(lab, planar2, heavier)) == ()
+    assert one_sided_notes(shown_on(lab, planar2, heavier)) == ()
 
 
 # Torque constant [N m/A], resistance [Ohm] and viscous friction [N m s/rad] of the motor.
