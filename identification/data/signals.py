@@ -236,7 +236,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:
-    """True if each reference is held until the next sample; False if torques are held, which then hold it with them."""
+    """True if each reference is held until the next sample; False if torques are, which includes their hold."""
     stated = robot.reference_hold
     held = recording.references_held if stated is None else stated == "zoh"
     return held and robot.torque_hold != "zoh"
@@ -303,7 +303,7 @@ def _least_edge(recordings: tuple[Recording, ...]) -> float:
 
 
 def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
-    """Edge [Hz] above which the drives do not move the robot: median of `driven_edge` over joints, longest recording.
+    """Edge [Hz] above which the drives do not move the robot: median of `driven_edge` over its joints.
 
     Motion above it comes from disturbances or encoder noise, which appear in torque and acceleration with opposite
     signs: a fit would take them for a negative inertia, or for a delay.

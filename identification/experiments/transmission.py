@@ -134,7 +134,10 @@ def loop_of(recording: Recording, joint: str) -> Loop:
 
 
 def cutoff_of(loops: tuple[Loop, ...]) -> float:
-    """Edge of the low pass of positions [Hz]: twenty times the frequency of the torque, at most a fifth of the rate."""
+    """Edge of the low pass of positions [Hz]: the highest of all loops of twenty times the frequency of the torque.
+
+    Of each loop it is at most a fifth of the sampling rate.
+    """
     edges = []
     for loop in loops:
         rate = (len(loop.t) - 1) / (loop.t[-1] - loop.t[0])

@@ -58,9 +58,10 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
     has_gain = law is not None or any(set(gain.inputs) == set(found.inputs) for gain in found.gains)
     out = [f"It depends on {inputs_words(found.inputs, found.joint)}."]
     if not has_gain:
+        inputs = "it" if len(found.inputs) == 1 else "them"
         out.append(
-            "Most formulas that are fitted to random draws of the recording use it, but smooth functions of other "
-            "inputs predict more."
+            f"Most formulas that are fitted to random draws of the recording use {inputs}, but smooth functions of "
+            "other inputs predict more."
         )
     dynamic = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
     if dynamic:

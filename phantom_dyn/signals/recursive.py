@@ -12,7 +12,7 @@ from phantom_dyn.array_types import Array, Float
 
 
 def recursive_filter(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]) -> Float[Array, "N k"]:
-    r"""Output of a recursive filter of unit gain at zero frequency, as if its input had always been the first sample.
+    r"""Output of a recursive filter of unit gain at zero frequency, whose input before the first sample is constant.
 
     .. math:: y_n = \sum_i b_i x_{n-i} - \sum_{i>0} a_i y_{n-i}, \qquad \sum_i b_i = \sum_i a_i
 

@@ -158,9 +158,9 @@ def loud_search(
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
-    """Frequency [Hz] up to which the torque has `MOVED_BY_NOISE` times the power of the residual; infinite without end.
+    """Frequency [Hz] up to which the torque has `MOVED_BY_NOISE` times the power of the residual; infinite if all have.
 
-    If the torque is a single sine, only frequencies from that of the sine on can be the end.
+    If the torque is a single sine, lower frequencies than that of the sine are not tested.
     """
     length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
     f, noise = power_density(rest, rate_hz, length)

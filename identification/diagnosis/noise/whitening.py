@@ -233,7 +233,7 @@ def _usable_white(filters: Whitening, columns: Columns) -> tuple[Bool[Array, "n 
 
 
 def _with_history(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:
-    """Usable samples that are preceded by enough others for a filter of ``length`` coefficients."""
+    """True at usable samples that follow enough usable ones for a filter of ``length`` coefficients."""
     out = usable.copy()
     out[: length - 1] = False
     for lag in range(1, length):

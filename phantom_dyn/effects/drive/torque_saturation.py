@@ -47,7 +47,8 @@ _OFTEN = 0.45
 _NEARLY_ALWAYS = 0.95
 # Range of the median needed torque while the command exceeds the limit, as shares of the limit.
 _NEEDED = (0.6, 1.4)
-# Smallest limit over the largest torque that the drive has given: the needed torque is known to about a fifth.
+# A limit below this share of the largest torque that the drive has given is rejected: the needed torque is known to
+# about a fifth.
 _OF_GIVEN = 0.8
 # Beyond a limit the needed torque stays constant while the command rises: largest slope of the needed torque over the
 # command, and its largest standard deviation over the limit. The slope is one without a limit, about a third with a

@@ -31,9 +31,10 @@ from phantom_dyn.effects.support.displaced import change_by_reading, displaced, 
 from phantom_dyn.effects.support.rows import branch_rows, secant
 from phantom_dyn.motion import Motion
 
-# Offset [rad or m] below which the tangent is used: it equals the secant to three digits, which rounding makes inexact.
+# Offset [rad or m] below which the tangent is used: the secant is equal to three digits, and suffers from rounding.
 _LEAST = 1e-4
-# Slope of the torque over its size below which it comes from rounded angles in the robot file (seven digits).
+# Change of torque with position, over the largest torque, below which it comes from rounding in the robot file (frames
+# printed with seven digits).
 _NOTHING = 1e-6
 
 

@@ -39,7 +39,7 @@ def _product(a, b):
 def held_input(A, B, duration):
     """Exact transition matrix of the state over ``duration`` [s], and the state that a held unit input adds, ``(n,)``.
 
-    By the Taylor series of a halved duration, then squaring.
+    Computed by scaling and squaring of the Taylor series.
     """
     n = A.shape[0]
     norm = 0.0

@@ -35,7 +35,7 @@ _POSTURES = 12
 _SAME = 0.0005
 # A half of the recording is not used if the variance of the torque in it is less than this share of the whole variance.
 _QUIET = 1e-3
-# Square root of the ridge penalty, with columns of length one: its square, a millionth, is the error that it makes.
+# Square root of the ridge penalty on each coefficient, for columns of unit length: the penalty is a millionth.
 _RIDGE = 1e-3
 # Number of rounds of fitting torque constants and inertias in turn, as their product is not linear.
 _ROUNDS = 3
@@ -61,7 +61,7 @@ class Freedom(NamedTuple):
 
 
 PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
-"""Any plausible robot: no robot has a large residual with it."""
+"""Any plausible robot: a large residual means that no robot explains the recording."""
 AS_MODELLED = Freedom(1.06, 1 / 1.06, 0.15, 0.5)
 """A robot like its model except for friction and a payload: for readings that plausible robots explain equally well."""
 

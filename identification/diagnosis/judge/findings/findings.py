@@ -48,9 +48,9 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 _DRAWS = 200  # random draws of the parameters: the ends of a 95 % interval are the fifth lowest and the fifth highest
-# An interval is one-sided if the limit to possible bodies makes it narrower than this share of its width.
+# An interval is one-sided if the limit to possible bodies makes it narrower than this share of its unrestricted width.
 _NARROWER = 0.8
-_FAR_FROM_ONE = 0.25  # a wrong motor constant rarely makes a torque constant so wrong
+_FAR_FROM_ONE = 0.25  # distance of a torque constant from one above which the motor itself is rarely the cause
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:

@@ -206,7 +206,7 @@ def test_inputs_that_are_in_no_row_of_the_table_are_said_to_come_from_formulas()
     other = dataclasses.replace(FOUND, inputs=("v.j2", "a.j2"))
     assert dependence_sentences(other, None)[:2] == [
         "It depends on the velocity and the acceleration.",
-        "Most formulas that are fitted to random draws of the recording use it, but smooth functions of other inputs "
+        "Most formulas that are fitted to random draws of the recording use them, but smooth functions of other inputs "
         "predict more.",
     ]
 

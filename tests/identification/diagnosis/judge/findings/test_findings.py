@@ -311,7 +311,7 @@ def test_a_body_on_the_edge_has_an_interval_to_one_side(lab, planar2):
     (moment,) = [part for part in note.numbers["intervals"] if part[0] == "elbow.Iyy"]
     # No link has less than no inertia.
     assert -inertia <= moment[1] < moment[2]
-    assert "to one side" in FINDING_WORDS[note.code](note)
+    assert "in one direction only" in FINDING_WORDS[note.code](note)
 
 
 def test_a_heavier_link_that_exists_has_none(lab, planar2):
