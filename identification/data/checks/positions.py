@@ -121,35 +121,49 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
         # A step of the encoder explains repeats while the joint moves less than a few of them per sample.
         steps = np.abs(np.diff(q))
         least = float(np.percentile(steps[steps > 0], 5)) if (steps > 0).any() else 0.0
-        moves = np.abs(v) * smooth.step > max(3 * quantum(q), least)
-        if not moves.any():
-            continue
+        step = quantum(q)
+        moves = np.abs(v) * smooth.step > max(3 * step, least)
+        held = _is_held(q)
         runs = []
         for start, stop in _runs(np.diff(q) == 0):
-            if stop + 1 >= len(q) or not moves[start : stop + 1].all():
+            if stop + 1 >= len(q):
                 continue
             due = float(np.mean(v[start : stop + 1]) * (recording.t[stop + 1] - recording.t[start]))
+            if not (moves[start : stop + 1].all() or (held and abs(due) > 3 * max(step, least))):
+                continue
             if (q[stop + 1] - q[start]) / due > 0.5 and _on_its_way(q, recording.t, start, stop, due):
                 runs.append((start, stop))
+        if not runs:
+            continue
+        for start, stop in runs:
+            moves[start:stop] = True
         frozen = sum(stop - start for start, stop in runs)
-        longest = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+        longest = max(runs, key=lambda run: run[1] - run[0])
         share = frozen / int(moves.sum())
         if share > _FROZEN_SHARE or longest[1] - longest[0] >= _FROZEN_RUN:
             out.append(
                 f"{recording.file}: q of {joint} repeats {frozen} samples ({100 * share:.2g} % of those in motion) and "
                 f"then jumps, the longest time for {longest[1] - longest[0] + 1} samples at "
-                f"t = {time_text(recording.t[longest[0]])} s: the encoder is read more slowly than it is "
+                f"t = {time_text(float(recording.t[longest[0]]))} s: the encoder is read more slowly than it is "
                 "logged, or stalls."
             )
     return tuple(out)
 
 
+def _is_held(q: Float[Array, " N"]) -> bool:
+    """True if every position is held for some rows: then a joint makes most of its way in steps that follow repeats."""
+    changes = np.flatnonzero(np.diff(q))
+    way = np.abs(q[changes + 1] - q[changes])
+    return bool(np.sum(way[1:][np.diff(changes) > 1]) > np.sum(way) / 2)
+
+
 def _on_its_way(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: int, due: float) -> bool:
     """True if a joint moves before and after some equal samples as fast as it should have moved during them.
 
-    This excludes a joint that rests, starts, stops or reverses there.
+    This excludes a joint that rests, starts, stops or reverses there. Where every position is held, the next one and
+    the one before are as far away as it is held; a row more allows for one that is held for longer.
     """
-    rows = max(_AROUND_REPEATS, stop - start)
+    rows = max(_AROUND_REPEATS, stop - start + 2)
     first, last = start - rows, stop + 1 + rows
     if first < 0 or last >= len(q):
         return False

@@ -105,6 +105,36 @@ def test_positions_read_at_half_the_rate_are_frozen(clean, arm, changed):
     assert "q of tilt" in sentence
 
 
+@pytest.mark.parametrize("rows", [3, 5, 10, 20])
+def test_positions_that_are_held_for_any_number_of_rows_are_frozen(clean, arm, changed, rows):
+    recording = clean(rate=200.0)
+    held = recording.q[np.arange(len(recording.q)) // rows * rows]
+    said = [w for w in check_recording(replace(changed(recording, q=held), v=None), arm) if "repeats" in w]
+    assert [re.search(r"longest time for (\d+) samples", w)[1] for w in said] == [str(rows)] * 3
+    assert all(float(re.search(r"\((\d+) % of those in motion", w)[1]) > 40 for w in said)
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.1, 0.5])
+def test_a_coarse_encoder_of_uneven_steps_is_not_frozen(speed, rng):
+    # Known truth: the position is read in every row, to marks that are not evenly apart.
+    t = np.arange(10000) / 500
+    marks = np.cumsum(0.01 * rng.uniform(0.7, 1.3, 400)) - 2
+    q = speed * t[-1] / 4 * np.sin(2 * np.pi * t / t[-1] * 2)
+    read = marks[np.clip(np.searchsorted(marks, q), 0, 399)][:, None]
+    recording = Recording("a.csv", ("j",), t, read, np.cos(t)[:, None])
+    assert not [w for w in check_recording(recording, None) if "repeats" in w]
+
+
+def test_a_slow_joint_that_sticks_now_and_then_is_not_frozen():
+    # Known truth: it moves by 1.5 steps of its encoder a row, and sticks for ten rows once a second.
+    t = np.arange(10000) / 500
+    q = 0.3 * np.sin(2 * np.pi * 0.04 * t)
+    for start in range(100, 9000, 500):
+        q[start : start + 10] = q[start]
+    recording = Recording("a.csv", ("j",), t, (np.round(q / 1e-4) * 1e-4)[:, None], np.cos(t)[:, None])
+    assert not [w for w in check_recording(recording, None) if "repeats" in w]
+
+
 def test_a_stalled_encoder_is_told_with_its_place(arm, changed, recording):
     q = recording.q.copy()
     k = 2000 + int(np.argmax(np.abs(recording.v[2000:3000, 0])))
