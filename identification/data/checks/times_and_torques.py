@@ -15,7 +15,8 @@ _IRREGULAR_SHARE = 0.01
 # A step longer than this many medians is a gap: samples are missing.
 _GAP = 2.5
 
-# A torque counts as clipped from this share of the samples, or this many in a row, at its extreme value.
+# A torque counts as clipped from this share of the samples, or this many in a row, at its extreme value. Where every
+# torque is held for some rows, these are one sample.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
 # Torques of zero are checked if they make this share of the rows, in at least the second number of stretches. From the
 # third number of stretches on, a drive that was switched off cannot be their cause.
@@ -73,10 +74,19 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at_top, [False]])))
     run = int(np.max(edges[1::2] - edges[::2]))
     share = float(np.mean(at_top))
-    often = share >= _CLIPPED_SHARE and run >= _SHORTEST_RUN
-    if (often or run >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
+    read = run / _rows_held(tau)
+    often = share >= _CLIPPED_SHARE and read >= _SHORTEST_RUN
+    if (often or read >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
         return top, share, run
     return None
+
+
+def _rows_held(tau: Float[Array, " N"]) -> float:
+    """Rows for which a torque between its two extremes is held: 1, or more where it is read more slowly than logged."""
+    edges = np.flatnonzero(np.diff(tau, prepend=np.nan, append=np.nan) != 0)
+    values = tau[edges[:-1]]
+    between = (values > np.min(tau)) & (values < np.max(tau))
+    return float(np.median(np.diff(edges)[between])) if between.any() else 1.0
 
 
 def check_zeros(recording: Recording) -> tuple[str, ...]:

@@ -262,6 +262,25 @@ def test_the_rounded_peak_of_a_slow_sine_is_not_clipped(digits, frequency):
     assert check_clipping(Recording("a.csv", ("j",), t, tau, tau)) == ()
 
 
+@pytest.mark.parametrize("rows", [5, 8])
+def test_torques_that_are_held_for_some_rows_are_clipped_only_where_they_are(rows, rng):
+    # Known truth: of a drive that is read more slowly than it is logged, and whose torque is mostly small.
+    t = np.arange(2000) / 100
+    read = 0.05 * rng.uniform(-1, 1, len(t)) - 4 * np.sin(2 * np.pi * 0.37 * t) ** 8
+    read[20 * rows] = 0.1
+    tau = read[np.arange(len(t)) // rows * rows][:, None]
+    assert check_clipping(Recording("a.csv", ("j",), t, tau, tau)) == ()
+    clipped = np.maximum(tau, -3.0)
+    assert "sits at -3 for" in only(check_clipping(Recording("a.csv", ("j",), t, clipped, clipped)))
+
+
+def test_a_torque_of_two_values_is_clipped_at_both():
+    t = np.arange(4000) / 100
+    tau = np.where(t % 2 < 1, 3.0, -3.0)[:, None]
+    said = check_clipping(Recording("a.csv", ("j",), t, tau, tau))
+    assert ["sits at 3 for 50 %" in said[0], "sits at -3 for 50 %" in said[1]] == [True, True]
+
+
 def test_a_torque_that_repeats_its_peak_without_noise_is_not_clipped():
     # Known truth: a quarter of the rate is sampled at its peaks, each once.
     t = np.arange(4000) / 100
