@@ -86,11 +86,11 @@ def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspe
     """Comparison of a suspect's reading with the data as recorded."""
     read = suspect.read(reading)
     try:
-        left = unexplained(robot, read)
+        left = unexplained(suspect.model or robot, read)
     except ChainError:
         # With this reading the loops of a closed chain do not close, so that it is excluded.
         left = np.full_like(before, np.inf)
-    if suspect.kind in ("gravity", "attitude"):
+    if suspect.kind == "gravity":
         # Torque of the model that a reading adds must not lower the share, which is that of the measured torque.
         left = left * read.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
     return Compared(suspect, np.log((before + ENOUGH) / (left + ENOUGH)), left)
@@ -115,6 +115,9 @@ def is_certain(found: Compared) -> bool:
     if found.suspect.kind in ("factors", "voltage"):
         # No load makes factors of which each is that of a drive, and no torque grows so with the speed.
         return bool(mended.any())
+    if found.suspect.kind == "attitude":
+        # One gravity holds for all joints, and a load that the model lacks may explain the last ones either way.
+        return bool(mended.any() and np.nanmax(worst) <= _RIGHT)
     if found.suspect.kind == "gears":
         # In a free swing weight and inertia cancel. Small errors of both then look like gears, but little is left.
         recorded = np.exp(found.gains) * (found.left + ENOUGH) - ENOUGH
@@ -180,7 +183,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
             return out
         mended = best.suspect.read(reading)
         step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
-        reading = mended
+        reading, robot = mended, best.suspect.model or robot
     return out
 
 
@@ -196,13 +199,18 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[Compared]) -> C
         tied = [one for one in tied if one.suspect.says != "rival"]
     if len(tied) == 1:
         return tied[0]
-    costs = [misfit_as_modelled(robot, one.suspect.read(reading)) + _FAR_BETTER * one.suspect.price for one in tied]
+    costs = [
+        misfit_as_modelled(one.suspect.model or robot, one.suspect.read(reading)) + _FAR_BETTER * one.suspect.price
+        for one in tied
+    ]
     least = min(costs)
     # The first one: a wrong sign of a torque is more frequent than of a position.
     equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _TWINS]
     best = equal[0].suspect
     twins = [one.suspect for one in equal[1:] if one.suspect.joints == best.joints or one.suspect.kind == "length"]
-    return replace(equal[0], twins=tuple(one for one in twins if one.kind == best.kind and one.says == "wrong"))
+    # Of two directions of gravity that fit equally well the first is the simpler one.
+    twins = [one for one in twins if one.kind == best.kind != "attitude" and one.says == "wrong"]
+    return replace(equal[0], twins=tuple(twins))
 
 
 def _two_at_once(

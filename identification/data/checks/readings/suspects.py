@@ -70,6 +70,8 @@ class Suspect:
         price: 0 for a usual mistake; 1 where numbers are fitted, as those of gears; 2 where they need a load besides.
             Of two readings the one of the higher price has to explain far more.
         advice: What to do, where no entry corrects it.
+        model: The robot that it is a reading for, where it is another one than the given; a load that the given model
+            lacks feels the other gravity too.
     """
 
     kind: Kind
@@ -83,6 +85,7 @@ class Suspect:
     turned: bool = False
     price: int = 0
     advice: str = ""
+    model: Robot | None = None
 
     def after(self, first: Suspect) -> Suspect:
         """Both readings as one, for the joints of either."""

@@ -10,15 +10,16 @@ from identification.data.checks.readings.reading import Reading, varies, with_to
 from identification.data.checks.readings.suspects import Suspect, names
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
+from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 
 # Share of a measured torque from which on the weight of the links would be visible in it.
 _MATTERS = 0.2
 # Share of gravity from which on a torque contains the weight: wrong torque constants may halve it.
 _FELT = 0.3
-# Logarithm of the largest factor between the gravity that torques feel and the given one, the largest cosine between
-# the two at which a base is mounted otherwise (a smaller tilt is for the diagnosis to find), and the least to an axis.
-_SAME_GRAVITY, _UPRIGHT, _ALONG = float(np.log(1.5)), float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0)))
+# Largest cosine between the gravity that torques feel and the given one at which a base is mounted otherwise (a smaller
+# tilt is for the diagnosis to find), and the least to an axis.
+_UPRIGHT, _ALONG = float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0)))
 
 
 def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
@@ -45,31 +46,43 @@ def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     """A base that is not mounted as the model says, such as one that hangs from a ceiling or stands at a wall.
 
-    Gravity is tried in the direction in which the torques feel it, along an axis of the base if that is near.
+    A model whose gravity is zero, as a setting for a simulation may leave it, is said to have none.
+
+    Gravity is tried along the axis of the base nearest to the direction in which the torques feel it, and in that
+    direction, if it is not near the axis: a load that the model lacks turns what is felt. How large they feel it says
+    little: it grows with the masses.
     """
-    given = robot.model.gravity.linear
-    size = float(np.linalg.norm(given))
+    given = np.array(robot.model.gravity.linear)
+    size = float(np.linalg.norm(given if given.any() else robot.model.gravity981))
     joints = tuple(np.flatnonzero(varies(reading.tau)).tolist())
-    if size == 0 or not joints:
+    if not joints:
         return []
     felt = felt_gravity(robot, reading, joints)
     length = float(np.linalg.norm(felt))
-    if abs(np.log(max(length, 1e-300) / size)) > _SAME_GRAVITY or felt @ given > _UPRIGHT * length * size:
+    if length <= _FELT * size or felt @ given > _UPRIGHT * length * size:
         return []
     along = np.eye(3)[np.argmax(np.abs(felt))] * np.sign(felt[np.argmax(np.abs(felt))])
-    direction = along if felt @ along > _ALONG * length else felt / length
-    gravity = size * direction
-    change = gravity_torque(robot, reading.motion.q, np.array(given) - gravity)
+    directions = [along] if felt @ along > _ALONG * length else [along, felt / length]
+    tried = [size * way for way in directions if way @ given <= _UPRIGHT * size]
+    return [suspect for gravity in tried for suspect in _under(robot, reading, joints, gravity)]
+
+
+def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float[Array, " 3"]) -> list[Suspect]:
+    """The suspect that a robot is under another gravity [m/s^2]; none where the torques of no joint would show it."""
+    given = np.array(robot.model.gravity.linear)
+    change = gravity_torque(robot, reading.motion.q, gravity - given)
     turns = tuple(j for j in joints if change[:, j].std() > _MATTERS * reading.tau[:, j].std())
     if not turns:
         return []
+    mounted = "the base is mounted in another way than gravity in the model says"
     return [
         Suspect(
             "attitude",
             turns,
-            "the base is mounted in another way than gravity in the model says",
+            mounted if given.any() else "the model has no gravity, and the torques feel it",
             {"gravity": f"[{', '.join(f'{x:.3g}' for x in gravity + 0.0)}]"},
-            lambda reading: with_torques_plus(reading, change),
+            lambda reading: reading,
+            model=with_gravity(robot, gravity),
         )
     ]
 

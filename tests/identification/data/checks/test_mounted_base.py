@@ -8,7 +8,7 @@ import pytest
 
 from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.reading import reading_of
-from identification.data.checks.readings.weights import attitude_suspects
+from identification.data.checks.readings.weights import attitude_suspects, felt_gravity
 from identification.data.checks.smoothed_copy import smoothed
 from phantom_dyn.effects.support.changed_robot import with_gravity
 
@@ -21,6 +21,43 @@ def test_a_robot_that_hangs_or_leans_far_is_refused_with_its_gravity(clean, plan
     assert fault.what == "the base is mounted in another way than gravity in the model says"
     stated = re.search(r"write gravity: \[(.*)\] into robot.yaml", fault.mend)[1]
     np.testing.assert_allclose([float(x) for x in stated.split(",")], gravity, atol=0.3)
+
+
+def loaded(robot, gravity, place=(0.0, 0.0, -0.3)):
+    """The robot with a payload of 0.4 times its mass at a place on its last link [m], under a gravity."""
+    out = with_gravity(robot, np.array(gravity))
+    load = pin.Inertia.FromSphere(0.4 * sum(body.mass for body in robot.model.inertias), 0.05)
+    out.model.appendBodyToJoint(robot.model.njoints - 1, load, pin.SE3(np.eye(3), np.array(place)))
+    return out
+
+
+@pytest.mark.parametrize("given", [(0.0, 0.0, 9.81), (9.81, 0.0, 0.0)])
+@pytest.mark.parametrize(("place", "feels"), [((0.0, 0.0, -0.3), 21.0), ((0.3, 0.1, 0.0), 11.6)])
+def test_a_wrong_gravity_is_refused_although_the_model_lacks_a_load(clean, planar2, given, place, feels):
+    # Known truth: gravity is downwards. With the model's masses twice as much of it is felt, or some from the side.
+    robot, recording = with_gravity(planar2, np.array(given)), clean(robot=loaded(planar2, (0.0, 0.0, -9.81), place))
+    felt = felt_gravity(robot, reading_of(smoothed(recording)), range(planar2.nv))
+    assert np.linalg.norm(felt) == pytest.approx(feels, rel=0.02)
+    (fault,) = checked(recording, robot).wrong
+    assert fault.what == "the base is mounted in another way than gravity in the model says"
+    assert "write gravity: [0, 0, -9.81] into robot.yaml" in fault.mend
+
+
+@pytest.mark.parametrize("load", [False, True])
+def test_a_model_without_gravity_is_refused_where_the_torques_feel_it(clean, planar2, load):
+    recorded = loaded(planar2, (0.0, 0.0, -9.81)) if load else planar2
+    (fault,) = checked(clean(robot=recorded), with_gravity(planar2, np.zeros(3))).wrong
+    assert fault.what == "the model has no gravity, and the torques feel it"
+    assert "write gravity: [0, 0, -9.81] into robot.yaml" in fault.mend
+
+
+@pytest.mark.parametrize("load", [False, True])
+def test_a_robot_without_weight_whose_model_has_none_is_not_refused(clean, planar2, load):
+    # Known truth: in space, or a controller that took all weight out and a user who says so.
+    free = with_gravity(planar2, np.zeros(3))
+    recording = clean(robot=loaded(planar2, (0.0, 0.0, 0.0)) if load else free)
+    assert attitude_suspects(free, reading_of(smoothed(recording))) == []
+    assert checked(recording, free).wrong == ()
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0])
