@@ -3,6 +3,7 @@
 ```yaml
 t: {from: time_ms, unit: ms}
 q.j1: {from: enc1, counts: 8192}     # counts per revolution of the joint
+q.j2: {from: enc2, unit: deg, offset: -90}  # added after unit, sign and gear: the log's zero is not the model's
 tau.j1: {from: load1, unit: Nmm, sign: -1}
 v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
 x: "enc[{number}]"                   # enc[0], enc[1], ...: the joints in the robot's order
@@ -27,7 +28,7 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
+from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, LARGEST, UNITS, Quantity, column_of
 from identification.data.readers.numbered_joints import joints_of_numbers
 from identification.data.recording import RawTable
 from phantom_dyn.array_types import Array
@@ -44,9 +45,11 @@ _LOW_PASS = "low_pass"
 _LEAST, _MOST = 1e-6, 1e12
 WHOLE_KEYS = ("rate", "ignore")
 """Keys of a map that are no column."""
-ENTRY_KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear")
+ENTRY_KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear", "offset")
 # A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
 _THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
+# What has a zero that is a convention.
+_FROM_ZERO: tuple[Quantity, ...] = ("q", "q_ref", "x")
 
 
 class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -57,17 +60,19 @@ class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sign: int = 1
     counts: float | None = None
     gear: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
 class Source:
-    """Column of the file that an entry takes, and the factor to SI.
+    """Column of the file that an entry takes, the factor to SI, and what is added to a position after that [rad or m].
 
     ``{joint}`` in the name stands for the name of any joint, ``{number}`` for the number of any joint.
     """
 
     name: str
     factor: float
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,20 @@ def _factor(where: str, quantity: Quantity, source: _Source) -> float:
         raise LogError(f"{where}.gear is for what has a motor's side ({wanted}): leave it out.")
     through = source.gear if quantity in _THROUGH_GEAR else 1 / source.gear
     return through * _plain_factor(where, quantity, source)
+
+
+def _offset(where: str, quantity: Quantity, source: _Source) -> float:
+    """What is added to a position [rad or m]: it is stated in the unit of its entry, on the joint's side."""
+    if source.offset and quantity not in _FROM_ZERO:
+        raise LogError(f"{where}.offset is for positions ({listed(_FROM_ZERO)}): leave it out.")
+    offset = source.offset * abs(_plain_factor(where, quantity, source))
+    if not abs(offset) <= LARGEST[quantity]:
+        raise LogError(f"{where}.offset is {source.offset:g}, wanted the position at which the log has zero.")
+    return offset
+
+
+def _source(where: str, quantity: Quantity, source: _Source) -> Source:
+    return Source(source.name, _factor(where, quantity, source), _offset(where, quantity, source))
 
 
 def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
@@ -158,14 +177,14 @@ def source_of(file: str, key: str, value: Any) -> Source:
                 f"{where} is meant for every joint, but from is {shortened(source.name)!r}: put {_PLACE} into it once, "
                 f"or {_NUMBER}, or write {key}.<joint>."
             )
-        return Source(source.name, _factor(where, cast("Quantity", key), source))
+        return _source(where, cast("Quantity", key), source)
     if column is None:
         raise LogError(
             f"{where} is no column of a log: write t, f.<frame>.x/.y/.z, p.<frame>.x/.y/.z, "
             "o.<frame>.qx/.qy/.qz/.qw, w.<frame>.x/.y/.z, sf.<frame>.x/.y/.z, contact.<frame>, "
             f"or one of {', '.join(JOINT_QUANTITIES)} followed by .<joint>."
         )
-    return Source(source.name, _factor(where, column.quantity, source))
+    return _source(where, column.quantity, source)
 
 
 def read_column_map(path: str | Path) -> ColumnMap:
@@ -300,7 +319,7 @@ def _expanded(
         if _NUMBER in source.name:
             numbered[key] = {int(number): name for number, name in found.items()}
         else:
-            out |= {f"{key}.{joint}": Source(name, source.factor) for joint, name in found.items()}
+            out |= {f"{key}.{joint}": replace(source, name=name) for joint, name in found.items()}
     warnings: tuple[str, ...] = ()
     if numbered:
         positions = numbered.get("q") or next(iter(numbered.values()))
@@ -312,9 +331,11 @@ def _expanded(
                     f"{columns.file}: {raw.file} has {shortened(found[strange[0]])}, and no position has that number: "
                     "say in the map which column belongs to which joint."
                 )
-            factor = columns.sources[key].factor
+            source = columns.sources[key]
             out |= {
-                f"{key}.{taken[number]}": Source(found[number], factor) for number in sorted(found) if number in taken
+                f"{key}.{taken[number]}": replace(source, name=found[number])
+                for number in sorted(found)
+                if number in taken
             }
     out |= {key: source for key, source in columns.sources.items() if column_of(key) is not None}
     return out, warnings
@@ -346,7 +367,7 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
     for key, source in sources.items():
         if source.name in raw.problems:
             raise LogError(raw.problems[source.name])
-        out[key] = raw.columns[source.name] * source.factor
+        out[key] = raw.columns[source.name] * source.factor + source.offset
     if columns.rate is not None:
         out = {"t": _times(raw, columns, columns.rate, out), **out}
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -168,6 +169,41 @@ def test_a_gear_that_means_nothing_is_refused(tmp_path, entry, said):
     (tmp_path / "map.yaml").write_text(entry + "\n")
     with pytest.raises(LogError, match=said):
         read_column_map(tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ("q.a: {from: load, offset: -0.5}", 3 * ONE - 0.5),
+        ("q.a: {from: load, unit: deg, sign: -1, offset: 90}", np.radians(90 - 3 * ONE)),
+        ("q_ref.a: {from: load, counts: 100, gear: 5, offset: 25}", 3 * ONE * 2 * np.pi / 500 + np.pi / 2),
+        ("x.a: {from: load, unit: mm, offset: 1}", (3 * ONE + 1) / 1000),
+    ],
+)
+def test_an_offset_is_added_in_the_unit_of_its_entry_after_sign_and_gear(apply, entry, expected):
+    np.testing.assert_allclose(apply(entry)[entry.partition(":")[0]], expected, rtol=1e-14)
+
+
+def test_an_offset_counts_for_every_joint_of_its_entry(apply):
+    out = apply('q: {from: "pos_{joint}", offset: 1.5}\ntau.a: load\n')
+    np.testing.assert_allclose([out["q.a"], out["q.b"]], [ONE + 1.5, 2 * ONE + 1.5], rtol=1e-15)
+    numbered = apply('q: {from: "enc{number}", offset: 1.5}\n', enc1=ONE, enc2=2 * ONE)
+    np.testing.assert_allclose([numbered["q.1"], numbered["q.2"]], [ONE + 1.5, 2 * ONE + 1.5], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("tau.a: {from: load, offset: 1}", "map.yaml: tau.a.offset is for positions (q, q_ref, x): leave it out."),
+        ("v.a: {from: load, offset: 1}", "map.yaml: v.a.offset is for positions (q, q_ref, x): leave it out."),
+        ("t: {from: load, offset: 1}", "map.yaml: t.offset is for positions (q, q_ref, x): leave it out."),
+        ("q.a: {from: load, offset: 1e9}", "q.a.offset is 1e+09, wanted the position at which the log has zero."),
+        ("q.a: {from: load, offset: much}", "Expected float, got str - at $.offset"),
+    ],
+)
+def test_an_offset_that_means_nothing_is_refused(map_file, entry, said):
+    with pytest.raises(LogError, match=re.escape(said)):
+        read_column_map(map_file(entry))
 
 
 def test_a_map_says_what_a_controller_had_taken_out(map_file):
