@@ -195,7 +195,7 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[Compared]) -> C
     """
     worth = max(one.score - _FAR_BETTER * one.suspect.price for one in certain)
     tied = [one for one in certain if one.score > worth - _TWINS]
-    if tied[0].suspect.says != "rival":
+    if tied[0].suspect.kind != "attitude" and tied[0].suspect.says != "rival":
         tied = [one for one in tied if one.suspect.says != "rival"]
     if len(tied) == 1:
         return tied[0]
@@ -207,10 +207,11 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[Compared]) -> C
     # The first one: a wrong sign of a torque is more frequent than of a position.
     equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _TWINS]
     best = equal[0].suspect
+    if best.kind == "attitude":
+        # Of directions of gravity the first is the simplest. Another zero of a first joint is as good as another base.
+        return replace(equal[0], twins=tuple(one.suspect for one in equal[1:] if one.suspect.says == "rival"))
     twins = [one.suspect for one in equal[1:] if one.suspect.joints == best.joints or one.suspect.kind == "length"]
-    # Of two directions of gravity that fit equally well the first is the simpler one.
-    twins = [one for one in twins if one.kind == best.kind != "attitude" and one.says == "wrong"]
-    return replace(equal[0], twins=tuple(twins))
+    return replace(equal[0], twins=tuple(one for one in twins if one.kind == best.kind and one.says == "wrong"))
 
 
 def _two_at_once(

@@ -208,7 +208,6 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
     for j in poor:
         factor = np.ones(robot.nv)
         factor[j] = -1.0
-        unit = (1.0 - factor) / 2
         joint = robot.joint_names[j]
         out += [
             Suspect(
@@ -234,19 +233,24 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
                 lambda reading, factor=factor: with_torques_times(with_positions_times(reading, factor), factor),
                 moves=True,
             ),
-            *(
-                _rival(
-                    j, f"the zero of {joint}", lambda reading, shift=turn * unit: with_positions_plus(reading, shift)
-                )
-                for turn in (_QUARTERS if not robot.prismatic[j] else ())
-            ),
+            *(_other_zero(robot, j, turn) for turn in (_QUARTERS if not robot.prismatic[j] else ())),
         ]
     return out
 
 
-def _rival(j: int, what: str, read: Callable[[Reading], Reading]) -> Suspect:
-    """Hypotheses that are no fault of the torque: a joint that the model defines differently than the recording."""
-    return Suspect("sign", (j,), f"{what} is not that of the model", {}, read, says="rival", moves=True)
+def _other_zero(robot: Robot, j: int, turn: float) -> Suspect:
+    """Hypothesis that is no fault of the torque: the model counts a joint from another zero than the recording."""
+    shift = np.zeros(robot.nv)
+    shift[j] = turn
+    return Suspect(
+        "sign",
+        (j,),
+        f"the zero of {robot.joint_names[j]} is {abs(turn):.3g} rad from that of the model",
+        entries(robot, "q", (j,), f"offset: {turn:.6g}"),
+        lambda reading: with_positions_plus(reading, shift),
+        says="rival",
+        moves=True,
+    )
 
 
 def order_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:

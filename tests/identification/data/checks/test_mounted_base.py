@@ -18,7 +18,7 @@ def test_a_robot_that_hangs_or_leans_far_is_refused_with_its_gravity(clean, plan
     # Known truth: the recorded robot feels this gravity, the given model 9.81 m/s^2 downwards.
     hanging = with_gravity(planar2, np.array(gravity))
     (fault,) = checked(clean(robot=hanging), planar2).wrong
-    assert fault.what == "the base is mounted in another way than gravity in the model says"
+    assert fault.what.startswith("the base is mounted in another way than gravity in the model says")
     stated = re.search(r"write gravity: \[(.*)\] into robot.yaml", fault.mend)[1]
     np.testing.assert_allclose([float(x) for x in stated.split(",")], gravity, atol=0.3)
 
@@ -39,8 +39,16 @@ def test_a_wrong_gravity_is_refused_although_the_model_lacks_a_load(clean, plana
     felt = felt_gravity(robot, reading_of(smoothed(recording)), range(planar2.nv))
     assert np.linalg.norm(felt) == pytest.approx(feels, rel=0.02)
     (fault,) = checked(recording, robot).wrong
-    assert fault.what == "the base is mounted in another way than gravity in the model says"
+    assert fault.what.startswith("the base is mounted in another way than gravity in the model says")
     assert "write gravity: [0, 0, -9.81] into robot.yaml" in fault.mend
+
+
+def test_another_zero_of_the_first_joint_is_named_beside_another_base(clean, planar2):
+    # By hand: a planar arm that hangs upside down is one whose first joint is counted from above.
+    recording = clean(robot=loaded(planar2, (0.0, 0.0, -9.81)))
+    (fault,) = checked(recording, with_gravity(planar2, np.array([0.0, 0.0, 9.81]))).wrong
+    assert fault.what.endswith("model says or the zero of shoulder is 3.14 rad from that of the model")
+    assert "fits equally well, write q.shoulder: {from: q.shoulder, offset: 3.14159} into a column map" in fault.mend
 
 
 @pytest.mark.parametrize("load", [False, True])
