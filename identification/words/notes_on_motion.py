@@ -146,7 +146,9 @@ def _recorded_past_limits(note: Note) -> str:
     return (
         f"{n['file']}: {note.joint} goes up to {n['past']:.3g} {n['unit']} past the model's limits of "
         f"{n['lower']:.4g} to {n['upper']:.4g} {n['unit']}, first at t = {time_text(n['t'])} s: a simulator that keeps "
-        "limits would stop it there. Correct the limits in the robot file."
+        f"limits would stop it there. If the log counts {note.joint} from another zero, write q.{note.joint}: "
+        f"{{from: q.{note.joint}, offset: ...}} into a column map (--columns), or sign: -1 or a unit if those are "
+        "wrong; else correct the limits in the robot file."
     )
 
 

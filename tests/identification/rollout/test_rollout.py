@@ -174,6 +174,8 @@ def test_a_recording_past_the_limits_of_its_model_is_told(pendulum, record):
     q[500:510, 0] = 3.1
     (said,) = sentences(recorded_past(pendulum, (replace(made.log, raw_q=q),)))
     assert said.startswith("sim.csv: pin goes up to 0.1 rad past the model's limits of -3 to 3 rad, first at t = 2 s")
+    assert "counts pin from another zero, write q.pin: {from: q.pin, offset: ...} into a column map" in said
+    assert "or sign: -1 or a unit if those are wrong; else correct the limits in the robot file." in said
     assert recorded_past(pendulum, (made.log,)) == ()
 
 
