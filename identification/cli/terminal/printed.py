@@ -17,7 +17,21 @@ def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) 
         file: Stream; standard output by default.
         flush: True if the text must be seen at once.
     """
-    print("\n".join(map(printable, str(words).split("\n"))), file=file, flush=flush)
+    text = "\n".join(map(printable, str(words).split("\n")))
+    stream = sys.stdout if file is None else file
+    if stream is not None:
+        text = _in_encoding(text, stream)
+    print(text, file=file, flush=flush)
+
+
+def _in_encoding(text: str, stream: TextIO) -> str:
+    """Text with +- and ? in the place of what the encoding of a stream lacks, as ASCII lacks most signs."""
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    try:
+        text.encode(encoding, getattr(stream, "errors", None) or "strict")
+    except UnicodeEncodeError:
+        return text.replace("±", "+-").encode(encoding, "replace").decode(encoding)
+    return text
 
 
 def complain(words: str) -> None:
