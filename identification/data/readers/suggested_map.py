@@ -13,7 +13,7 @@ from identification.data.readers.contract_columns import UNITS, Quantity
 
 _WORDS: dict[Quantity, frozenset[str]] = {
     "t": frozenset("t time timestamp stamp sec secs second seconds".split()),
-    "tau": frozenset("tau torque torques effort efforts force forces moment qfrc trq".split()),
+    "tau": frozenset("tau torque torques effort efforts eff force forces load loads moment qfrc trq tq".split()),
     "i": frozenset("i current currents cur amps amperes".split()),
     "u": frozenset("u voltage voltages volt volts".split()),
     "v": frozenset("v dq qd qdot vel velocity velocities speed speeds qvel jvel omega".split()),
@@ -46,7 +46,7 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
 
     Returns:
         YAML with one entry per line. Columns with a standard name need none. A comment asks for each joint whose
-        position no column seems to hold.
+        position no column seems to hold, and for torques where neither they nor references are recognised.
     """
     found: dict[tuple[Quantity, str], str] = {}
     numbered: dict[Quantity, dict[int, str]] = {}
@@ -85,6 +85,8 @@ def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> lis
                 lines.append(f"{quantity}.{joint}: {_source(quantity, name)}")
             elif name is None and quantity == "q":
                 lines.append(f"# q.{joint}: which column?")
+    if not any((one, joint) in found for one in (torque, "q_ref") for joint in joints):
+        lines.append("# tau.<joint>: which columns hold torques (or i.<joint> motor currents, u.<joint> voltages)?")
     return lines
 
 

@@ -302,9 +302,23 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
              "tau.lift: qfrc_actuator_lift", "q_ref.pan: ctrl_pan", "q_ref.lift: ctrl_lift"],
         ),
         (["stamp", "q.elbow", "tau.elbow"], ("elbow",), ["t: stamp"]),  # what has the right name needs no entry
-        (["time", "pos_elbow"], ("elbow", "wrist"), ["t: time", "q.elbow: pos_elbow", "# q.wrist: which column?"]),
+        (
+            ["time", "pos_elbow"],
+            ("elbow", "wrist"),
+            ["t: time", "q.elbow: pos_elbow", "# q.wrist: which column?",
+             "# tau.<joint>: which columns hold torques (or i.<joint> motor currents, u.<joint> voltages)?"],
+        ),
+        *(  # short words for torques
+            (
+                ["time", "pos_1", f"{word}_1", "pos_2", f"{word}_2"],
+                ("a", "b"),
+                ["t: time", "q.a: pos_1", "q.b: pos_2", f"tau.a: {word}_1", f"tau.b: {word}_2"],
+            )
+            for word in ("eff", "tq", "load")
+        ),
     ],
-    ids=["rtde", "gripper", "units", "mNm", "mA", "lerobot", "one", "camel", "mujoco", "right", "lacking"],
+    ids=["rtde", "gripper", "units", "mNm", "mA", "lerobot", "one", "camel", "mujoco", "right", "lacking", "eff", "tq",
+         "load"],
 )  # fmt: skip
 def test_the_names_of_known_recorders_are_understood(names, joints, lines):
     assert suggested_map(names, joints).splitlines() == lines
