@@ -114,11 +114,31 @@ def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
 def _require_unique(file: str, names: list[str]) -> None:
     seen: set[str] = set()
     for column, name in enumerate(names, start=1):
+        if not name and column == 1:
+            # It may be an index, see `_without_index`.
+            continue
         if not name:
             raise LogError(f"{file}: column {column} has no name: name every column in the first line.")
         if name in seen:
             raise LogError(f"{file}: the column name {shortened(name)} is there twice: give every column its own name.")
         seen.add(name)
+
+
+def _without_index(file: str, columns: dict[str, Array], names: list[str]) -> tuple[str, ...]:
+    """Takes away a first column that has no name and counts the rows, as pandas writes it; a warning says so.
+
+    Raises:
+        LogError: If it holds anything else.
+    """
+    if names[0]:
+        return ()
+    index = columns.pop("", None)
+    if index is None or np.any(np.diff(index) != 1):
+        raise LogError(
+            f"{file}: column 1 has no name: name every column in the first line, or, if it is the index of a table of "
+            "pandas, write the file with index=False."
+        )
+    return (f"{file}: column 1 not used: it has no name and counts the rows.",)
 
 
 def _raise_uneven(file: str, data: bytes, names: list[str], separator: str, own_line: bool) -> None:
@@ -239,4 +259,5 @@ def read_delimited(path: Path) -> RawTable:
         columns, problems = _line_by_line(path.name, data, names, separator, own_line)
     else:
         columns, problems = dict(zip(names, arrays, strict=True)), {}
-    return RawTable(path.name, columns, problems, lambda row: _line_of(data, own_line, row))
+    warnings = _without_index(path.name, columns, names)
+    return RawTable(path.name, columns, problems, lambda row: _line_of(data, own_line, row), warnings)

@@ -62,6 +62,19 @@ def test_whole_numbers_followed_by_fractions_are_read(write):
     assert table.columns["q.a"].sum() == 30.0
 
 
+def test_an_index_of_pandas_is_left_out_with_a_note(write, lines, columns):
+    table = read_table(write(["," + lines[0], *(f"{7 + k},{line}" for k, line in enumerate(lines[1:]))]))
+    assert_same(table, columns)
+    assert table.warnings == ("log.csv: column 1 not used: it has no name and counts the rows.",)
+
+
+@pytest.mark.parametrize("index", [lambda k: 0.01 * k, lambda k: f"row{k}", lambda k: -k])
+def test_a_first_column_without_name_that_does_not_count_the_rows_is_refused(write, lines, index):
+    path = write(["," + lines[0], *(f"{index(k)},{line}" for k, line in enumerate(lines[1:]))])
+    with pytest.raises(LogError, match=r"column 1 has no name: name every column .* with index=False"):
+        read_table(path)
+
+
 def test_text_in_a_column_that_is_not_ours_does_no_harm(write, lines):
     path = write([lines[0] + ",state", *(line + ",moving" for line in lines[1:])])
     assert read_table(path).warnings == ("log.csv: column state not used: no name of a log's columns.",)
