@@ -21,6 +21,7 @@ MOST_IN_LIST = 256
 """Largest length of a list in a column; a longer one is an image or a point cloud, not joints of a robot."""
 _NAMES = ("joint_names", "joints", "joint_sequence", "names")
 """Arrays of texts that name the joints."""
+_SECONDS = "write seconds as floats"
 
 
 def numbered(name: str, values: Array) -> dict[str, Array]:
@@ -38,7 +39,8 @@ def _problem(file: str, name: str, array: Array) -> str | None:
             f"named as {shortened(name)}.<joint> where it belongs to a joint."
         )
     if array.dtype.kind not in "fiub":
-        return f"{file}: array {shortened(name)} holds {array.dtype} where numbers should be: write floats."
+        wanted = _SECONDS if array.dtype.kind in "mM" else "write floats"
+        return f"{file}: array {shortened(name)} holds {array.dtype} where numbers should be: {wanted}."
     return None
 
 
@@ -119,6 +121,13 @@ def _holds_numbers(kind: Any) -> bool:
     import pyarrow as pa
 
     return pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+
+
+def _wanted(kind: Any) -> str:
+    """What to write in the place of a type of Arrow that holds no numbers."""
+    import pyarrow as pa
+
+    return _SECONDS if pa.types.is_temporal(kind) else "write floats"
 
 
 def _holds_lists(kind: Any) -> bool:
@@ -203,7 +212,7 @@ def read_parquet(path: Path) -> RawTable:
     wanted = [name for name, kind in kinds.items() if _holds_numbers(kind) or _holds_lists(kind)]
     columns, problems = parquet_columns(path.name, file.read(columns=wanted))
     problems |= {
-        name: f"{path.name}: column {shortened(name)} holds {kind} where numbers should be: write floats."
+        name: f"{path.name}: column {shortened(name)} holds {kind} where numbers should be: {_wanted(kind)}."
         for name, kind in kinds.items()
         if name not in wanted
     }

@@ -253,6 +253,15 @@ def test_text_in_parquet_is_refused(tmp_path, columns):
         read_table(tmp_path / "log.parquet")
 
 
+def test_times_of_a_calendar_are_refused_with_the_unit_that_is_wanted(tmp_path, columns):
+    stamps = np.datetime64("2026-01-01", "ns") + np.arange(60)
+    pq.write_table(pa.table({**columns, "t": stamps}), tmp_path / "log.parquet")
+    np.savez(tmp_path / "log.npz", **columns | {"t": stamps})
+    for name in ("log.parquet", "log.npz"):
+        with pytest.raises(LogError, match=r"\bt holds .*\[ns\] where numbers should be: write seconds as floats\."):
+            read_table(tmp_path / name)
+
+
 def test_a_missing_value_in_parquet_is_refused_with_its_row(tmp_path, columns):
     values = [*columns["q.a"][:9].tolist(), None, *columns["q.a"][10:].tolist()]
     pq.write_table(pa.table({**columns, "q.a": values}), tmp_path / "log.parquet")
