@@ -13,7 +13,14 @@ import numpy as np
 
 from identification.data.checks.motor_positions import motor_side_suspects
 from identification.data.checks.readings import suspects as other
-from identification.data.checks.readings.plausible_fit import ENOUGH, misfit_as_modelled, unexplained
+from identification.data.checks.readings.plausible_fit import (
+    AS_MODELLED,
+    ENOUGH,
+    PLAUSIBLE,
+    Freedom,
+    misfit_as_modelled,
+    unexplained,
+)
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects
@@ -82,11 +89,17 @@ def _of_joints(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
     return out
 
 
-def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspect: Suspect) -> Compared:
+def compared(
+    robot: Robot,
+    before: Float[Array, "2 nv"],
+    reading: Reading,
+    suspect: Suspect,
+    freedom: Freedom = PLAUSIBLE,
+) -> Compared:
     """Comparison of a suspect's reading with the data as recorded."""
     read = suspect.read(reading)
     try:
-        left = unexplained(suspect.model or robot, read)
+        left = unexplained(suspect.model or robot, read, freedom)
     except ChainError:
         # With this reading the loops of a closed chain do not close, so that it is excluded.
         left = np.full_like(before, np.inf)
@@ -170,11 +183,11 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         units = [*other.time_suspects(robot, step), *other.length_suspects(robot, reading)]
         poor = _poor(before)
         if not poor and not any(suspect.expected for suspect in units):
-            return out
+            return out or _weight_taken_out(robot, reading)
         tried = [compared(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
         certain = [one for one in tried if is_certain(one)]
         if not certain:
-            return [*out, *_two_at_once(robot, reading, before, tried)]
+            return [*out, *_two_at_once(robot, reading, before, tried)] or _weight_taken_out(robot, reading)
         best = _likeliest(robot, reading, certain)
         if best.suspect.says == "rival":
             return out
@@ -185,6 +198,19 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
         reading, robot = mended, best.suspect.model or robot
     return out
+
+
+def _weight_taken_out(robot: Robot, reading: Reading) -> list[Compared]:
+    """The reading that a controller took the weight out, where no other is certain, as many robots carry some load.
+
+    A robot like its model explains it, with that load, and the data as recorded only one with other inertias.
+    """
+    suspects = compensated_suspects(robot, reading, loaded=True)
+    if not suspects:
+        return []
+    before = unexplained(robot, reading, AS_MODELLED)
+    found = [compared(robot, before, reading, one, AS_MODELLED) for one in suspects]
+    return [one for one in found if is_certain(one) and leaves_little(one)]
 
 
 def _likeliest(robot: Robot, reading: Reading, certain: Sequence[Compared]) -> Compared:

@@ -22,20 +22,27 @@ _FELT = 0.3
 _UPRIGHT, _ALONG = float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0)))
 
 
-def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """Torques from which the weight of the links was taken out, on the joints on which it matters."""
+def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False) -> list[Suspect]:
+    """Torques from which the weight of the links was taken out, on the joints on which it matters.
+
+    Args:
+        robot: The given model.
+        reading: The data as recorded.
+        loaded: True where the robot may carry a load that the model lacks, whose weight was then not taken out.
+    """
     weight = gravity_torque(robot, reading.motion.q)
     matters = weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)
     # A joint that is held has a constant torque, whether its weight was taken out or a brake bears it.
     joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     size = float(np.linalg.norm(robot.model.gravity.linear))
-    if not joints or np.linalg.norm(felt_gravity(robot, reading, joints)) > _FELT * size:
+    most = size if loaded else _FELT * size
+    if not joints or np.linalg.norm(felt_gravity(robot, reading, joints)) > most:
         return []
     return [
         Suspect(
             "gravity",
             joints,
-            f"the torques of {names(robot, joints)} lack the weight of the links",
+            f"the torques of {names(robot, joints)} {'may lack' if loaded else 'lack'} the weight of the links",
             {"tau": "{compensated: gravity}"},
             lambda reading: with_torques_plus(reading, weight),
             says="offer",

@@ -1,6 +1,7 @@
 """Bases that are mounted in another way than the model's gravity says. Oracle: known truth; the gravity is put in."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.reading import reading_of
 from identification.data.checks.readings.weights import attitude_suspects, felt_gravity
 from identification.data.checks.smoothed_copy import smoothed
+from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.support.changed_robot import with_gravity
 
 
@@ -23,10 +25,10 @@ def test_a_robot_that_hangs_or_leans_far_is_refused_with_its_gravity(clean, plan
     np.testing.assert_allclose([float(x) for x in stated.split(",")], gravity, atol=0.3)
 
 
-def loaded(robot, gravity, place=(0.0, 0.0, -0.3)):
-    """The robot with a payload of 0.4 times its mass at a place on its last link [m], under a gravity."""
+def loaded(robot, gravity, place=(0.0, 0.0, -0.3), share=0.4):
+    """The robot with a payload, a share of its mass, at a place on its last link [m], under a gravity."""
     out = with_gravity(robot, np.array(gravity))
-    load = pin.Inertia.FromSphere(0.4 * sum(body.mass for body in robot.model.inertias), 0.05)
+    load = pin.Inertia.FromSphere(share * sum(body.mass for body in robot.model.inertias), 0.05)
     out.model.appendBodyToJoint(robot.model.njoints - 1, load, pin.SE3(np.eye(3), np.array(place)))
     return out
 
@@ -73,3 +75,25 @@ def test_a_base_that_leans_a_little_is_for_the_diagnosis(clean, planar2, degrees
     turned = pin.exp3(np.array([0.0, np.radians(degrees), 0.0])) @ np.array([0.0, 0.0, -9.81])
     reading = reading_of(smoothed(clean(robot=with_gravity(planar2, turned))))
     assert attitude_suspects(planar2, reading) == []
+
+
+@pytest.mark.parametrize("share", [0.2, 0.3])
+def test_weight_that_a_controller_took_out_is_told_although_the_model_lacks_a_load(clean, planar2, share):
+    # Known truth: the controller knows the given model; the weight of the load is left in the torques.
+    recording = clean(robot=loaded(planar2, (0.0, 0.0, -9.81), (0.1, 0.0, -0.2), share))
+    taken = replace(recording, tau=recording.tau - gravity_torque(planar2, recording.q))
+    (sentence,) = [w for w in checked(taken, planar2).warnings if "the weight of the links" in w]
+    assert "the torques of shoulder, elbow may lack the weight of the links that the model has" in sentence
+    assert "write tau: {compensated: gravity} into a column map" in sentence
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.7, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3])
+def test_a_robot_that_is_lighter_than_its_model_is_not_taken_for_a_compensated_one(clean, planar2, factor, share):
+    lighter = with_gravity(planar2, np.array([0.0, 0.0, -9.81]))
+    for joint in (1, 2):
+        body = planar2.model.inertias[joint]
+        lighter.model.inertias[joint] = pin.Inertia(factor * body.mass, body.lever, factor * body.inertia)
+    assert lighter.model.inertias[2].mass == factor * planar2.model.inertias[2].mass
+    recording = clean(robot=loaded(lighter, (0.0, 0.0, -9.81), (0.1, 0.0, -0.2), share) if share else lighter)
+    assert not [w for w in checked(recording, planar2).warnings if "the weight of the links" in w]
