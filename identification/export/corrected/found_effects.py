@@ -12,6 +12,8 @@ from identification.diagnosis.columns.tolerance_parameters import tolerance_para
 from identification.diagnosis.result import Adjusted, Diagnosis, Finding
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.errors import RobotError, listed
+from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
 
@@ -83,9 +85,18 @@ def robot_within_tolerances(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Rob
         adjusted: The changes, as a diagnosis or a ``corrected.yaml`` lists them.
 
     Raises:
-        RobotError: If the mass of a link would be zero or negative.
+        RobotError: If the mass of a link would be zero or negative, or is zero in the given model.
     """
     changes = {entry.quantity: entry.change for entry in adjusted}
     parameters = tolerance_parameters(robot)
     values = np.array([changes.get(own.name, 0.0) if own.relative else 0.0 for own in parameters])
-    return adjusted_robot(robot, values) if values.any() else robot
+    try:
+        return adjusted_robot(robot, values) if values.any() else robot
+    except RobotError as error:
+        weightless = [body_name(robot, k) for k in range(1, robot.model.njoints) if robot.model.inertias[k].mass == 0]
+        if not weightless:
+            raise
+        raise RobotError(
+            f"{listed(weightless)} of {robot.source} {'has' if len(weightless) == 1 else 'have'} a mass of 0, with "
+            "which no change of inertia within its tolerance can be written: write the mass into that file."
+        ) from error

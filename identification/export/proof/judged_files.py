@@ -321,7 +321,11 @@ def proved(
     for name, check in checks.items():
         if name not in texts:
             continue
-        record = check(texts[name])
+        try:
+            record = check(texts[name])
+        except PhantomDynError as error:
+            # A file that cannot be used must not take the others, the report and the diagnosis with it.
+            record = WrittenFile(name, {}, {}, refused=str(error).rstrip("."))
         if name == MJCF and mjcf_has_moved_joints:
             record = replace(record, rms_left={}, rms_given={})
         records.append(record)

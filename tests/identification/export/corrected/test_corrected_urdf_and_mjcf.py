@@ -262,6 +262,15 @@ def test_without_moves_it_is_the_given_robot_itself(planar, adjusted):
     assert robot_within_tolerances(planar, adjusted().adjusted) is planar
 
 
+def test_the_inertia_of_a_link_without_mass_cannot_move(planar, adjusted):
+    model = planar.model.copy()
+    model.inertias[2] = pin.Inertia(0.0, np.zeros(3), np.diag([0.01, 0.02, 0.02]))
+    robot = replace(planar, model=model)
+    with pytest.raises(RobotError, match=r"^lower of .*planar2\.urdf has a mass of 0, .*: write the mass"):
+        robot_within_tolerances(robot, adjusted(lower_Iyy=0.1).adjusted)
+    assert robot_within_tolerances(robot, adjusted(upper_mass=0.1).adjusted) is not robot
+
+
 def test_masses_that_moved_within_tolerance_are_in_all_corrected_files(planar, adjusted, tmp_path):
     texts, noted = export_texts(adjusted(lower_mass=0.1), planar, folder=tmp_path)
     heavier = 1.1 * planar.model.inertias[2].mass

@@ -20,6 +20,7 @@ from identification.export.proof.judged_files import leaves_more, rms
 from identification.pipeline import diagnose
 from identification.words.note_words import sentences
 from phantom_dyn import load_robot
+from phantom_dyn.errors import RobotError
 
 pytestmark = pytest.mark.whole
 
@@ -114,6 +115,17 @@ def test_files_that_leave_more_than_is_claimed_are_not_written(arm, diagnosis, t
     assert texts == {}
     assert all("N m for the findings in it" in file.refused for file in found.files if file.rms_left)
     assert any("corrected.urdf was not written: on elbow its residual is" in note for note in sentences(found.notes))
+
+
+def test_a_file_that_cannot_be_run_does_not_take_the_others_with_it(arm, diagnosis, tmp_path, monkeypatch):
+    def impossible(*_):
+        raise RobotError("The link of elbow would weigh 0 kg: correct it.")
+
+    monkeypatch.setattr("identification.export.proof.judged_files.torque_of_yaml", impossible)
+    texts, found = export_texts(diagnosis, arm[0], folder=tmp_path)
+    assert "corrected.yaml" not in texts
+    assert {"corrected.urdf", "corrected.xml"} <= set(texts)
+    assert "corrected.yaml was not written: The link of elbow would weigh 0 kg: correct it." in sentences(found.notes)
 
 
 def test_the_middle_of_the_ranges_is_run(arm, diagnosis, exported):
