@@ -22,6 +22,7 @@ import pinocchio as pin
 from phantom_dyn.arguments import or_none, path_of, takes
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.model.body_warnings import body_warnings
 from phantom_dyn.model.files.settings_file import load_mapping
 from phantom_dyn.model.from_mjcf.mjcf import add_loop_frames, check_mjcf, mjcf_facts
 from phantom_dyn.model.from_mjcf.mjcf_compiler import compiled_mjcf
@@ -47,8 +48,6 @@ _KINDS = {
     "JointModelSphericalZYX": _BALL,
 }
 """Words for Pinocchio's joints with several degrees of freedom, for messages."""
-_FAR_M, _FAR_LENGTHS = 1.0, 3.0
-"""Radius of gyration beyond which an inertia is called a placeholder: in metres, and in lengths of the robot."""
 _OF_DRIVES = (
     "gear_ratio",
     "torque_constant",
@@ -288,45 +287,6 @@ def _why_held(facts: RobotXml, name: str) -> str:
     return "its equality holds it" if leader is None else f"follows {leader}, which is held"
 
 
-def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[str, ...]:
-    """A warning of bodies whose radius of gyration is far larger than the robot, as that of placeholders."""
-    size = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements)
-    size += max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
-    least = max(_FAR_M, _FAR_LENGTHS * size)
-    found = [
-        f"{body.name} ({body.mass:.3g} kg, {top:.3g} kg m^2)"
-        for body in facts.bodies
-        if body.moves and body.mass > 0
-        for top in [float(np.linalg.eigvalsh(body.central_inertia)[-1])]
-        if top > body.mass * least**2
-    ]
-    if not found:
-        return ()
-    return (
-        f"{path}: the inertia of {', '.join(found)} is that of the same mass more than {least:.2g} m away from its "
-        "centre, far outside of the robot: it looks like a placeholder; correct its <inertial>.",
-    )
-
-
-def _idle_links(model: pin.Model, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
-    """A warning of joints that need no torque in the model; rods of a closed chain may have no mass."""
-    idle = [] if chain is not None else _without_inertia(model)
-    # The checks of recordings refuse a model without any mass.
-    if not idle or len(idle) == model.njoints - 1:
-        return ()
-    return (
-        f"{path}: nothing that {' and '.join(idle)} moves has mass or inertia, so that no motion of it needs a torque "
-        "by the model: give the links their <inertial>.",
-    )
-
-
-def _without_inertia(model: pin.Model) -> list[str]:
-    """Joints of a tree that carry no mass or inertia, as where a file leaves out an <inertial>."""
-    bodies = [inertia.toDynamicParameters().any() for inertia in model.inertias]
-    out = [joint for joint in range(1, model.njoints) if not any(bodies[k] for k in model.subtrees[joint])]
-    return [model.names[joint] for joint in out if not model.armature[model.joints[joint].idx_v]]
-
-
 def _robot(
     model: pin.Model,
     source: str,
@@ -364,8 +324,7 @@ def _robot(
         payload_frame=stated.payload_frame,
         warnings=(
             *_warnings(facts, stated, locked, chain, path),
-            *_idle_links(model, chain, path),
-            *_too_large_inertias(model, facts, path),
+            *body_warnings(model, facts, chain, path),
         ),
         locked=locked,
         chain=chain,

@@ -213,21 +213,46 @@ def test_a_base_that_mjcf_hangs_on_a_wall_is_where_mujoco_has_it(tmp_path):
     np.testing.assert_allclose(robot.model.jointPlacements[1].translation, data.xanchor[0], atol=1e-12)
 
 
+def without_inertial(tmp_path):
+    """The planar arm without the <inertial> of its forearm; the upper arm keeps its own."""
+    text = (ROBOTS / "planar2.urdf").read_text()
+    start, stop = text.rindex("<inertial>"), text.rindex("</inertial>") + len("</inertial>")
+    (tmp_path / "arm.urdf").write_text(text[:start] + text[stop:])
+    return tmp_path / "arm.urdf"
+
+
 def test_a_joint_that_moves_nothing_with_inertia_is_told(tmp_path):
-    # Known truth: the forearm's <inertial> is taken out; the upper arm keeps its own.
-    text = (ROBOTS / "planar2.urdf").read_text()
-    start, stop = text.rindex("<inertial>"), text.rindex("</inertial>") + len("</inertial>")
-    (tmp_path / "arm.urdf").write_text(text[:start] + text[stop:])
-    (said,) = load_robot(tmp_path / "arm.urdf").warnings
+    (said,) = load_robot(without_inertial(tmp_path)).warnings
     assert "nothing that elbow moves has mass or inertia" in said
+    assert said.endswith("give lower its <inertial>.")
 
 
-def test_a_rotor_is_inertia_enough(tmp_path):
-    text = (ROBOTS / "planar2.urdf").read_text()
-    start, stop = text.rindex("<inertial>"), text.rindex("</inertial>") + len("</inertial>")
-    (tmp_path / "arm.urdf").write_text(text[:start] + text[stop:])
+def test_a_link_without_inertial_is_told_where_a_rotor_turns_it(tmp_path):
+    path = without_inertial(tmp_path)
     (tmp_path / "robot.yaml").write_text("joints: {elbow: {rotor_inertia: 0.1}}")
-    assert load_robot(tmp_path / "arm.urdf").warnings == ()
+    (said,) = load_robot(path).warnings
+    assert said.startswith(f"{path}: lower (moved by elbow) has no <inertial>, so that gravity")
+    assert "write mass and inertia into <inertial>" in said
+
+
+def test_a_moving_link_of_zero_mass_is_told(tmp_path):
+    text = (ROBOTS / "planar2.urdf").read_text()
+    head, _, tail = text.rpartition("<mass value=")
+    (tmp_path / "arm.urdf").write_text(f'{head}<mass value="0"/>{tail.partition("/>")[2]}')
+    (said,) = load_robot(tmp_path / "arm.urdf").warnings
+    assert "lower (moved by elbow) has a mass of 0, so that gravity" in said
+
+
+@pytest.mark.parametrize(("length", "told"), [("0 0 0", False), ("0 0 0.1", True)])
+def test_a_link_that_only_joins_two_axes_may_weigh_nothing(edited, length, told):
+    joint = (
+        f'<joint name="twist" type="continuous"><parent link="rail"/><child link="cross"/><axis xyz="1 0 0"/></joint>'
+        f'<joint name="bend" type="continuous"><origin xyz="{length}"/><parent link="cross"/><child link="end"/>'
+        '<axis xyz="0 1 0"/></joint><link name="cross"/><link name="end"><inertial><mass value="1"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+    )
+    said = edited(ARM, ("</robot>", joint)).warnings
+    assert ["cross (moved by twist) has no <inertial>" in one for one in said] == [True] * told
 
 
 PLATE = (

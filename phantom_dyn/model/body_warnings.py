@@ -1,0 +1,116 @@
+# pyright: reportAttributeAccessIssue=false
+"""Warnings of bodies that a robot's file gives no mass, no inertia or far too much of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from phantom_dyn.errors import listed
+from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.model.robot_xml import RobotXml
+
+_FAR_M, _FAR_LENGTHS = 1.0, 3.0
+"""Radius of gyration beyond which an inertia is called a placeholder: in metres, and in lengths of the robot."""
+
+
+def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
+    """Warnings of moving bodies that weigh nothing, or whose inertia is that of a placeholder.
+
+    Args:
+        model: Model of the joints that are not held fixed, with the rotors.
+        facts: Contents of the file.
+        chain: Its loops; their passive joints may carry rods without mass.
+        path: The file.
+    """
+    idle = [] if chain is not None else _without_inertia(model)
+    return (
+        *_idle_links(model, idle, path),
+        *_weightless_links(model, facts, {*idle, *(() if chain is None else chain.passive_names)}, path),
+        *_too_large_inertias(model, facts, path),
+    )
+
+
+def _link_names(model: pin.Model, joint: int) -> list[str]:
+    """Name of the link on a joint, without those fixed to it; empty if the file has none."""
+    own = model.getFrameId(model.names[joint], pin.FrameType.JOINT)
+    return [one.name for one in model.frames if one.type == pin.FrameType.BODY and one.parentFrame == own]
+
+
+def _idle_links(model: pin.Model, idle: list[str], path: Path) -> tuple[str, ...]:
+    """A warning of joints that need no torque in the model."""
+    # The checks of recordings refuse a model without any mass.
+    if not idle or len(idle) == model.njoints - 1:
+        return ()
+    links = [link for name in idle for link in _link_names(model, model.getJointId(name))]
+    return (
+        f"{path}: nothing that {' and '.join(idle)} moves has mass or inertia, so that no motion of it needs a torque "
+        f"by the model: give {listed(links) if links else 'the links'} {'its' if len(links) == 1 else 'their'} "
+        "<inertial>.",
+    )
+
+
+def _without_inertia(model: pin.Model) -> list[str]:
+    """Joints of a tree that carry no mass or inertia, as where a file leaves out an <inertial>."""
+    bodies = [inertia.toDynamicParameters().any() for inertia in model.inertias]
+    out = [joint for joint in range(1, model.njoints) if not any(bodies[k] for k in model.subtrees[joint])]
+    return [model.names[joint] for joint in out if not model.armature[model.joints[joint].idx_v]]
+
+
+def _joins_axes(model: pin.Model, joint: int) -> bool:
+    """True for a body of no length between two axes that meet, as of a ball joint that is written as three hinges."""
+    lengths = [
+        float(np.linalg.norm(model.jointPlacements[child].translation))
+        for child in range(joint + 1, model.njoints)
+        if model.parents[child] == joint
+    ]
+    return bool(lengths) and max(lengths) == 0
+
+
+def _weightless_links(model: pin.Model, facts: RobotXml, passed: set[str], path: Path) -> tuple[str, ...]:
+    """Warnings of links that weigh nothing together with all that is fixed to them.
+
+    Args:
+        model: Model of the joints that are not held fixed.
+        facts: Contents of the file, for what it states of these links.
+        passed: Joints of which nothing is to be said.
+        path: The file.
+    """
+    if not any(inertia.toDynamicParameters().any() for inertia in model.inertias):
+        return ()
+    stated = {body.name for body in facts.bodies}
+    lacking: dict[str, list[str]] = {}
+    for joint in range(1, model.njoints):
+        if model.inertias[joint].mass > 0 or model.names[joint] in passed or _joins_axes(model, joint):
+            continue
+        for link in _link_names(model, joint):
+            why = "a mass of 0" if f"link {link}" in stated else "no <inertial>"
+            lacking.setdefault(why, []).append(f"{link} (moved by {model.names[joint]})")
+    return tuple(
+        f"{path}: {listed(links)} {'has' if len(links) == 1 else 'have'} {why}, so that gravity and acceleration of "
+        f"{'it' if len(links) == 1 else 'them'} cost no force in the model: write mass and inertia into <inertial>, "
+        "unless the real part weighs next to nothing."
+        for why, links in lacking.items()
+    )
+
+
+def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[str, ...]:
+    """A warning of bodies whose radius of gyration is far larger than the robot, as that of placeholders."""
+    size = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements)
+    size += max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
+    least = max(_FAR_M, _FAR_LENGTHS * size)
+    found = [
+        f"{body.name} ({body.mass:.3g} kg, {top:.3g} kg m^2)"
+        for body in facts.bodies
+        if body.moves and body.mass > 0
+        for top in [float(np.linalg.eigvalsh(body.central_inertia)[-1])]
+        if top > body.mass * least**2
+    ]
+    if not found:
+        return ()
+    return (
+        f"{path}: the inertia of {', '.join(found)} is that of the same mass more than {least:.2g} m away from its "
+        "centre, far outside of the robot: it looks like a placeholder; correct its <inertial>.",
+    )
