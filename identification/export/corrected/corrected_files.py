@@ -27,16 +27,22 @@ from identification.export.corrected.urdf_shapes import with_urdf_shapes
 from identification.export.file_names import MJCF, URDF
 from identification.export.headers import with_comment
 from identification.export.model_files.mjcf_file import mjcf_text
-from identification.export.model_files.reload import TOLERANCE, mujoco_problem, some_motion, urdf_difference, versions
+from identification.export.model_files.reload import (
+    TOLERANCE,
+    loaded_urdf,
+    mujoco_problem,
+    some_motion,
+    urdf_difference,
+    versions,
+)
 from identification.notes import Code, Note
 from identification.words.note_words import sentences
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, PhantomDynError, RobotError
-from phantom_dyn.model.files.plain_file import unnamed_file
 from phantom_dyn.model.from_mjcf.mjcf import drawn_configuration
-from phantom_dyn.model.loading import CONFIG_NAME, load_robot, read_model
+from phantom_dyn.model.loading import CONFIG_NAME, read_model
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
@@ -206,11 +212,10 @@ def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
     """
     if robot.chain is None or not robot.chain.anchors:
         return ""
-    with unnamed_file(text.encode(), suffix=".urdf") as path:
-        try:
-            load_robot(path, config=robot_config(robot, config))
-        except PhantomDynError as error:
-            return str(error)
+    try:
+        loaded_urdf(text, robot_config(robot, config))
+    except PhantomDynError as error:
+        return str(error)
     return ""
 
 

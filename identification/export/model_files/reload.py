@@ -6,10 +6,12 @@ If MuJoCo is broken or too old, nothing is checked in it, as if it were not inst
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +21,11 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
 from phantom_dyn.model.files.plain_file import unnamed_file
+from phantom_dyn.model.files.settings_file import load_mapping
+from phantom_dyn.model.files.strict_yaml import settings_text
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.ros2_control import is_ros2_control
 from phantom_dyn.motion import Motion, configurations
 
 OLDEST = (3, 4)
@@ -101,11 +106,7 @@ def robot_with_urdf(text: str, robot: Robot, config: Path | None) -> Robot:
     Raises:
         RobotError: If the text cannot be loaded, or has other joints.
     """
-    with unnamed_file(text.encode(), suffix=".urdf") as path:
-        try:
-            loaded = load_robot(path, config=config)
-        except PhantomDynError as error:
-            raise RobotError(str(error).replace(str(path), "the URDF that was written")) from error
+    loaded = loaded_urdf(text, config)
     if list(loaded.model.names) != list(robot.model.names):
         raise RobotError(
             f"The URDF that was written has the joints {', '.join(list(loaded.model.names)[1:])}, wanted "
@@ -114,6 +115,42 @@ def robot_with_urdf(text: str, robot: Robot, config: Path | None) -> Robot:
     model = loaded.model.copy()
     model.armature, model.gravity = robot.model.armature, robot.model.gravity
     return replace(with_tree_friction(robot, *tree_friction(loaded)), model=model)
+
+
+def loaded_urdf(text: str, config: Path | None) -> Robot:
+    """The robot of a URDF that was written.
+
+    Args:
+        text: Text of the URDF.
+        config: The ``robot.yaml`` of the given robot, which may lock joints that this URDF does not have.
+
+    Raises:
+        RobotError: If the text cannot be loaded.
+    """
+    with unnamed_file(text.encode(), suffix=".urdf") as path, _config_for(text, config) as stated:
+        try:
+            return load_robot(path, config=stated)
+        except PhantomDynError as error:
+            words = str(error).replace(str(path), "the URDF that was written")
+            raise RobotError(words if stated is config else words.replace(str(stated), str(config))) from error
+
+
+@contextmanager
+def _config_for(text: str, config: Path | None) -> Iterator[Path | None]:
+    """A ``robot.yaml`` without entries on joints that a URDF does not have.
+
+    A URDF that is made from an MJCF has no joints that were held fixed.
+    """
+    content = {} if config is None else load_mapping(config, RobotError)
+    there = {joint.get("name") for joint in ElementTree.fromstring(text.encode()).findall("joint")}
+    lock, joints = content.get("lock") or [], content.get("joints") or {}
+    if is_ros2_control(content) or (there.issuperset(lock) and there.issuperset(joints)):
+        yield config
+        return
+    kept = {name: keys for name, keys in joints.items() if name in there}
+    left = {**content, "lock": [name for name in lock if name in there], "joints": kept}
+    with unnamed_file(settings_text(left).encode(), suffix=".yaml") as path:
+        yield path
 
 
 def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:

@@ -181,6 +181,26 @@ def test_links_behind_a_held_joint_keep_their_inertia(tmp_path, robots, some):
     assert urdf_difference(text, robot, some(robot), config) < 1e-12
 
 
+SCENE = """<mujoco><worldbody>
+  <body name="upper"><joint name="s" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03"/>
+    <body name="lower" pos="0 0 -.3"><joint name="e" axis="0 1 0"/><joint name="held" axis="1 0 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".03"/></body></body>
+  <body name="ball" pos="1 1 1"><freejoint name="ball_joint"/><geom size=".05"/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_urdf_of_a_scene_is_loaded_without_the_joints_that_were_held(tmp_path, some):
+    file, config = tmp_path / "scene.xml", tmp_path / "robot.yaml"
+    file.write_text(SCENE)
+    config.write_text("lock: [ball_joint, held]\njoints: {held: {gear_ratio: 2}, e: {rotor_inertia: 0.1}}\n")
+    robot = load_robot(file)
+    assert robot.joint_names == ("s", "e")
+    assert urdf_difference(new_urdf(robot), robot, some(robot), config) < 1e-12
+    config.write_text("lock: [ball_joint]\nloops: [{kind: point, frame_a: nowhere, frame_b: lower}]\n")
+    with pytest.raises(RobotError, match=rf"^{config}: loops\[0\]\.frame_a names the unknown frame 'nowhere'"):
+        urdf_difference(new_urdf(robot), robot, some(robot), config)
+
+
 def test_a_body_lighter_than_what_is_held_on_it_is_refused(tmp_path, robots):
     config = tmp_path / "robot.yaml"
     config.write_text("lock: [slide]\n")
