@@ -33,7 +33,7 @@ from identification.excitation.excite import PlannedRecording
 from identification.excitation.excite import excite as designed
 from identification.excitation.limits import limits_of
 from identification.excitation.motion_shapes import FourierSeries
-from identification.export.corrected.corrected_yaml import known_model
+from identification.export.known_model import known_model
 from identification.identify.identified_model import JointTerms, friction_terms
 from identification.identify.identify import identify as identified
 from identification.reporting import comparison

@@ -151,7 +151,7 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
 def _diagnose_together(arguments: argparse.Namespace) -> int:
     """One diagnosis of all recordings together."""
     from identification.export.all_files import not_written
-    from identification.export.corrected.corrected_yaml import known_model
+    from identification.export.known_model import known_model
     from identification.pipeline import planned, with_proposal
     from identification.reporting.diagnosis_summary import next_experiment_lines, note_lines, summary, written_lines
     from identification.reporting.stored.diagnosis_files import check_targets, write_diagnosis_alone, write_outputs
@@ -288,7 +288,7 @@ def _diagnose_each(arguments: argparse.Namespace) -> int:
     from identification.batch.batch_tables import table, write_tables
     from identification.batch.diagnose_each import diagnose_each
     from identification.data.reading import ReadOptions
-    from identification.export.corrected.corrected_yaml import known_model
+    from identification.export.known_model import known_model
     from identification.reporting.stored.diagnosis_files import check_targets
 
     check_targets(arguments.out, arguments.json, given_files(arguments))

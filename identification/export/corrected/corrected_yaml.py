@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from identification.diagnosis.columns.known_geometry import OF_POSES
 from identification.diagnosis.columns.operations import carrying_known
@@ -236,8 +234,8 @@ def _adjusted(entry: Any, file: str, key: str) -> Adjusted:
     )
 
 
-def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffect, ...], Robot]:
-    """The effects of all of these ``corrected.yaml``, and the robot with the largest error that they state by joint.
+def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, ...]:
+    """The effects of all of these ``corrected.yaml``, in their order.
 
     Raises:
         ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
@@ -248,26 +246,11 @@ def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffec
         if places[k] in places[:k]:
             raise UsageError(f"{file} is given twice, and its effects would be added twice: give each file once.")
     out: list[KnownEffect] = []
-    error = np.zeros((robot.nv, 2))
     for file in files:
-        model = read_corrected(file)
-        for entry in model.effects:
+        for entry in read_corrected(file).effects:
             # A later file may remove a load that an earlier one has found.
             out.append(known_effect(entry, carrying_known(robot, out), file))
-        for one in model.model_error:
-            if one.joint not in robot.joint_names:
-                raise ParameterError(
-                    f"{file}: model_error is of joint '{shortened(one.joint)}', which this robot does not have: "
-                    f"{known_names(one.joint, robot.joint_names, 'joints')}"
-                )
-            row = robot.joint_names.index(one.joint)
-            error[row] = np.maximum(error[row], [one.slow, one.moving])
-    return tuple(out), replace(robot, model_error=error) if error.any() else robot
-
-
-def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, ...]:
-    """The effects of `known_model` alone."""
-    return known_model(files, robot)[0]
+    return tuple(out)
 
 
 def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:

@@ -1,6 +1,7 @@
 """Corrected descriptions in YAML."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,11 +21,11 @@ from identification.export.corrected.corrected_yaml import (
     corrected_text,
     known_effect,
     known_effects,
-    known_model,
     read_corrected,
     write_corrected,
 )
 from identification.export.corrected.possible_bodies import nearest_possible, with_nearest_bodies
+from identification.export.known_model import known_model
 from identification.words.note_words import sentence, sentences
 from known_effects import EFFECTS_OF_THE_PENDULUM
 from phantom_dyn.effects.support.changed_robot import with_parameters
@@ -244,6 +245,37 @@ def test_a_wrong_error_of_a_model_is_refused(tmp_path, old, new, message):
     (tmp_path / "c.yaml").write_text(GOOD.replace("j1", robot.joint_names[0]) + text)
     with pytest.raises(ParameterError, match=message):
         known_model((tmp_path / "c.yaml",), robot)
+
+
+@pytest.mark.parametrize(("sha256", "told"), [("ab" * 32, True), ("abc", False), (None, False)])
+def test_a_file_that_was_made_for_another_robot_is_told(tmp_path, robots, sha256, told):
+    robot = load_robot(robots / "pendulum.urdf")
+    file = tmp_path / "c.yaml"
+    file.write_text(GOOD.replace("j1", "pin").replace("abc", sha256 or robot.sha256))
+    said = known_model((file,), robot)[1].warnings[len(robot.warnings) :]
+    assert [one.partition(" (")[0] for one in said] == [
+        f"{file} was made for arm.urdf, and {robot.source} is another file"
+    ] * told
+
+
+OFFSET = "{effect: torque_offset, joint: pin, parameters: {torque: {value: 1.0, std: null, unit: N m}}, gap_closed: 1}"
+
+
+@pytest.mark.parametrize(("run", "entry", "refused"), [("r1", None, True), ("r2", None, False), ("r1", OFFSET, False)])
+def test_a_corrected_robot_is_refused_with_the_effects_that_it_has(tmp_path, robots, run, entry, refused):
+    # A URDF has no place for a constant torque, which is then to be given beside it.
+    made = tmp_path / "corrected.urdf"
+    made.write_text(f"{(robots / 'pendulum.urdf').read_text()}<!-- run: {run} -->\n")
+    good = GOOD.replace("j1", "pin").replace("abc", "ab" * 32)
+    file = tmp_path / "c.yaml"
+    file.write_text(f"{good if entry is None else re.sub('{effect.*', entry, good)}# run: r1\n")
+    robot = load_robot(made)
+    if not refused:
+        assert known_model((file,), robot)[1].warnings[-1].startswith(f"{file} was made for arm.urdf")
+        return
+    words = r"corrected.urdf was .* has its effects already \(coulomb_friction on pin\), .* twice: give arm.urdf, "
+    with pytest.raises(UsageError, match=words):
+        known_model((file,), robot)
 
 
 ARM = """<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0" armature="0.02"/>

@@ -1,0 +1,92 @@
+"""A robot with the effects of earlier diagnoses, and whether these diagnoses were of this robot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from identification.diagnosis.columns.known_geometry import OF_POSES
+from identification.diagnosis.columns.terms import KnownEffect
+from identification.export.corrected.corrected_model import numbers_of_effect
+from identification.export.corrected.corrected_yaml import Corrected, known_effects, read_corrected
+from identification.export.proof.file_torques import MJCF_FORMAT, URDF_FORMAT, used_numbers
+from phantom_dyn.errors import ParameterError, RobotError, UsageError, known_names, listed, shortened
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import find_robot
+
+_LAST_LINE = 200  # bytes at the end of a file in which the id of its run stands
+
+
+def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffect, ...], Robot]:
+    """The effects of all of these ``corrected.yaml``, and the robot with the largest error that they state by joint.
+
+    The robot warns of each file that was made for another one.
+
+    Raises:
+        ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
+        UsageError: If effects would be added twice: a file is given twice, or the robot has its effects already.
+    """
+    effects = known_effects(files, robot)
+    error, warnings, first = np.zeros((robot.nv, 2)), list[str](), 0
+    for file in files:
+        model = read_corrected(file)
+        warnings += _of_another_robot(file, model, effects[first : first + len(model.effects)], robot)
+        first += len(model.effects)
+        for one in model.model_error:
+            if one.joint not in robot.joint_names:
+                raise ParameterError(
+                    f"{file}: model_error is of joint '{shortened(one.joint)}', which this robot does not have: "
+                    f"{known_names(one.joint, robot.joint_names, 'joints')}"
+                )
+            row = robot.joint_names.index(one.joint)
+            error[row] = np.maximum(error[row], [one.slow, one.moving])
+    if warnings:
+        robot = replace(robot, warnings=(*robot.warnings, *warnings))
+    return effects, replace(robot, model_error=error) if error.any() else robot
+
+
+def _of_another_robot(file: Path, model: Corrected, effects: Iterable[KnownEffect], robot: Robot) -> tuple[str, ...]:
+    """A warning of a file that was made for another robot; nothing if its hash is none, as in files made by hand.
+
+    Raises:
+        UsageError: If the robot's file was written together with this one, so that it has its effects already.
+    """
+    if robot.sha256 in ("", model.sha256) or not re.fullmatch("[0-9a-f]{64}", model.sha256):
+        return ()
+    made_for = shortened(model.robot)
+    twice = _held_already(file, effects, robot)
+    if twice:
+        raise UsageError(
+            f"{robot.source} was written together with {file} and has its effects already ({listed(twice)}), which "
+            f"would count twice: give {made_for}, for which {file} was made, or leave {file} out."
+        )
+    return (
+        f"{file} was made for {made_for}, and {robot.source} is another file (their SHA-256 differ): leave it out if "
+        f"{robot.source} has its effects already, or is another robot.",
+    )
+
+
+def _held_already(file: Path, effects: Iterable[KnownEffect], robot: Robot) -> list[str]:
+    """Names of the effects that the robot's file has from the run that wrote both files."""
+    try:
+        of_robot = find_robot(robot.source)
+    except RobotError:  # made in memory
+        return []
+    if _run_of(of_robot) is None or _run_of(of_robot) != _run_of(file):
+        return []
+    numbers = (URDF_FORMAT if of_robot.suffix == ".urdf" else MJCF_FORMAT).numbers or frozenset()
+    return [
+        one.effect if one.joint is None else f"{one.effect} on {one.joint}"
+        for one in effects
+        if one.effect in OF_POSES or used_numbers(numbers_of_effect(robot, one)) & numbers
+    ]
+
+
+def _run_of(file: Path) -> str | None:
+    """Id of the run that wrote a file, which is in its last line; None without one."""
+    found = re.search(rb"run: (\S+)(?: -->)?\s*$", file.read_bytes()[-_LAST_LINE:])
+    return None if found is None else found[1].decode(errors="replace")
