@@ -127,6 +127,45 @@ def require_kept(read: Iterable[str | Path | None], written: Iterable[Path]) -> 
             raise UsageError(f"{target} is read, and would be written over: name another place for what is written")
 
 
+_MARKS = re.compile(rb"phantom[-_]dyn|gap-diagnos[ie]s/|\brun\"?: \"?[0-9a-f]{32}\b|,run\r?\n", re.IGNORECASE)
+"""What the texts of our files have: the name of the program, of a schema, or the id of a run."""
+_HEAD, _TAIL = 1_000_000, 10_000
+"""Bytes at both ends of a file in which it is looked for."""
+
+
+def require_own(folder: Path, names: Iterable[str], *, index: str, unmarked: Sequence[str] = ()) -> None:
+    """Refuse to write over, or to remove, a file that phantom-dyn did not write, before any work is done.
+
+    Args:
+        folder: Folder of the files.
+        names: Their names; an empty file is not worth keeping.
+        index: The one among them that tells that the folder was written by us.
+        unmarked: Those whose format has no place for a mark: they are ours where the index is.
+
+    Raises:
+        UsageError: The sentence names the file.
+    """
+    for name in names:
+        path = folder / (index if name in unmarked and (folder / index).is_file() else name)
+        if (folder / name).is_file() and not _is_own(path):
+            raise UsageError(
+                f"{folder / name} was not written by phantom-dyn, and would be written over or removed: name another "
+                "folder, or move it away"
+            )
+
+
+def _is_own(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            text = file.read(_HEAD)
+            if path.stat().st_size > _HEAD:
+                file.seek(-_TAIL, os.SEEK_END)
+                text += file.read()
+    except OSError:
+        return False
+    return not text.strip() or _MARKS.search(text) is not None
+
+
 @contextmanager
 def temporary_beside(path: str | Path) -> Iterator[Path]:
     """A path to write to, in the folder of ``path``, that becomes ``path`` when the block ends without an error.

@@ -19,7 +19,7 @@ from identification.data.reading import ReadOptions, read_recording
 from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
-from identification.files import full_words, is_full, require_existing
+from identification.files import full_words, is_full, require_existing, require_own
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
 from identification.stages import Announcement, Progress, Stage
@@ -131,7 +131,7 @@ def check_folders(out: Path, names: Sequence[str]) -> None:
     """Refuse a folder for the files that cannot be written, before any work is done.
 
     Raises:
-        UsageError: If an output file is a folder, or its folder may not be written to.
+        UsageError: If an output file is a folder or a file of the user, or its folder may not be written to.
     """
     check_targets(out, None)
     for name in names:
@@ -139,6 +139,7 @@ def check_folders(out: Path, names: Sequence[str]) -> None:
     for table in TABLES:
         if (out / table).is_dir():
             raise UsageError(f"--out: {out / table} is a folder, wanted a file; remove it or name another place")
+    require_own(out, TABLES, index=TABLES[0], unmarked=TABLES[2:])
 
 
 @dataclass(frozen=True)

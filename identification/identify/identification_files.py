@@ -13,7 +13,7 @@ from uuid import uuid4
 
 from identification.export.file_names import MJCF, URDF
 from identification.file_sets import with_run, write_together
-from identification.files import require_kept, require_writable_folder
+from identification.files import require_kept, require_own, require_writable_folder
 from identification.identify.identification import Export, IdentifiedModel, Parameter
 
 SCHEMA = "identification/1"
@@ -105,7 +105,7 @@ def _number(value: float) -> float | None:
 
 
 def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
-    """Refuse a folder that cannot be written to, or that holds an input file, before any work is done.
+    """Refuse a folder that cannot be written to, or that holds an input or a file of the user in the place of ours.
 
     Args:
         out: The folder.
@@ -116,6 +116,7 @@ def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
     """
     require_writable_folder(out, NAMES)
     require_kept(read, (out / name for name in NAMES))
+    require_own(out, NAMES, index=NAMES[0])
 
 
 def write_outputs(found: IdentifiedModel, out: Path) -> tuple[Path, ...]:

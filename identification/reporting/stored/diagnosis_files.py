@@ -37,6 +37,7 @@ from identification.file_sets import with_run, write_together
 from identification.files import (
     looks_like_log,
     require_kept,
+    require_own,
     require_writable,
     require_writable_folder,
     temporary_beside,
@@ -219,12 +220,13 @@ def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str |
         read: Input files.
 
     Raises:
-        UsageError: If a target is of the wrong kind, is an input file, or cannot be written to.
+        UsageError: If a target is of the wrong kind, an input file or a file of the user, or cannot be written to.
     """
     names = (INDEX, REPORT, NEXT, *MODELS)
     if out is not None:
         require_writable_folder(out, names)
         require_kept(read, (out / name for name in names))
+        require_own(out, names, index=INDEX, unmarked=(NEXT,))
     if json_file is not None:
         require_writable(json_file, "--json")
         require_kept(read, [json_file])

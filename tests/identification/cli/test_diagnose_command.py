@@ -95,7 +95,7 @@ def test_a_quick_run_writes_its_answer_alone(finished, tmp_path, log, pendulum, 
     # The same answer as that of a whole run; a report of an earlier run would pass for this one's.
     out = tmp_path / "out"
     out.mkdir()
-    (out / "report.html").write_text("of an earlier run")
+    (out / "report.html").write_text("a page of phantom-dyn, of an earlier run")
     assert main(["diagnose", str(pendulum), str(log), "--quick", "--out", str(out)]) == 0
     assert names_in(out) == ["diagnosis.json"]
     content = json.loads((out / "diagnosis.json").read_text())

@@ -84,6 +84,16 @@ def test_a_refusal_is_counted_on_standard_error(pendulum, logs, capsys):
     assert json.loads((logs / "x.txt").read_text())["recordings"][0]["verdict"] == "refused"
 
 
+@pytest.mark.parametrize("name", ["diagnoses.csv", "fleet.html", "good/corrected.xml"])
+def test_a_file_of_the_user_is_refused_before_the_work(pendulum, logs, capsys, tmp_path, name):
+    (tmp_path / "out" / name).parent.mkdir(parents=True)
+    (tmp_path / "out" / name).write_text("by hand")
+    assert main(["diagnose", str(pendulum), str(logs / "good.csv"), "--each", "--out", str(tmp_path / "out")]) == 2
+    shown = capsys.readouterr()
+    assert f"{name} was not written by phantom-dyn, and would be written over" in shown.err
+    assert shown.out == ""
+
+
 @pytest.mark.whole
 def test_recordings_cannot_be_held_out(pendulum, logs, refusal):
     sentence = refusal(pendulum, logs / "good.csv", "--each", "--hold-out", logs / "short.csv")

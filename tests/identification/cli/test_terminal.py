@@ -136,7 +136,7 @@ def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monke
     out = log.parent / "out"
     out.mkdir()
     for name in OURS:
-        (out / name).write_text("old")
+        (out / name).write_text("of phantom-dyn")
 
     def interrupted_after_the_first(folder, texts):
         name, text = next(iter(texts.items()))
@@ -145,7 +145,7 @@ def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monke
 
     monkeypatch.setattr(file_sets, "_write_all", interrupted_after_the_first)
     assert main(["diagnose", str(pendulum), str(log), "--out", str(out)]) == 130
-    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(OURS, "old")
+    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(OURS, "of phantom-dyn")
 
 
 def test_without_a_terminal_a_line_is_written_at_an_announcement_ten_seconds_after_the_last(monkeypatch):

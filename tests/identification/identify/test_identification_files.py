@@ -86,6 +86,12 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_the_work(tmp_path,
         check_folder(tmp_path / "out")
 
 
+def test_a_model_of_the_user_is_not_written_over(tmp_path):
+    (tmp_path / "corrected.urdf").write_text("<robot/>")
+    with pytest.raises(UsageError, match=r"corrected\.urdf was not written by phantom-dyn"):
+        check_folder(tmp_path)
+
+
 def test_a_folder_inside_a_file_is_refused(tmp_path):
     (tmp_path / "file").write_text("x")
     with pytest.raises(UsageError, match=r"cannot write .*: .*file is no folder"):

@@ -11,7 +11,7 @@ import pytest
 from identification.diagnosis.result import Diagnosis, Value
 from identification.export.corrected.corrected_yaml import read_corrected
 from identification.export.file_names import NAMES as MODELS
-from identification.reporting.stored.diagnosis_files import json_text, write_outputs
+from identification.reporting.stored.diagnosis_files import check_targets, json_text, write_outputs
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from phantom_dyn.errors import LogError, ParameterError, UsageError
 from phantom_dyn.model.loading import load_robot
@@ -44,10 +44,10 @@ def test_without_a_target_nothing_is_written(made_up):
 
 def test_files_of_others_stay_and_ours_are_replaced(made_up, tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    (tmp_path / "diagnosis.json").write_text("old")
+    (tmp_path / "diagnosis.json").write_text('{"schema": "gap-diagnosis/2"}')
     write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
     assert (tmp_path / "mine.txt").read_text() == "mine"
-    assert (tmp_path / "diagnosis.json").read_text().startswith("{")
+    assert (tmp_path / "diagnosis.json").read_text().startswith('{\n "schema": "gap-diagnosis/3"')
 
 
 def test_a_file_as_folder_is_refused(made_up, tmp_path):
@@ -97,8 +97,33 @@ def test_what_the_files_cannot_say_is_in_the_report(made_up, tmp_path):
     assert "corrected.xml: it lacks shapes, sensors and limits of torque and speed" in page
 
 
+RUN = "0123456789abcdef0123456789abcdef"
+
+
+@pytest.mark.parametrize("name", ["corrected.urdf", "report.html", "next.csv", "residual.py", "diagnosis.json"])
+def test_a_file_of_the_user_is_neither_written_over_nor_removed(made_up, tmp_path, name):
+    (tmp_path / name).write_text("made by hand")
+    with pytest.raises(UsageError, match=rf"/{name} was not written by phantom-dyn, .*: name another folder"):
+        check_targets(tmp_path, None)
+    with pytest.raises(UsageError, match=rf"/{name} was not written"):
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "made by hand")]
+
+
+def test_all_files_of_an_earlier_run_are_written_over(made_up, tmp_path):
+    found = dataclasses.replace(diagnosis(made_up), run=RUN)
+    first = write_outputs(found, ROBOT, out=tmp_path, json_file=None)
+    (tmp_path / "next.csv").write_text("t,q_ref.pin\n")  # it has no place for a mark, and goes with the index
+    (tmp_path / "feedforward.py").write_text("")
+    (tmp_path / "notes.txt").write_text("made by hand")
+    other = dataclasses.replace(found, run=RUN[::-1])
+    assert write_outputs(other, ROBOT, out=tmp_path, json_file=None) == first
+    assert RUN[::-1] in (tmp_path / "feedforward.py").read_text()
+    assert (tmp_path / "notes.txt").read_text() == "made by hand"
+
+
 def test_a_model_of_an_earlier_run_that_cannot_be_written_is_removed(made_up, tmp_path):
-    (tmp_path / "corrected.xml").write_text("old")
+    (tmp_path / "corrected.xml").write_text(f"<mujoco/>\n<!-- run: {RUN} -->\n")
     heavy = dataclasses.replace(
         made_up().findings[0],
         effect="payload",
@@ -114,7 +139,7 @@ def test_a_model_of_an_earlier_run_that_cannot_be_written_is_removed(made_up, tm
 
 def test_every_file_carries_the_run(made_up, tmp_path):
     # Oracle: the run that diagnosis.json states.
-    found = dataclasses.replace(diagnosis(made_up), run="0123456789abcdef0123456789abcdef")
+    found = dataclasses.replace(diagnosis(made_up), run=RUN)
     for path in write_outputs(found, ROBOT, out=tmp_path / "out", json_file=None):
         assert found.run in path.read_text(), path.name
 
