@@ -24,6 +24,7 @@ from identification.export.corrected.corrected_files import (
     problem_of_loops,
     robot_config,
     rollout_note,
+    without_yaml,
 )
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from identification.export.corrected.corrected_urdf import (
@@ -188,6 +189,8 @@ def _written(
     proof = proof_of(corrected)
     texts, files, refused = proved(texts, proof, mjcf_has_moved_joints=texts.get(MJCF) != made)
     notes += refused
+    if YAML not in texts:
+        texts = {name: without_yaml(text) for name, text in texts.items()}
     others = dict[str, str]()
     for name, make in _others(diagnosis, corrected, known_torques, {URDF, MJCF} & set(texts)).items():
         try:

@@ -24,7 +24,7 @@ from identification.export.corrected.corrected_urdf import corrected_urdf, robot
 from identification.export.corrected.given_mjcf import edited_mjcf
 from identification.export.corrected.reload_in_mujoco import edited_difference, rollout_errors, torque_difference
 from identification.export.corrected.urdf_shapes import with_urdf_shapes
-from identification.export.file_names import MJCF, URDF
+from identification.export.file_names import MJCF, URDF, YAML
 from identification.export.headers import with_comment
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.reload import (
@@ -283,12 +283,19 @@ def not_written_note(error: Exception, *files: str) -> Note:
     return Note(Code.NOT_WRITTEN, None, {"files": files, "problem": str(error)})
 
 
+_IN_YAML = f" ({YAML} has all of it)"
+
+
 def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
     """The text with a comment after the start tag of its root element; unchanged without sentences."""
     if not sentences:
         return text
-    lines = ["What this file cannot express of the corrected model (corrected.yaml has all of it):", *sentences]
-    return with_comment(text, lines)
+    return with_comment(text, [f"What this file cannot express of the corrected model{_IN_YAML}:", *sentences])
+
+
+def without_yaml(text: str) -> str:
+    """The text of a URDF or MJCF beside which no ``corrected.yaml`` was written."""
+    return text.replace(f"of the corrected model{_IN_YAML}:", "of the corrected model:", 1)
 
 
 def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:

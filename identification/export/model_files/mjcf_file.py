@@ -66,7 +66,7 @@ def _body(parent: Element, body: TreeBody) -> Element:
     if breaks_triangle(inertia.inertia):
         raise ParameterError(
             f"A principal inertia of {body.name} exceeds the sum of the others, which MuJoCo does not accept: correct "
-            "it in the robot's file."
+            "it in the robot's file, or record more motion if it was identified."
         )
     element = ElementTree.SubElement(parent, "body", {"name": body.name, **_place(body.position, body.rotation)})
     joint = {"name": body.joint, "type": "slide" if body.prismatic else "hinge", "axis": attribute_text(body.axis)}

@@ -127,12 +127,19 @@ def own_inertia(
         rest = whole - sum((fixed[name] for name in fixed if name not in losing), np.zeros(10))
         mass, center, inertia = central_parameters(rest)
         reason = impossible_because(mass, inertia)
-        if reason is None and not (fixed and breaks_triangle(inertia)):
+        if reason is None and not breaks_triangle(inertia):
             return LinkInertia(mass, center, inertia), losing
-        reason = reason or "one principal inertia exceeds the sum of the others"
-    raise ParameterError(
-        f"The link {body_name(robot, body)} cannot exist with the identified inertia, {reason}: record more motion, or "
-        "take an estimator that keeps bodies possible."
+        reason = reason or _BROKEN
+    raise ParameterError(_cannot_exist(body_name(robot, body), str(reason)))
+
+
+_BROKEN = "one principal inertia exceeds the sum of the others"
+
+
+def _cannot_exist(link: str, reason: str) -> str:
+    return (
+        f"The link {link} cannot exist with the identified inertia, {reason}: record more motion, or take an estimator "
+        "that keeps bodies possible."
     )
 
 
@@ -235,6 +242,8 @@ def new_urdf(robot: Robot) -> str:
     names = [*(body.name for body in tree), ground]  # the last one has index -1, which stands for the ground
     ElementTree.SubElement(root, "link", name=ground)
     for body in tree:
+        if breaks_triangle(body.inertia.inertia):
+            raise ParameterError(_cannot_exist(body.name, _BROKEN))
         link = ElementTree.SubElement(root, "link", name=body.name)
         link.append(inertial_element(body.inertia))
         kind = "prismatic" if body.prismatic else "revolute" if body.limits else "continuous"

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 import yourdfpy
 
@@ -167,6 +168,23 @@ def test_a_link_that_nothing_possible_is_left_for_takes_the_mass_of_those_fixed_
     assert ElementTree.fromstring(text).find("link[@name='tool']/inertial") is None
     assert stated(text, "rail")[0] == pytest.approx(0.3)
     assert urdf_difference(text, robot, some(robot), None) < 1e-12
+
+
+def test_an_inertia_that_mujoco_refuses_is_in_no_urdf(robots, tmp_path):
+    # Oracle: MuJoCo, which refuses a body whose one principal inertia exceeds the sum of the others.
+    file = robots / "pendulum.urdf"
+    given = load_robot(file)
+
+    def with_principal(*inertia):
+        model = given.model.copy()
+        model.inertias[1] = pin.Inertia(1.0, np.array([0.0, 0.0, -0.2]), np.diag(inertia))
+        return replace(given, model=model)
+
+    broken = with_principal(0.1, 0.2, 0.4)
+    for make in (lambda: edited_urdf(broken, given, file, tmp_path), lambda: new_urdf(broken)):
+        with pytest.raises(ParameterError, match="one principal inertia exceeds the sum of the others: record"):
+            make()
+    mujoco.MjModel.from_xml_string(edited_urdf(with_principal(0.1, 0.2, 0.3), given, file, tmp_path))
 
 
 def test_links_behind_a_held_joint_keep_their_inertia(tmp_path, robots, some):

@@ -117,7 +117,7 @@ def test_files_that_leave_more_than_is_claimed_are_not_written(arm, diagnosis, t
     assert any("corrected.urdf was not written: on elbow its residual is" in note for note in sentences(found.notes))
 
 
-def test_a_file_that_cannot_be_run_does_not_take_the_others_with_it(arm, diagnosis, tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_run_does_not_take_the_others_with_it(arm, diagnosis, exported, tmp_path, monkeypatch):
     def impossible(*_):
         raise RobotError("The link of elbow would weigh 0 kg: correct it.")
 
@@ -125,6 +125,8 @@ def test_a_file_that_cannot_be_run_does_not_take_the_others_with_it(arm, diagnos
     texts, found = export_texts(diagnosis, arm[0], folder=tmp_path)
     assert "corrected.yaml" not in texts
     assert {"corrected.urdf", "corrected.xml"} <= set(texts)
+    assert "<!-- What this file cannot express of the corrected model:\n" in texts["corrected.xml"]
+    assert "(corrected.yaml has all of it):\n" in exported[0]["corrected.xml"]
     assert "corrected.yaml was not written: The link of elbow would weigh 0 kg: correct it." in sentences(found.notes)
 
 
