@@ -122,10 +122,10 @@ def _locked_can_move(note: Note) -> str:
 
 
 def _only_motors(note: Note) -> str:
-    drives, but = "actuators", ""
+    what, but = "shapes, sensors and actuators", ""
     if note.numbers["of_urdf"]:
-        drives, but = "limits of torque and speed", f", but for limits that {note.numbers['config']} states"
-    return f"It lacks shapes, sensors and {drives} of the given file{but}; a motor drives each joint."
+        what, but = "limits of torque and speed", f", but for limits that {note.numbers['config']} states"
+    return f"It lacks {what} of the given file{but}; a motor drives each joint."
 
 
 def _rotor_unknown(note: Note) -> str:

@@ -160,14 +160,20 @@ def _add_assets(root: Element, meshes: dict[tuple[Path, str], str], folder: Path
         ElementTree.SubElement(assets, "mesh", name=name, file=place, scale=scale)
 
 
+_VERBS = (("ends", "end"), ("does", "do"), ("is", "are"))
+"""Verbs with which the reasons begin, of one mesh and of several."""
+
+
 def _sentences(missing: dict[str, str]) -> tuple[str, ...]:
     """One sentence for each reason, with the meshes that are left out for it."""
     out = []
     for reason in dict.fromkeys(missing.values()):
         names = [Path(name).name for name, why in missing.items() if why == reason]
         shown = listed(names) if len(names) <= 3 else f"{', '.join(names[:3])} and {len(names) - 3} more"
-        hint = ": convert it to .obj or .stl" if reason.startswith("ends in") else ""
-        out.append(f"It is without {shown} of the URDF, which MuJoCo cannot load, as it {reason}{hint}.")
+        one, (verb, of_several) = len(names) == 1, next(pair for pair in _VERBS if reason.startswith(pair[0]))
+        why = f"it {reason}" if one else f"they {of_several}{reason.removeprefix(verb)}"
+        hint = f": convert {'it' if one else 'them'} to .obj or .stl" if verb == "ends" else ""
+        out.append(f"It is without {shown} of the URDF, which MuJoCo cannot load, as {why}{hint}.")
     return tuple(out)
 
 

@@ -144,8 +144,11 @@ def _range(bounds: list[Bound]) -> str:
     size = with_unit(low if low == high else f"{low} to {high}", bounds[0].unit)
     if len(bounds) == 1:
         return f"{size} ({words.place(bounds[0].effect, bounds[0].joint)})"
-    kind = "pairs of joints" if is_between_joints(bounds[0].effect) else "joints"
-    return f"{size} ({len(bounds)} {kind})"
+    count = sum(bound.joint is not None for bound in bounds)
+    kind = f"{'pair' if count == 1 else 'pairs'} of joints" if is_between_joints(bounds[0].effect) else "joints"
+    kind = "joint" if (count, kind) == (1, "joints") else kind
+    whole = " and the whole robot" if count < len(bounds) else ""
+    return f"{size} ({count} {kind}{whole})"
 
 
 def _bare(effect: str, joint: str | None) -> str:

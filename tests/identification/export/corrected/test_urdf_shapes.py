@@ -153,6 +153,19 @@ def test_meshes_that_are_left_out_are_told_with_the_reason(loaded):
     )
 
 
+def test_several_meshes_that_are_left_out_are_told_in_the_plural(file):
+    again = '<visual><geometry><mesh filename="{}"/></geometry></visual></link>'
+    more = again.format("meshes/tip.dae").replace("</link>", "") + again.format("package://nowhere/tip.stl")
+    (file.parent / "meshes" / "tip.dae").write_text("<COLLADA/>")
+    file.write_text(URDF.replace("</link>\n<joint", f"{more}\n<joint", 1))
+    robot = load_robot(file)
+    assert with_urdf_shapes(mjcf_text(robot), robot, file, None)[1] == (
+        "It is without lower.dae, tip.stl of the URDF, which MuJoCo cannot load, as they do not exist.",
+        "It is without plate.dae, tip.dae of the URDF, which MuJoCo cannot load, as they end in .dae: "
+        "convert them to .obj or .stl.",
+    )
+
+
 def test_a_mesh_that_is_broken_is_left_out(file):
     (file.parent / "meshes" / "corner.stl").write_bytes(b"no mesh")
     robot = load_robot(file)

@@ -213,6 +213,12 @@ def test_bounds_of_one_parameter_are_gathered_over_the_joints():
     assert row.places == (("a", "0.002 rad"), ("b", "0.01 rad"))
 
 
+@pytest.mark.parametrize(("joints", "said"), [("abc", "3 joints"), ("a", "1 joint")])
+def test_a_bound_of_the_whole_robot_is_no_joint(joints, said):
+    bounds = tuple(Bound("torque_delay", joint, "time", 0.02, "s") for joint in (None, *joints))
+    assert detectable_sizes(bounds)[0].short == f"0.02 s ({said} and the whole robot)"
+
+
 def test_bounds_stand_in_the_order_of_the_catalogue():
     bounds = (Bound("payload", None, "mass", 0.1, "kg"), Bound("coulomb_friction", "a", "torque", 0.1, "N m"))
     assert [row.effect for row in detectable_sizes(bounds)] == ["Coulomb friction", "A payload"]

@@ -94,7 +94,7 @@ def test_what_the_files_cannot_say_is_in_the_report(made_up, tmp_path):
     write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
     page = (tmp_path / "report.html").read_text()
     assert "corrected.xml: loaded again with MuJoCo" in page
-    assert "corrected.xml: it lacks shapes, sensors and limits of torque and speed" in page
+    assert "corrected.xml: it lacks limits of torque and speed of the given file" in page
 
 
 RUN = "0123456789abcdef0123456789abcdef"
