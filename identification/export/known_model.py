@@ -18,7 +18,7 @@ from phantom_dyn.errors import ParameterError, RobotError, UsageError, known_nam
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 
-_LAST_LINE = 200  # bytes at the end of a file in which the id of its run stands
+_LAST_LINE = 200  # bytes at the end of a file that hold the id of its run
 
 
 def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffect, ...], Robot]:

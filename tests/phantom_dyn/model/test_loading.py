@@ -243,8 +243,8 @@ def test_a_moving_link_of_zero_mass_is_told(tmp_path):
     assert "lower (moved by elbow) has a mass of 0, so that gravity" in said
 
 
-@pytest.mark.parametrize(("length", "told"), [("0 0 0", False), ("0 0 0.1", True)])
-def test_a_link_that_only_joins_two_axes_may_weigh_nothing(edited, length, told):
+@pytest.mark.parametrize(("length", "warned"), [("0 0 0", False), ("0 0 0.1", True)])
+def test_a_link_that_only_joins_two_axes_may_weigh_nothing(edited, length, warned):
     joint = (
         f'<joint name="twist" type="continuous"><parent link="rail"/><child link="cross"/><axis xyz="1 0 0"/></joint>'
         f'<joint name="bend" type="continuous"><origin xyz="{length}"/><parent link="cross"/><child link="end"/>'
@@ -252,7 +252,7 @@ def test_a_link_that_only_joins_two_axes_may_weigh_nothing(edited, length, told)
         '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
     )
     said = edited(ARM, ("</robot>", joint)).warnings
-    assert ["cross (moved by twist) has no <inertial>" in one for one in said] == [True] * told
+    assert ["cross (moved by twist) has no <inertial>" in one for one in said] == [True] * warned
 
 
 PLATE = (

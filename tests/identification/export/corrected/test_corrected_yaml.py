@@ -247,15 +247,15 @@ def test_a_wrong_error_of_a_model_is_refused(tmp_path, old, new, message):
         known_model((tmp_path / "c.yaml",), robot)
 
 
-@pytest.mark.parametrize(("sha256", "told"), [("ab" * 32, True), ("abc", False), (None, False)])
-def test_a_file_that_was_made_for_another_robot_is_told(tmp_path, robots, sha256, told):
+@pytest.mark.parametrize(("sha256", "warned"), [("ab" * 32, True), ("abc", False), (None, False)])
+def test_a_file_that_was_made_for_another_robot_is_warned_of(tmp_path, robots, sha256, warned):
     robot = load_robot(robots / "pendulum.urdf")
     file = tmp_path / "c.yaml"
     file.write_text(GOOD.replace("j1", "pin").replace("abc", sha256 or robot.sha256))
     said = known_model((file,), robot)[1].warnings[len(robot.warnings) :]
     assert [one.partition(" (")[0] for one in said] == [
         f"{file} was made for arm.urdf, and {robot.source} is another file"
-    ] * told
+    ] * warned
 
 
 OFFSET = "{effect: torque_offset, joint: pin, parameters: {torque: {value: 1.0, std: null, unit: N m}}, gap_closed: 1}"
