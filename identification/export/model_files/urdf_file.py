@@ -102,7 +102,7 @@ def links_held(robot: Robot, root: Element) -> frozenset[str]:
 
 
 def own_inertia(
-    robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], held: frozenset[str]
+    robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], held: frozenset[str], *, broken: bool = False
 ) -> tuple[LinkInertia, frozenset[str]]:
     """Inertia of the link on a joint, which together with that of the links fixed to it is the inertia of the body.
 
@@ -114,6 +114,7 @@ def own_inertia(
         body: Pinocchio's index of its joint.
         fixed: Parameters of the links that are fixed to it, from `fixed_links`.
         held: Links behind a locked joint, from `links_held`.
+        broken: True if no body can have the inertia in the given file, which loads all the same.
 
     Returns:
         The inertia, and the links whose own inertia becomes zero.
@@ -127,7 +128,7 @@ def own_inertia(
         rest = whole - sum((fixed[name] for name in fixed if name not in losing), np.zeros(10))
         mass, center, inertia = central_parameters(rest)
         reason = impossible_because(mass, inertia)
-        if reason is None and not breaks_triangle(inertia):
+        if reason is None and ((broken and not fixed) or not breaks_triangle(inertia)):
             return LinkInertia(mass, center, inertia), losing
         reason = reason or _BROKEN
     raise ParameterError(_cannot_exist(body_name(robot, body), str(reason)))
@@ -165,7 +166,9 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
         own = link_of_joint(root, robot.model.names[body])
         if own is None or own not in links:
             raise RobotError(f"{file} has no link on the joint {robot.model.names[body]}: give the robot's URDF.")
-        inertia, losing = own_inertia(robot, body, fixed_links(given, root, body, own), held)
+        stated = stated_inertia(links[own])
+        broken = stated is not None and breaks_triangle(stated.inertia)
+        inertia, losing = own_inertia(robot, body, fixed_links(given, root, body, own), held, broken=broken)
         for name in losing:
             for element in links[name].findall("inertial"):
                 links[name].remove(element)

@@ -187,6 +187,18 @@ def test_an_inertia_that_mujoco_refuses_is_in_no_urdf(robots, tmp_path):
     mujoco.MjModel.from_xml_string(edited_urdf(with_principal(0.1, 0.2, 0.3), given, file, tmp_path))
 
 
+def test_a_file_whose_own_inertia_no_body_has_is_corrected_all_the_same(robots, tmp_path):
+    # By hand: many URDFs have such links; refusing them would hold back what else was found.
+    text = (robots / "pendulum.urdf").read_text()
+    file = tmp_path / "broken.urdf"
+    file.write_text(re.sub(r"<inertia [^>]*/>", '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="3"/>', text))
+    given = load_robot(file)
+    model = given.model.copy()
+    model.inertias[1] = pin.Inertia(2.0, np.array([0.0, 0.0, -0.2]), np.diag([1.0, 1.0, 3.0]))
+    written = ElementTree.fromstring(edited_urdf(replace(given, model=model), given, file, tmp_path))
+    assert {float(mass.get("value")) for mass in written.iter("mass")} == {2.0}
+
+
 def test_links_behind_a_held_joint_keep_their_inertia(tmp_path, robots, some):
     config = tmp_path / "robot.yaml"
     config.write_text("lock: [slide]\n")
