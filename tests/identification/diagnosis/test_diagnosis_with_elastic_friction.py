@@ -19,7 +19,7 @@ def test_it_is_named_and_nothing_else_is(found):
     assert [(finding.effect, finding.joint) for finding in found.findings] == [(NAME, "elbow")]
 
 
-@pytest.mark.parametrize(("name", "truth"), zip(("torque", "displacement", "coulomb_torque"), THETA, strict=True))
+@pytest.mark.parametrize(("name", "truth"), list(zip(("torque", "displacement", "coulomb_torque"), THETA, strict=True)))
 def test_its_numbers_are_within_their_intervals(found, name, truth):
     stated = found.findings[0].parameters[name]
     assert abs(stated.value - truth) < 1.96 * stated.std

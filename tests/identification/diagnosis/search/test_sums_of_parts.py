@@ -102,9 +102,14 @@ def test_effects_of_one_kind_or_on_one_joint_may_have_one_cause(quiet, kinds, jo
 
 
 @pytest.mark.parametrize(("causes", "margin", "accurate"), [(0, 1.0, 0), (1, 1.0, 1), (2, 0.0, 1), (3, -0.5, 0)])
-def test_a_structure_for_one_or_two_causes_gains_more_than_their_laws_are_inaccurate(quiet, causes, margin, accurate):
+def test_a_structure_for_one_or_two_causes_gains_more_than_their_laws_are_inaccurate(
+    quiet, monkeypatch, causes, margin, accurate
+):
     # By hand: so many thresholds of chance, and the inaccuracy.
-    asked = stepwise._asked_of_nameless(quiet.search, causes, 7.0)
+    monkeypatch.setattr(stepwise, "_count_of_causes", lambda _: causes)
+    asked = stepwise._asked_of_nameless(
+        quiet.search, quiet.term("rhythm", "elbow"), frozenset(), 7.0, in_one_sine=False
+    )
     assert asked == pytest.approx(margin * quiet.search.threshold.overall + 7.0 * accurate)
 
 
