@@ -32,6 +32,7 @@ class Code(Enum):
     OPEN_ARRIVAL = auto()
     DRIVE_DROPS = auto()
     DRIVE_PROTECTED = auto()
+    RECORDINGS_UNLIKE = auto()
     # Simulated motion.
     RECORDED_PAST_LIMITS = auto()
     RUNS_PAST_LIMIT = auto()

@@ -34,6 +34,7 @@ from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.one_difference import beside_the_model_in_common, judged_by_difference
 from identification.scenarios.protected_drives import protection_notes
 from identification.scenarios.torque_or_motion import Reader, moved_by_controllers, torque_or_motion
+from identification.scenarios.unlike_recordings import unlike_notes
 from identification.stages import Announcement, Progress, Stage
 from identification.words.user_words import with_user_words
 from phantom_dyn import __version__
@@ -229,7 +230,8 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     tried = {"fits": explanation.fits, "floating": robot.floating}
     endless = (Note(Code.SEARCH_WITHOUT_END, numbers=tried),) if explanation.endless else ()
     drives = (*arrival_notes(session.robot, session.recordings), *protection_notes(session))
-    judgement = replace(judgement, notes=(*given.notes, *soft, *endless, *drives, *judgement.notes))
+    unlike = unlike_notes(shown.problem, judgement)
+    judgement = replace(judgement, notes=(*given.notes, *soft, *endless, *drives, *unlike, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)

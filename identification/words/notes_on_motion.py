@@ -9,6 +9,7 @@ import numpy as np
 from identification.data.recording import time_text
 from identification.diagnosis.evidence import Followed
 from identification.notes import Code, Note
+from identification.words.diagnosis_words import joined, joints_words
 from identification.words.numbers_and_names import NO_BREAK, filled
 
 _STATE_IT = "State controller: {{kind: pd, kp: ..., kd: ...}} of {joint} in robot.yaml if you know them"
@@ -129,6 +130,15 @@ def _drive_drops(note: Note) -> str:
     )
 
 
+def _recordings_unlike(note: Note) -> str:
+    fit, misfit, joints = (list(note.numbers[name]) for name in ("fit", "misfit", "joints"))
+    return (
+        f"The given model fits {joined(fit)} within noise, in motion of the same kind, and not {joined(misfit)}, on "
+        f"{joints_words(joints)}. If something was different there, such as a load, diagnose again with --changed and "
+        "what it was."
+    )
+
+
 def _drive_protected(note: Note) -> str:
     n = note.numbers
     angle, torque = n["units"]
@@ -230,6 +240,7 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.OPEN_ARRIVAL: _open_arrival,
     Code.DRIVE_DROPS: _drive_drops,
     Code.DRIVE_PROTECTED: _drive_protected,
+    Code.RECORDINGS_UNLIKE: _recordings_unlike,
     Code.RECORDED_PAST_LIMITS: _recorded_past_limits,
     Code.RUNS_PAST_LIMIT: _runs_past_limit,
     Code.RUNS_PAST_LIMITS: _runs_past_limits,
