@@ -201,9 +201,10 @@ class PreslidingFriction(Effect):
         unit, coulomb = torque_unit(robot, joint), _bristle_and_coulomb(theta)[1]
         if coulomb == 0.0:
             return ""
+        modelled = modelled_friction_of(robot, joint)[1]
         return (
-            f"Of the {modelled_friction_of(robot, joint)[1]:.3g} {unit} of Coulomb friction in the model, "
-            f"{-coulomb:.3g} {unit} do not set in at once: they are part of this friction."
+            f"Of the {modelled:.3g} {unit} of Coulomb friction that the model has on {joint}, {-coulomb:.2g} {unit} do "
+            "not set in at once: they are part of its presliding friction."
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:

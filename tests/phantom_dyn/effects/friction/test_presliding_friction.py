@@ -89,6 +89,11 @@ def test_a_bristle_in_the_place_of_coulomb_friction_leaves_no_step(arm, smooth):
     changed = EFFECT.simulated(rubbing, "tilt", np.array([0.5, 0.02, -0.5])).robot(rubbing)
     assert changed.coulomb_friction[1] == 0.0
     assert EFFECT.model_numbers(rubbing, "tilt", np.array([0.5, 0.02, -0.5])).coulomb == 0.0
+    assert EFFECT.remark(rubbing, "tilt", np.array([0.5, 0.02, -0.4])) == (
+        "Of the 0.5 N m of Coulomb friction that the model has on tilt, 0.4 N m do not "
+        "set in at once: they are part of its presliding friction."
+    )
+    assert EFFECT.remark(rubbing, "tilt", np.array([0.5, 0.02, 0.0])) == ""
 
 
 def test_it_takes_the_place_of_no_more_coulomb_friction_than_is_modelled(arm):
