@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share: of the gain of unconstrained inertial parameters that bodies which can exist have to reach, however small.
-BY_POSSIBLE_BODIES = 0.5
-
 
 def bodies_can_exist(possible: float, free: float, chance: float) -> GateResult:
     """Do bodies that can exist explain what free inertial parameters explain?
@@ -20,5 +17,5 @@ def bodies_can_exist(possible: float, free: float, chance: float) -> GateResult:
         free: Gain in sample of any inertial parameters.
         chance: Gain that noise makes at most.
     """
-    share, needed = (possible / free, max(BY_POSSIBLE_BODIES, 1.0 - chance / free)) if free > 0.0 else (1.0, 0.0)
+    share, needed = (possible / free, 1.0 - chance / free) if free > 0.0 else (1.0, 0.0)
     return GateResult("bodies can exist", share, needed, "of the gain", share > needed)

@@ -24,7 +24,6 @@ from identification.words.ledger_words import REASONS
 
 SIDES = [
     (possible_size(1), possible_size(0)),
-    (bodies_can_exist(5.0, 10.0, 20.0), bodies_can_exist(5.1, 10.0, 20.0)),
     (bodies_can_exist(979.0, 1000.0, 20.0), bodies_can_exist(981.0, 1000.0, 20.0)),
     (more_than_chance(20.0, 20.0), more_than_chance(20.1, 20.0)),
     (fair_part_of_the_gap(30.0, 30.0), fair_part_of_the_gap(30.1, 30.0)),
