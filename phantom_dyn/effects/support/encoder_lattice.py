@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.model.robot import Robot
 
 # Readings are on a lattice if this share of them is within a tenth of a step of its points. By chance a fifth is.
@@ -22,6 +22,10 @@ _LEAST_LEVELS = 8
 _PLACES = (0.0, 0.05, 0.2, 0.5)
 # Largest number of steps in such a distance, as a joint may pass levels between two readings.
 _STEPS = 6
+# Rows before and after a reading over which its speed is measured, and how far from a whole number of steps per row
+# that speed has to be. Rounding to the step makes an error of the speed of at most a tenth of a step per row.
+_ROWS = 5
+_APART = 0.15
 
 
 def stated_step(robot: Robot, row: int) -> float | None:
@@ -75,7 +79,8 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
     The readings may have noise of a few stated steps. The levels that were read, each counted once, form a comb with
     one tooth per step. Its spectrum is near one at the frequency of the teeth; it is near zero if all levels between
     the teeth were read too. Levels have to cluster around the teeth all along the travel, and not only around a few
-    positions about which the joint creeps.
+    positions about which the joint creeps. A joint that turns at a constant speed is read at equal distances, too, so
+    they also have to cluster where it turns at another speed.
 
     Args:
         readings: Raw positions of one joint, as recorded.
@@ -96,7 +101,19 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
     start = first + int(lines[0])
     peak = start + int(np.argmax(magnitude[start : start + 8]))
     step = 4 * length * stated / peak
+    others = np.unique(np.round((readings - readings.min()) / stated)[_at_other_speeds(readings, step)])
+    if len(others) < _LEAST_LEVELS or abs(np.mean(np.exp(2j * np.pi * others * stated / step))) < _COMB:
+        return None
     return step if _about_every_tooth(places * stated / step) else None
+
+
+def _at_other_speeds(readings: Float[Array, " N"], step: float) -> Bool[Array, " N"]:
+    """Readings between which the joint does not turn by a whole number of steps, other than zero, from row to row."""
+    rows = np.arange(len(readings))
+    first, last = np.maximum(rows - _ROWS, 0), np.minimum(rows + _ROWS, len(readings) - 1)
+    speed = np.abs(readings[last] - readings[first]) / (last - first) / step
+    whole = np.round(speed)
+    return (whole == 0.0) | (np.abs(speed - whole) > _APART)
 
 
 def _about_every_tooth(phase: Float[Array, " n"]) -> bool:

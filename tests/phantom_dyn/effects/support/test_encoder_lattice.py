@@ -42,7 +42,7 @@ def test_a_lattice_is_believed_while_no_more_than_two_in_a_hundred_levels_are_of
 @pytest.mark.parametrize(("teeth", "step"), [(15, None), (16, 604 / 60), (21, 804 / 80)])
 def test_a_comb_of_sixteen_teeth_is_believed_to_a_line_of_its_spectrum(teeth, step):
     # By hand: every tenth of 10 (teeth - 1) + 1 levels; the line next to a tenth of four times as many.
-    found = coarse_step(0.3 + 10 * STATED * np.arange(teeth), STATED)
+    found = coarse_step(np.repeat(0.3 + 10 * STATED * np.arange(teeth), 20), STATED)
     assert found == (None if step is None else pytest.approx(step * STATED))
 
 
@@ -51,7 +51,7 @@ def test_a_comb_is_believed_where_its_first_line_has_six_tenths(extra, peak):
     # Closed form: of 21 teeth and so many levels halfway between, the first line is (21 - n) / (21 + n), 0.62 and 0.56;
     # the second one has all in phase, at twice 80.4.
     places = np.concatenate([10 * np.arange(21), 5 + 20 * np.arange(extra)])
-    assert coarse_step(STATED * places, STATED) == pytest.approx(804 / peak * STATED)
+    assert coarse_step(np.repeat(STATED * places, 20), STATED) == pytest.approx(804 / peak * STATED)
 
 
 def test_a_travel_of_more_than_twenty_million_steps_is_not_looked_at():
@@ -110,3 +110,17 @@ def test_a_joint_that_creeps_about_a_place_and_sweeps_once_shows_no_coarse_step(
     place = np.where(t < 19.0, 5.0 * STATED * t, 95.0 * STATED + 0.2 * np.sin(2.0 * np.pi * (t - 19.0)))
     readings = np.round(place / (0.1 * STATED)) * 0.1 * STATED
     assert coarse_step(readings, 0.1 * STATED) is None
+
+
+@pytest.mark.parametrize("speed", [12.9, 24.3])
+def test_a_joint_that_turns_at_a_constant_speed_shows_no_coarse_step(speed):
+    # Known truth: readings at every stated step. The distance between two rows, `speed` steps, is a step of the motion.
+    travel = np.concatenate([np.arange(0.0, 2000.0), np.full(300, 2000.0), np.arange(2000.0, 0.0, -1.7)])
+    assert coarse_step(np.round(speed * travel) * STATED, STATED) is None
+
+
+def test_a_coarse_step_is_found_beside_a_sweep_of_one_step_a_row(swung, rng):
+    sweep = 1.0 + 30 * STATED * np.arange(400)
+    place = np.concatenate([swung, sweep])
+    readings = np.round(place / (30 * STATED)) * 30 * STATED + 0.5 * STATED * rng.normal(size=len(place))
+    assert coarse_step(readings, STATED) == pytest.approx(30 * STATED, rel=1e-3)
