@@ -32,7 +32,8 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]
         rivals = tuple(term for term in shaped if search.possible(remaining, term))
-        gains = search.gains(remaining, rivals, above=0.0 if won is None else rules.RUNNER_UP * won)
+        least = 0.0 if won is None else rules.RUNNER_UP * won
+        gains = search.gains(remaining, rivals, above=least, instead_of=finding)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
             if (

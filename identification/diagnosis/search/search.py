@@ -31,6 +31,8 @@ _MOST_FITS, _MOST_FITS_OF_MANY = 4000, 600
 # Most rivals whose in-sample gain is computed by a fit: the best ranked, and those with this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2  # share of the best gain below which a rival is no such rival
+# With released bounds a gain may be so many times its estimate with the binding bounds held.
+_RELEASED = 2.0
 # Score of an impossible set, more than any recording's loss.
 IMPOSSIBLE = 1e15
 
@@ -142,16 +144,24 @@ class Search:
             return IMPOSSIBLE
         return found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
-    def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...], above: float = -np.inf) -> dict[Term, float]:
+    def gains(
+        self,
+        chosen: frozenset[Term],
+        terms: tuple[Term, ...],
+        above: float = -np.inf,
+        instead_of: Term | None = None,
+    ) -> dict[Term, float]:
         """In-sample gain of each term beside a set, less the price of its parameters.
 
         All are ranked with the binding bounds of the set held. The best are then fitted, and so are those that would
-        remove others of the set, where their gain may be above the wanted one.
+        remove others of the set, where their gain may be above the wanted one. A gain is larger once bounds are
+        released: a few times where tolerances are at their bounds to imitate the cause.
 
         Args:
             chosen: A set.
             terms: Rivals.
             above: The wanted gain: one that is below it need not be exact.
+            instead_of: A finding that the terms may replace. It shows how much the bounds hide.
         """
         gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
@@ -164,13 +174,18 @@ class Search:
         out = {term: gained[term] - costs[term] for term in terms}
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
+        released = _RELEASED * (1.0 if instead_of is None else self._hidden_by_bounds(chosen, instead_of))
         for k, term in enumerate(ranked):
-            # With released bounds a gain may be up to twice as large.
-            worth = 2.0 * (out[term] + costs[term]) - costs[term] > above
+            worth = released * (out[term] + costs[term]) - costs[term] > above
             promising = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
             if worth and (promising or term in gone):
                 out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
         return out
+
+    def _hidden_by_bounds(self, chosen: frozenset[Term], term: Term) -> float:
+        """Gain of a term beside a set over its estimate with the binding bounds of the set held, at least one."""
+        estimate = max(self.fits.gains(chosen, (term,))[term], 1e-12)
+        return max((self.quick(chosen) - self.quick(chosen | {term})) / estimate, 1.0)
 
     def possible(self, chosen: frozenset[Term], term: Term) -> bool:
         """As `containment.possible`, with the cached relations of this search."""

@@ -262,7 +262,7 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
     lost = explained(search, chosen, term)
     # Estimated gains are to second order, and may be off by a few per cent where a law is nonlinear.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
-    promised = search.gains(remaining, singles, above=least)
+    promised = search.gains(remaining, singles, above=least, instead_of=term)
     return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
 
 
