@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search
-from identification.gates import rivalry
+from identification.gates import fair_part, rivalry
 from phantom_dyn.array_types import Array, Float
 
 
@@ -56,6 +56,23 @@ def losses_in(
     losses = np.array([other.evaluate(one).loss + more for one, more in zip(sets, allowance, strict=True)]).T
     twins, apart = ([key in some for key in keys] for some in free)
     return losses, (*costs_of(other, sets, twins), *costs_of(other, sets, twins, apart))
+
+
+def within_accuracy(losses: Float[Array, "B m"], alike: Sequence[bool], gain: float) -> Float[Array, "B m"]:
+    """Losses of rivals, nearer to those of the finding by what the method is accurate to.
+
+    Derivatives, filters and the linearised tolerances have errors, too: a difference between two causes that is a tiny
+    part of what they explain says nothing, however large it is beside the noise.
+
+    Args:
+        losses: Held-out losses by block and set, the finding's set first.
+        alike: True for sets to which this applies.
+        gain: What the finding explains.
+    """
+    worse = losses - losses[:, :1]
+    total = np.abs(worse.sum(axis=0))
+    kept = np.maximum(total - fair_part.ACCURACY * gain, 0.0) / np.maximum(total, 1e-300)
+    return losses[:, :1] + worse * np.where(alike, kept, 1.0)
 
 
 def adds_up(search: Search, chosen: Chosen) -> bool:

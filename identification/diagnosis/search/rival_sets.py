@@ -11,7 +11,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import are_parts, contains, scales_all_bodies
-from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in
+from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, within_accuracy
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import EffectJoint
@@ -71,7 +71,8 @@ def compare_with_rivals(
     in a replicate only if they gain more there than their price and the errors of the method; equal predictions share a
     replicate. It need not pass the threshold of chance over the whole catalogue, as laws of one kind on one joint are
     few. Rivals that make the torque of the finding, and the other way round, are compared without prices: the number of
-    parameters is no argument then. Of two laws of which neither contains the other, probabilities are means with and
+    parameters is no argument then. Losses of two laws that differ by less than the errors of the method count as equal.
+    Of two laws of which neither contains the other, probabilities are means with and
     without prices: on held-out blocks a law already loses by parameters that fit noise. So are a law and a sum of
     effects that are its parts. A law that has come to a special case of itself counts as that case.
 
@@ -108,8 +109,12 @@ def compare_with_rivals(
     costs = costs_of(search, sets, [key in twins for key in keys])
     costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
     effects = {key: _replacing_effects(search, chosen, names[key], key, same) for key in keys[1:]}
-    losses = np.array([options[key] for key in keys]).T
-    others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in other_conditions]
+    alike = [key in apart for key in keys]
+    losses = within_accuracy(np.array([options[key] for key in keys]).T, alike, explained(search, chosen, term))
+    others = []
+    for other in other_conditions:
+        own, prices = losses_in(other, search, options, keys, same, (twins, apart))
+        others.append((within_accuracy(own, alike, explained(other, chosen, term)), prices))
     shares = _by_effects(keys, effects, probabilities(losses, costs, others, by_halves=bool(other_conditions)))
     for causes, odds in richer.items():
         shares[causes] = max(shares.get(causes, 0.0), odds * shares[()])
