@@ -11,6 +11,7 @@ from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import weights_of
+from identification.diagnosis.noise.whitening import Whitening, without_standstill
 from identification.diagnosis.search.search import Search, set_up_search
 from phantom_dyn.array_types import Array, Float
 
@@ -45,7 +46,8 @@ def narrow_search(search: Search, noise: Series) -> Search:
     """The search with fits by plain least squares in the judged band.
 
     Whitened fits separate effects best. Once the effects are chosen, the plain fit closes most of the gap, and its
-    parameters are less biased where a real effect differs from its law.
+    parameters are less biased where a real effect differs from its law. Where friction holds a joint, its residual says
+    little of the model: these samples weigh as little as in the figures of the gap.
     """
     session = search.problem.session
     columns = with_wider_band(session, search.problem.columns)
@@ -82,10 +84,21 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
             model_torque=each(columns.model_torque),
         )
 
-    narrow = below(columns)
-    weights = weights_of(narrow, each(noise))
-    plain = set_up(session, columns, narrow, weights)
+    narrow, own = below(columns), each(noise)
+    trust = without_standstill(narrow, own)
+    weights = weights_of(narrow, trust.series(own))
+    plain = set_up(session, columns, _weighted(narrow, trust), weights)
     if columns.displaced:
         read = columns_at_readings(session, columns)
-        plain = replace(plain, at_readings=set_up(session, read, below(read), weights))
+        plain = replace(plain, at_readings=set_up(session, read, _weighted(below(read), trust), weights))
     return set_up_search(plain, search.threshold, search.rows, search.spurious, search.record)
+
+
+def _weighted(columns: Columns, trust: Whitening) -> Columns:
+    """Columns, residual and modelled torque, each sample times its weight."""
+    return replace(
+        columns,
+        values=tuple(trust.columns(own, log) for log, own in enumerate(columns.values)),
+        residual=trust.series(columns.residual),
+        model_torque=trust.series(columns.model_torque),
+    )

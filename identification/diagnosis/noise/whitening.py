@@ -135,6 +135,17 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
     return Whitening(kernels, _trust(columns, kernels, noise))
 
 
+def without_standstill(columns: Columns, noise: Series) -> Whitening:
+    """Weights alone, without filters: lower for samples at standstill, where friction may have any value.
+
+    They are those of the figures of a gap, see `identification.diagnosis.fit.gap.sample_weights`.
+    """
+    rows = range(noise[0].shape[1])
+    sure = [certainty(columns, [part[:, j] for part in noise], j) for j in rows]
+    share = [np.column_stack([own[log] ** 2 for own in sure]) for log in range(len(noise))]
+    return Whitening([np.array([1.0]) for _ in rows], _mean_square_one(columns, share))
+
+
 def noise_filters(columns: Columns, noise: Series) -> list[Float[Array, " m"]]:
     """Filter of each row that makes its noise white, see `noise_filter`; from the samples in which the joint moves."""
     kernels = []
@@ -213,11 +224,15 @@ def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -
         np.column_stack([friction_variance(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
         for log in range(len(noise))
     ]
-    count = sum(use.sum(axis=0) for use in columns.usable)
     variance = np.array(
         [noise_variance(columns, [part[:, j] for part in noise], j, kernel) for j, kernel in enumerate(kernels)]
     )
-    share = [noise_share(variance, d) for d in doubt]
+    return _mean_square_one(columns, [noise_share(variance, d) for d in doubt])
+
+
+def _mean_square_one(columns: Columns, share: list[Float[Array, "n nv"]]) -> list[Float[Array, "n nv"]]:
+    """Weights of samples, the roots of shares, with a mean square of one over the usable samples of each row."""
+    count = sum(use.sum(axis=0) for use in columns.usable)
     mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
     # On a row without usable samples the weight has no effect.
