@@ -262,6 +262,25 @@ def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rough, shar
     np.testing.assert_array_equal(plain.weights.per_sample, weights.per_sample)
 
 
+def test_samples_at_standstill_hardly_count_in_plain_fits_and_in_the_noise_that_weighs_them(rough):
+    # Known truth: the fit and the noise without what friction holds at standstill, in the first 40 % of the recording.
+    session = replace(rough.session, cutoff_hz=rough.session.logs[0].band.cutoff_hz)
+    columns = rough.columns
+    still = (np.arange(len(columns.residual[0])) < 0.4 * len(columns.residual[0]))[:, None]
+    held = np.where(still, 1e3 * rough.noise[0].std(axis=0), 0.0)
+
+    def plain(residual, standing, noise):
+        changed = replace(columns, residual=(residual,), standing=(standing,))
+        problem = replace(rough.problem, session=session, columns=changed)
+        return narrow_search(replace(rough.search, problem=problem), (noise,))
+
+    without = plain(columns.residual[0], held, rough.noise[0])
+    beside = plain(columns.residual[0] + 0.5 * held, held, rough.noise[0] + 0.5 * held)
+    np.testing.assert_allclose(beside.problem.weights.floor, without.problem.weights.floor, rtol=0.1)
+    theta, expected = (search.evaluate(frozenset()).theta for search in (beside, without))
+    np.testing.assert_allclose(theta, expected, atol=0.1 * np.abs(expected).max())
+
+
 def test_a_judge_sees_series_in_its_band(rough):
     judge = Judge(rough.problem, np.ones(2), np.ones(2))
     np.testing.assert_array_equal(judge.narrow(rough.noise)[0], rough.session.in_judged_band(rough.noise)[0])
