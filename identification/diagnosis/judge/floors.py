@@ -42,6 +42,7 @@ class Floor:
             ``none``; before it ``above_band`` where the noise above the judged band agrees with the unpredicted
             residual inside it, and else ``predictors``, an upper limit.
         discrepancy: Error of a sound model on each joint, ``(nv,)``; None before `sensed_floor`.
+        in_doubt: Residual that ``high`` has for uncertain friction, root mean square, ``(nv,)``; None: none.
     """
 
     value: Float[Array, " nv"]
@@ -49,6 +50,14 @@ class Floor:
     high: Float[Array, " nv"]
     source: tuple[str, ...]
     discrepancy: Float[Array, " nv"] | None = None
+    in_doubt: Float[Array, " nv"] | None = None
+
+    @property
+    def foreseen(self) -> Float[Array, " nv"] | None:
+        """The largest residual that a flexible model may predict on a sound joint, ``(nv,)``; None: not known."""
+        if self.discrepancy is None or self.in_doubt is None:
+            return self.discrepancy
+        return np.hypot(self.discrepancy, self.in_doubt)
 
     @property
     def allowed(self) -> Float[Array, " nv"]:
@@ -146,7 +155,7 @@ def floor_of(
     more = left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
     # Where friction holds a joint and may have any value, an unpredicted residual need not be noise.
     low = np.minimum(low, judged_noise(problem, noise))
-    return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
+    return Floor(value, low, np.sqrt(high**2 + more), tuple(source), in_doubt=np.sqrt(more))
 
 
 def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
@@ -303,7 +312,11 @@ def sensed_floor(
     source = tuple(
         REPETITIONS if again else SENSORS if own else NONE for again, own in zip(repeated, known, strict=True)
     )
-    return replace(floor, value=value, low=low, high=high, source=source, discrepancy=sensed.discrepancy)
+    assert floor.in_doubt is not None
+    in_doubt = np.where(taken, np.sqrt(open_), floor.in_doubt)
+    return replace(
+        floor, value=value, low=low, high=high, source=source, discrepancy=sensed.discrepancy, in_doubt=in_doubt
+    )
 
 
 def counted(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:

@@ -77,7 +77,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     findings = tuple(claim.finding for claim in kept)
     after = _without_rounding(sums(problem, residual), rounding.total)
     bursts = _events(problem, left)
-    left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.discrepancy)
+    left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.foreseen)
     foreseen = left_over.fraction_of_explainable > 0.0
     joints = joint_gaps(
         problem, left.floor, sums(problem, given), within, after, _by_regime(problem, left), foreseen=foreseen
@@ -159,7 +159,7 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
 
     def has_structure(chosen: frozenset[Term]) -> bool:
         left = left_by_all(chosen)
-        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.discrepancy)
+        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.foreseen)
         return over.structured or bool(_events(plain.problem, left))
 
     residuals = Residuals(lambda chosen: left_by_all(chosen).judge, over_allowed, has_structure)

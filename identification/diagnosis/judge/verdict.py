@@ -110,7 +110,7 @@ def unexplained(
     judge: Judge,
     residual: Series,
     whole: Series,
-    discrepancy: Float[Array, " nv"] | None = None,
+    of_sound: Float[Array, " nv"] | None = None,
 ) -> Unexplained:
     """Share of the explainable gap that is not explained, and where it is if it has structure.
 
@@ -120,7 +120,7 @@ def unexplained(
         judge: Problem and floor of the gap.
         residual: Residual after the named effects, in the judged band.
         whole: Residual after all effects, structures without a name included.
-        discrepancy: Error of a sound model on each joint, ``(nv,)``; None: zero.
+        of_sound: What a flexible model may predict of the residual of a sound joint, ``(nv,)``; None: nothing.
     """
     floor, problem, nameless = judge.floor, plain.problem, frozenset(term for term in chosen if not term.named)
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
@@ -135,9 +135,9 @@ def unexplained(
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
     lasting = left - best > rules.STRUCTURE_SHARE * left and total.sum() > rules.STRUCTURE_ERRORS * error
-    # The error of a sound model is predictable, too.
+    # The error of a sound model is predictable, too, and so is how its friction holds and creeps.
     foreseen = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / np.maximum(after.counts.sum(axis=0), 1e-12)) * floor
-    beyond = discrepancy is None or bool(np.any(foreseen > discrepancy))
+    beyond = of_sound is None or bool(np.any(foreseen > of_sound))
     structured = bool(nameless) or bool(beyond and (lasting or left - best > rules.PLAIN_STRUCTURE * left))
     # The part that changes within the tolerances explain is no gap.
     explainable = allowed - min(best, left)
