@@ -17,7 +17,6 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.gap import judged_blocks, judged_noise, measured_torque, sample_weights, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.discrepancy import discrepancy
-from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_floor import SensorFloor, sensor_floor
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
@@ -107,7 +106,7 @@ def floor_of(
     from scipy.special import ndtri
 
     session, robot = problem.session, problem.session.robot
-    value, unpredicted = noise_floor(session, problem.columns, noise), sums(problem, session.in_judged_band(noise))
+    value, unpredicted = judged_noise(problem, noise), sums(problem, session.in_judged_band(noise))
     drawn = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
     mean = (drawn @ unpredicted.squares) / np.maximum(drawn @ unpredicted.counts, 1e-12)
     relative = np.sqrt(mean) / np.maximum(unpredicted.rms(), 1e-300)
@@ -153,8 +152,6 @@ def floor_of(
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
     more = left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
-    # Where friction holds a joint and may have any value, an unpredicted residual need not be noise.
-    low = np.minimum(low, judged_noise(problem, noise))
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source), in_doubt=np.sqrt(more))
 
 
@@ -312,8 +309,7 @@ def sensed_floor(
     source = tuple(
         REPETITIONS if again else SENSORS if own else NONE for again, own in zip(repeated, known, strict=True)
     )
-    assert floor.in_doubt is not None
-    in_doubt = np.where(taken, np.sqrt(open_), floor.in_doubt)
+    in_doubt = np.where(taken, np.sqrt(open_), 0.0 if floor.in_doubt is None else floor.in_doubt)
     return replace(
         floor, value=value, low=low, high=high, source=source, discrepancy=sensed.discrepancy, in_doubt=in_doubt
     )
