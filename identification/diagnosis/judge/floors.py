@@ -215,20 +215,22 @@ def left_in_doubt(
 ) -> Float[Array, " nv"]:
     """Mean square of the residual where friction is uncertain by more than the floor, up to two deviations of it.
 
-    Zero on a joint whose residual elsewhere is above ``wide``, too: then friction is not the reason.
+    Samples have the weights of the figures of a gap. Zero on a joint whose residual elsewhere is above ``wide``, too: then friction is not the reason.
     """
     out = np.zeros(len(floor))
+    weights = tuple(sample_weights(problem, k) for k in range(len(residual)))
     for j in range(len(floor)):
         use = np.concatenate([use[:, j] for use in problem.columns.usable])
-        left, own, variance = (
-            np.concatenate([part[:, j] for part in series])[use] for series in (residual, noise, doubt)
+        left, own, variance, weight = (
+            np.concatenate([part[:, j] for part in series])[use] for series in (residual, noise, doubt, weights)
         )
         open_ = variance > floor[j] ** 2
         sure = ~open_
         enough = np.count_nonzero(sure) >= max(rules.SURE_SHARE * len(sure), 1.0)
         if enough and np.mean(left[sure] ** 2) > wide[j] ** 2 * max(np.mean(own[sure] ** 2), floor[j] ** 2):
             continue
-        out[j] = np.minimum(left[open_] ** 2, 4.0 * variance[open_]).sum() / max(len(left), 1)
+        in_doubt = weight[open_] @ np.minimum(left[open_] ** 2, 4.0 * variance[open_])
+        out[j] = in_doubt / max(weight.sum(), 1e-300)
     return out
 
 

@@ -20,6 +20,7 @@ from identification.diagnosis.judge.floors import (
     answers_above,
     counted,
     floor_of,
+    left_in_doubt,
     sensed_floor,
     sensed_of,
     sensors_of,
@@ -303,6 +304,18 @@ def test_a_floor_hardly_counts_what_nothing_foresees_of_a_standing_joint(steady,
     noise = np.column_stack([np.where(stands, 0.9, 0.1), series[:, 1]])
     floor = floor_of(replace(problem, columns=columns), (noise,), like(steady, 9.0, 9.0), sure(steady))
     assert floor.value[0] == pytest.approx(np.sqrt((0.1 * 0.81 + 0.01) / 1.1), rel=0.01)
+
+
+def test_what_friction_in_doubt_leaves_counts_with_the_weights_of_the_figures(steady):
+    # By hand: a third of the samples is in doubt, and counts for a tenth of the others.
+    problem, (series,) = steady
+    stands = np.arange(len(series)) % 3 == 0
+    standing = np.column_stack([np.where(stands, 3.0 * problem.weights.floor[0], 0.0), np.zeros(len(series))])
+    problem = replace(problem, columns=replace(problem.columns, standing=(standing,)))
+    residual, doubt = (np.column_stack([np.where(stands, size, 0.0), np.zeros(len(series))]) for size in (0.5, 1.0))
+    floor = np.array([0.1, 0.2])
+    more = left_in_doubt(problem, (series,), (residual,), (doubt,), floor, np.array([9.0, 9.0]))
+    assert more == pytest.approx([0.25 * 0.1 / (0.1 + 2.0), 0.0], rel=0.02)
 
 
 BEFORE = Floor(np.array([5.0, 6.0]), np.array([4.0, 5.0]), np.array([6.0, 7.0]), ("predictors", "predictors"))
