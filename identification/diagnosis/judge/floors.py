@@ -215,7 +215,8 @@ def left_in_doubt(
 ) -> Float[Array, " nv"]:
     """Mean square of the residual where friction is uncertain by more than the floor, up to two deviations of it.
 
-    Samples have the weights of the figures of a gap. Zero on a joint whose residual elsewhere is above ``wide``, too: then friction is not the reason.
+    Samples have the weights of the figures of a gap. Zero on a joint whose residual elsewhere is above ``wide``, too:
+    then friction is not the reason.
     """
     out = np.zeros(len(floor))
     weights = tuple(sample_weights(problem, k) for k in range(len(residual)))
