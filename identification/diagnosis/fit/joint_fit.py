@@ -345,13 +345,12 @@ def _products(
     if residual is None:
         residual = tuple(r - t for r, t in zip(layout.problem.white.residual, model.torque, strict=True))
     problem = layout.problem
-    weights = problem.weights.per_sample
     a, b, c = [], [], []
     for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
         if fold < 0:
             continue
         part = slice(block.start, block.stop)
-        scale = np.sqrt(weights) * problem.white.usable[block.log][part]
+        scale = problem.weights.scale(block.log, part) * problem.white.usable[block.log][part]
         slopes = (model.slopes[block.log][part] * scale[:, :, None]).reshape(-1, layout.size)
         left = (residual[block.log][part] * scale).ravel()
         a.append(slopes.T @ slopes)

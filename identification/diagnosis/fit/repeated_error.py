@@ -64,13 +64,14 @@ def equations(layout: ModelLayout, model: Linearised) -> Equations:
         if fold >= 0:
             block_of[block.log][block.start : block.stop] = k
     slopes, residuals, blocks, states = [], [], [], []
-    for j, scale in enumerate(np.sqrt(problem.weights.per_sample)):
+    for j in range(problem.session.robot.nv):
         motion = []
         for log, of_log in enumerate(block_of):
             used = (of_log >= 0) & problem.white.usable[log][:, j]
+            scale = problem.weights.scale(log, slice(0, len(used)))[used, j]
             at = problem.session.logs[log].samples[used]
             operation = layout.operations[log]
-            slopes.append(model.slopes[log][used, j] * scale)
+            slopes.append(model.slopes[log][used, j] * scale[:, None])
             residuals.append((problem.white.residual[log] - model.torque[log])[used, j] * scale)
             blocks.append(of_log[used])
             motion.append(np.stack([operation.q[at, j], operation.v[at, j], operation.a[at, j]]))

@@ -11,7 +11,7 @@ from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import weights_of
-from identification.diagnosis.noise.whitening import Whitening, without_standstill
+from identification.diagnosis.noise.whitening import trust_in_samples
 from identification.diagnosis.search.search import Search, set_up_search
 from phantom_dyn.array_types import Array, Float
 
@@ -85,20 +85,11 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
         )
 
     narrow, own = below(columns), each(noise)
-    trust = without_standstill(narrow, own)
-    weights = weights_of(narrow, trust.series(own))
-    plain = set_up(session, columns, _weighted(narrow, trust), weights)
+    trust = trust_in_samples(narrow, own)
+    certain = tuple(part * one for part, one in zip(own, trust, strict=True))
+    weights = replace(weights_of(narrow, certain), trust=trust)
+    plain = set_up(session, columns, narrow, weights)
     if columns.displaced:
         read = columns_at_readings(session, columns)
-        plain = replace(plain, at_readings=set_up(session, read, _weighted(below(read), trust), weights))
+        plain = replace(plain, at_readings=set_up(session, read, below(read), weights))
     return set_up_search(plain, search.threshold, search.rows, search.spurious, search.record)
-
-
-def _weighted(columns: Columns, trust: Whitening) -> Columns:
-    """Columns, residual and modelled torque, each sample times its weight."""
-    return replace(
-        columns,
-        values=tuple(trust.columns(own, log) for log, own in enumerate(columns.values)),
-        residual=trust.series(columns.residual),
-        model_torque=trust.series(columns.model_torque),
-    )

@@ -135,15 +135,14 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
     return Whitening(kernels, _trust(columns, kernels, noise))
 
 
-def without_standstill(columns: Columns, noise: Series) -> Whitening:
-    """Weights alone, without filters: lower for samples at standstill, where friction may have any value.
+def trust_in_samples(columns: Columns, noise: Series) -> tuple[Float[Array, "n nv"], ...]:
+    """Factor of each sample without a filter: lower at standstill, where friction may have any value.
 
-    They are those of the figures of a gap, see `identification.diagnosis.fit.gap.sample_weights`.
+    The squares are in proportion to the weights of the figures of a gap, see `fit.gap.sample_weights`.
     """
-    rows = range(noise[0].shape[1])
-    sure = [certainty(columns, [part[:, j] for part in noise], j) for j in rows]
+    sure = [certainty(columns, [part[:, j] for part in noise], j) for j in range(noise[0].shape[1])]
     share = [np.column_stack([own[log] ** 2 for own in sure]) for log in range(len(noise))]
-    return Whitening([np.array([1.0]) for _ in rows], _mean_square_one(columns, share))
+    return tuple(_mean_square_one(columns, share))
 
 
 def noise_filters(columns: Columns, noise: Series) -> list[Float[Array, " m"]]:

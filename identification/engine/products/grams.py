@@ -18,20 +18,27 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 
 @dataclass(frozen=True)
 class Weights:
-    """Noise of each row: a squared residual counts ``1 / (floor^2 * spread)``.
+    """Noise of each row: a squared residual counts ``1 / (floor^2 * spread)``, times the square of its trust.
 
     Attributes:
         floor: Noise floor, in the unit of the row, ``(nv,)``.
         spread: Samples of coloured noise that carry the information of one of white noise, ``(nv,)``.
+        trust: Factor of each sample, for each log ``(n, nv)``; None: one.
     """
 
     floor: Float[Array, " nv"]
     spread: Float[Array, " nv"]
+    trust: tuple[Float[Array, "n nv"], ...] | None = None
 
     @property
     def per_sample(self) -> Float[Array, " nv"]:
         """Weight of a squared residual on each row."""
         return 1.0 / (self.floor**2 * self.spread)
+
+    def scale(self, log: int, part: slice) -> Float[Array, "n nv"]:
+        """Factor of the residuals of some samples of a log that makes their squares count as they should."""
+        trust = 1.0 if self.trust is None else self.trust[log][part]
+        return np.sqrt(self.per_sample) * trust * np.ones((part.stop - part.start, 1))
 
 
 @dataclass(frozen=True)
@@ -173,6 +180,8 @@ def row_grams(
         # One product of columns and residual together gives all three.
         x, residual = columns.values[block.log][row][part], columns.residual[block.log][part, row]
         joined = np.column_stack([x, residual] if use.all() else [x[use], residual[use]])
+        if weights.trust is not None:
+            joined *= weights.trust[block.log][part, row][use, None]
         # The core is the block less its first few samples.
         first = int(np.searchsorted(np.flatnonzero(use), block.core - block.start))
         np.matmul(joined[first:].T, joined[first:], out=product)

@@ -253,7 +253,7 @@ def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rough, shar
     search = replace(rough.search, problem=replace(rough.problem, session=session))
     plain = narrow_search(search, rough.noise).problem
     columns = rough.columns
-    assert np.array_equal(plain.white.residual[0], columns.residual[0]) is not smoothed
+    assert (plain.white.residual[0] is not columns.residual[0]) is smoothed
     for name in ("residual", "model_torque"):
         np.testing.assert_allclose(getattr(plain.white, name)[0], session.in_judged_band(getattr(columns, name))[0])
     for narrow, wide in zip(plain.white.values[0], with_wider_band(session, columns).values[0], strict=True):
