@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import truncnorm
@@ -9,6 +11,7 @@ from identification.diagnosis.columns.tolerance_parameters import tolerance_para
 from identification.diagnosis.fit.covariance import covariance, free_parameters
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit, within_tolerances
+from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.judge.judged_band import narrow_search
@@ -51,6 +54,19 @@ def test_a_shape_off_its_grid_is_found_with_its_coefficients(slipping, planar2):
     for name, known in truth.items():
         assert abs(values[name].value - known) < 3 * values[name].std
     assert 0 < values["stribeck_velocity"].std < 0.1 * 0.2
+
+
+def test_a_joint_fit_trusts_each_sample_as_the_fit_before_it_does(slipping, planar2):
+    # Oracle: the linear fit with the same trust; 2 N m in the second half of the recording, which hardly counts.
+    prepared, problem = slipping
+    term = middle(prepared, ("viscous_friction", "elbow"))
+    late = np.arange(len(problem.white.residual[0]))[:, None] > 0.5 * len(problem.white.residual[0])
+    trust = (np.where(late, 0.01, 1.0) * np.ones(2),)
+    white = replace(problem.white, residual=(problem.white.residual[0] + np.where(late, 2.0, 0.0),))
+    problem = set_up(problem.session, problem.columns, white, replace(problem.weights, trust=trust))
+    fitted = fitted_with(planar2, prepared, problem, term)
+    expected = fit(problem, (term,)).theta[list(term.columns)]
+    np.testing.assert_allclose(fitted.x[fitted.slices_of(term).coefficients], expected, rtol=0.03)
 
 
 def test_a_coefficient_is_known_less_well_when_its_shape_is_not(slipping, planar2):

@@ -1,5 +1,7 @@
 """Products of the engine: blocks, Gram matrices, rows, triangles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -123,6 +125,20 @@ def test_products_of_a_row_are_those_of_its_usable_samples(two, row):
         np.testing.assert_allclose(square(grams.core_a[k]), weight * x.T @ x, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(grams.core_b[k], weight * x.T @ y, rtol=1e-9, atol=1e-9)
         assert grams.core_c[k] == pytest.approx(weight * y @ y)
+
+
+def test_a_sample_counts_with_the_square_of_its_trust(two, rng):
+    # Brute force: products of columns and residual that are multiplied by the trust.
+    trust = tuple(rng.uniform(0.1, 1.0, use.shape) for use in two.white.usable)
+    grams = row_grams(two.white, two.blocks, two.folds, replace(two.weights, trust=trust), 1)
+    for k, block in enumerate(two.blocks[:3]):
+        use = two.white.usable[block.log][block.core : block.stop, 1]
+        scale = replace(two.weights, trust=trust).scale(block.log, slice(block.core, block.stop))[use, 1]
+        x, y = gram_samples(two, 1, block, block.core)
+        np.testing.assert_allclose(grams.core_b[k], (x * scale[:, None]).T @ (y * scale), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            scale**2, two.weights.per_sample[1] * trust[block.log][block.core : block.stop, 1][use] ** 2
+        )
 
 
 @pytest.mark.parametrize("fold", [0, 2, -1])
