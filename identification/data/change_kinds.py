@@ -1,6 +1,6 @@
 """Names of the changes between two recordings whose amount need not be known.
 
-They have a module of their own so that the command line can list them without loading NumPy.
+This module imports nothing else, so that the command line can list the names without loading NumPy.
 """
 
 from __future__ import annotations

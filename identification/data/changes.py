@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Known changes between recordings (payload, controllers), and the robot's model with them."""
+"""Known changes between recordings (payload, controllers), and the robot's model with these changes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from phantom_dyn.model.robot import Controller, Robot
 
 @dataclass(frozen=True)
 class KnownPayload:
-    """A point mass [kg] and its centre [m] in the ``payload_frame`` that ``robot.yaml`` states.
+    """A point mass [kg] and its centre [m] in the ``payload_frame`` of ``robot.yaml``.
 
-    If ``robot.yaml`` states none, the centre is in the frame of the joint that moves the link, as in a finding.
+    If ``robot.yaml`` has no ``payload_frame``, the centre is in the frame of the joint that moves the link.
     """
 
     mass: float
@@ -35,9 +35,9 @@ class Change:
         file: Name of the recording, for messages.
         payload: A known mass that the robot carries in addition to the model.
         controllers: Position controllers by joint, where they differ from those of the robot.
-        changed: Kinds of change whose size is unknown.
-        exclude: Stretches of its time [s] to leave out of every fit.
-        beside: Further files with columns of the same rows.
+        changed: Kinds of change that the user has named.
+        exclude: Intervals of the recording's time [s] to leave out of every fit.
+        beside: Further files that hold more columns of the same samples.
     """
 
     file: str
@@ -49,13 +49,13 @@ class Change:
 
     @property
     def unknown(self) -> tuple[Kind, ...]:
-        """Kinds of change whose size is unknown."""
+        """Kinds of change in ``changed`` for which neither ``payload`` nor ``controllers`` gives the size."""
         known = {"payload": self.payload is not None, "controller": bool(self.controllers)}
         return tuple(kind for kind in self.changed if not known.get(kind, False))
 
 
 def robot_in(robot: Robot, change: Change) -> Robot:
-    """The given robot as it was in one recording; the same object if it has no known change."""
+    """The robot as it was in one recording; the given object if the recording has no known change."""
     loaded = robot if change.payload is None or change.payload.mass == 0 else with_payload(robot, change.payload)
     if not change.controllers:
         return loaded
@@ -78,9 +78,9 @@ def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
 
 
 def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
-    """Centre of the mass [m] in the frame of the joint that moves its link, as findings state it."""
+    """Centre of the mass [m] in the frame of the joint that moves its link; findings use the same frame."""
     center = np.array(payload.center, dtype=float)
-    # Without a payload frame, a frame named tip selects the link that carries the mass, but is not the centre's frame.
+    # Without a payload frame, a frame named tip selects the link that carries the mass; the centre is not given in it.
     if robot.payload_frame is None:
         return center
     frame = robot.model.frames[robot.model.getFrameId(robot.payload_frame)]

@@ -1,4 +1,4 @@
-"""Report on a recording for its user: its certain faults, corrected values, and what may be wrong."""
+"""The report of ``phantom-dyn check`` on one recording: certain faults, corrected values and possible errors."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class CheckedRecording:
         joints: Names of the joints.
         samples: Number of samples.
         seconds: Time from the first sample to the last [s].
-        wrong: Certain faults; `diagnose` refuses such a recording.
+        wrong: Certain faults; `diagnose` refuses a recording that has one.
         warnings: Sentences on corrected values and possible errors.
         frames: Names of the frames with measured poses, and whether their orientations were measured.
-        with_robot: True if it was checked against a model; without one fewer faults are found.
-        loops: A sentence on each drive whose control loop could be estimated from the log.
+        with_robot: True if it was checked against a model; without a model, fewer faults are found.
+        loops: A sentence on each drive whose control loop could be estimated from the recording.
     """
 
     file: str
@@ -67,13 +67,12 @@ class CheckedRecording:
 
 
 def checked_recording(found: Recording, *, with_robot: bool) -> CheckedRecording:
-    """Length, joints and faults of a recording that was read and checked before."""
-    seconds = float(found.t[-1] - found.t[0])
+    """Length, joints and faults of a recording that has already been read and checked."""
     return CheckedRecording(
         found.file,
         found.joint_names,
         len(found.t),
-        seconds,
+        float(found.t[-1] - found.t[0]),
         found.wrong,
         found.warnings,
         with_robot,
@@ -122,7 +121,7 @@ def _read(
     ref_topic: str | None,
     progress: Progress,
 ) -> Recording:
-    """The recording in a file; it needs no torque if it holds only poses, or references of controllers."""
+    """The recording in a file; it may lack torques if it holds only poses, or references of controllers."""
 
     def read(torque_needed: bool) -> Recording:
         found = recording(table_of(path, robot, columns, topic, ref_topic), robot, torque_needed=torque_needed)

@@ -1,8 +1,8 @@
-"""Recordings of real robots: what they are, where they come from, and a folder that holds them.
+"""Public recordings of real robots: their list, and functions that find or download them.
 
-A recording is taken from the folder that the environment variable ``PHANTOM_DYN_DATA`` names (one folder per
-recording), else from the cache, else downloaded from its public address; every file is checked against its SHA-256.
-What downloads (pooch, requests, rich) is loaded where it is called: lists and refusals come at once without it.
+A recording is looked for in three places: in the folder named by the environment variable ``PHANTOM_DYN_DATA`` (one
+folder per recording), in the cache, and at its public address. The SHA-256 of every file is checked. The libraries for
+downloading (pooch, requests, rich) are imported inside functions, as they take long to load and are seldom needed.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from phantom_dyn.errors import LogError, UsageError
 T = TypeVar("T")
 
 PATIENCE_S = 8.0
-"""Wait for a server's first answer [s]; it includes the search for its address, which has no limit of its own."""
+"""Longest wait for a server's first answer [s], including the look-up of its address, which has no limit of its own."""
 CHUNK = 1 << 16
-"""Bytes that are written at a time."""
+"""Bytes that are written to disk at a time."""
 
 
 @dataclass(frozen=True)
 class File:
-    """One file of a recording; ``address`` is None where the public original has another form."""
+    """One file of a recording; ``address`` is None if the file is published in another format only."""
 
     name: str
     sha256: str
@@ -41,8 +41,8 @@ class Dataset:
     """A recording of a real robot.
 
     Attributes:
-        name: Also the name of its folder.
-        what: One line.
+        name: Name of the recording and of its folder.
+        what: Description in one line.
         licence: Licence of the data, or of the repository that publishes them.
         source: Public page at the commit that was used.
         citation: Whom to cite.
@@ -58,7 +58,7 @@ class Dataset:
 
     @property
     def is_public(self) -> bool:
-        """Whether every file can be fetched from a public address as it is; else a mirror is needed."""
+        """Whether every file can be downloaded from a public address; if not, a mirror is needed."""
         return all(file.address for file in self.files)
 
 
@@ -191,10 +191,10 @@ NAMES: tuple[str, ...] = tuple(dataset.name for dataset in DATASETS)
 
 
 def find(name: str) -> Dataset:
-    """The recording of that name.
+    """The dataset with this name.
 
     Raises:
-        UsageError: If there is none; lists the names and the nearest.
+        UsageError: If there is none; the message lists all names and the nearest one.
     """
     for dataset in DATASETS:
         if dataset.name == name:
@@ -205,11 +205,11 @@ def find(name: str) -> Dataset:
 
 
 def local(name: str) -> Path | None:
-    """Folder on this machine that holds the recording, or None; never asks the network.
+    """Folder on this machine that holds the recording, or None; nothing is downloaded.
 
     Raises:
         UsageError: If the name is unknown.
-        LogError: If a file in the folder of ``PHANTOM_DYN_DATA`` is not the one that is registered.
+        LogError: If a file in the folder of ``PHANTOM_DYN_DATA`` has another SHA-256 than the list states.
     """
     dataset = find(name)
     mirror = _mirror(name)
@@ -218,17 +218,16 @@ def local(name: str) -> Path | None:
             _check(mirror / file.name, file)
         return mirror
     cached = cache_folder(name)
-    if all(_is_intact(cached / file.name, file) for file in dataset.files):
-        return cached
-    return None
+    intact = ((cached / file.name).is_file() and _sha256(cached / file.name) == file.sha256 for file in dataset.files)
+    return cached if all(intact) else None
 
 
 def fetch(name: str) -> Path:
-    """Folder that holds the recording, downloaded into the cache where it is not on this machine yet.
+    """Folder that holds the recording, which is downloaded into the cache if it is not on this machine yet.
 
     Raises:
         UsageError: If the name is unknown.
-        LogError: If the recording cannot be had; says from where to take it and where to put it.
+        LogError: If the download fails; the message says where to get the files and where to put them.
     """
     dataset = find(name)
     folder = local(name)
@@ -253,7 +252,7 @@ def fetch(name: str) -> Path:
 
 
 def cache_folder(name: str) -> Path:
-    """Folder of the cache where a downloaded recording lies, whether it is there or not."""
+    """Folder of the cache for a downloaded recording, which may not exist yet."""
     import pooch
 
     return Path(pooch.os_cache("phantom-dyn")) / name
@@ -265,7 +264,7 @@ def _mirror(name: str) -> Path | None:
 
 
 def _check(path: Path, file: File) -> None:
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    found = _sha256(path)
     if found != file.sha256:
         raise LogError(
             f"{path} has SHA-256 {found[:12]}..., wanted {file.sha256[:12]}...: it was changed or is another version; "
@@ -273,8 +272,8 @@ def _check(path: Path, file: File) -> None:
         )
 
 
-def _is_intact(path: Path, file: File) -> bool:
-    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == file.sha256
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _where_to_put(dataset: Dataset) -> str:
@@ -286,10 +285,10 @@ def _where_to_put(dataset: Dataset) -> str:
 
 
 def download(address: str, path: Path, sha256: str) -> None:
-    """Put the file at ``address`` at ``path``; nothing is left there if it is not what ``sha256`` says.
+    """Download the file at ``address`` to ``path``; no file is left there if its hash is not ``sha256``.
 
     Raises:
-        OSError: If the address does not answer, or the file cannot be written; the text is a few words.
+        OSError: If the address does not answer, or the file cannot be written.
         ValueError: If the file has another hash.
     """
     import pooch
@@ -308,11 +307,11 @@ def download(address: str, path: Path, sha256: str) -> None:
 
 
 def _to_file(url: str, output_file: str, _: object) -> None:
-    """Pooch's interface of a downloader: write what is at ``url`` to a path."""
+    """Write the content of ``url`` to a file; the arguments are those of a downloader of Pooch."""
     import requests
 
     try:
-        response = within(PATIENCE_S, lambda: requests.get(url, stream=True, timeout=PATIENCE_S / 2))
+        response = with_timeout(PATIENCE_S, lambda: requests.get(url, stream=True, timeout=PATIENCE_S / 2))
         if not response.ok:
             raise OSError(f"the server answered {response.status_code}")
         size = int(response.headers.get("content-length", 0))
@@ -323,10 +322,10 @@ def _to_file(url: str, output_file: str, _: object) -> None:
         raise OSError("no connection to the server") from error
 
 
-def within(seconds: float, job: Callable[[], T]) -> T:
-    """Result of ``job``; a job that takes longer is abandoned.
+def with_timeout(seconds: float, job: Callable[[], T]) -> T:
+    """Result of ``job``; a job that takes longer than ``seconds`` is abandoned.
 
-    It runs in a thread, because the search for a host's address cannot be interrupted otherwise.
+    The job runs in a thread, because the look-up of a host's address cannot be interrupted otherwise.
 
     Raises:
         TimeoutError: After ``seconds``.
@@ -351,7 +350,7 @@ def within(seconds: float, job: Callable[[], T]) -> T:
 
 
 def _with_progress(chunks: Iterator[bytes], size: int, label: str) -> Iterator[bytes]:
-    """The chunks, with a progress bar on standard error where that is a terminal."""
+    """The chunks; if standard error is a terminal, it shows a progress bar."""
     if not sys.stderr.isatty():
         yield from chunks
         return

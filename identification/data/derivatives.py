@@ -1,8 +1,9 @@
-"""Velocity and acceleration from positions after a low pass, whose edge is lower where the encoder is coarse.
+"""Velocities and accelerations from low-passed positions; the low pass is lower for joints with coarse encoders.
 
-If a joint passes only few steps of its encoder in a period of the low pass, the filtered motion still has stairs: its
-velocity is zero between the steps and large at them. Friction then has no sign, and accelerations are many times too
-large. The readings only say that the true motion is within half a step of them. The smoothest such motion is taken.
+If a joint moves by only a few encoder steps during one period of the low pass, the filtered position is still a
+staircase: its velocity is zero between the steps and large at them. The direction of motion, and with it the sign of
+friction, is then unknown, and accelerations are many times too large. Encoder readings only say that the true position
+is within half a step. So this module takes the smoothest motion that agrees with the readings.
 """
 
 from __future__ import annotations
@@ -16,17 +17,18 @@ from phantom_dyn.signals.splines import quintic_derivatives
 
 # Ratio of the cut-off of the positions' low pass to the edge of the band: attenuation at the edge is 0.1 %.
 MOTION_BAND = 2.5
-# Ratio of each lower edge that is tried to the one before; the first one before is the edge of the band.
-_FINER = 2.0**-0.25
-# The signal that a low pass removes is compared with what it would remove of rounding alone. An edge is accepted if it
-# exceeds this by at most the first share; from the second ratio on no lower edge is tried.
-_MORE, _FAR_MORE = 0.01, 1.5
-# Largest difference of motion and readings, in steps; rounding alone makes half a step.
-_FARTHEST = 1.0
-# Rounding errors below this many steps count as none.
-_LEAST = 1e-6
-# Periods in a recording of the slowest motion that is looked for.
-_SLOWEST = 4.0
+# Ratio between consecutive edges that are tried; the first is this ratio times the edge of the band.
+_EDGE_RATIO = 2.0**-0.25
+# Each tried low pass removes a part of the signal, and would remove a smaller part of a signal that is only rounded.
+# The edge is accepted if the ratio of these two parts is at most 1 + `_TOLERANCE`. Above `_STOP_RATIO`, no lower edge
+# is tried.
+_TOLERANCE, _STOP_RATIO = 0.01, 1.5
+# Largest difference between motion and readings, in encoder steps; rounding alone makes half a step.
+_LARGEST_DIFFERENCE = 1.0
+# Smallest rounding error, in encoder steps, in the denominator of that ratio.
+_LEAST_ROUNDING = 1e-6
+# The lowest edge that is tried has this number of periods in the recording.
+_FEWEST_PERIODS = 4.0
 
 
 def differentiate(
@@ -40,7 +42,7 @@ def differentiate(
     Args:
         q: Samples at a uniform rate.
         rate_hz: Samples per second.
-        cutoff_hz: One edge for all joints, or one for each.
+        cutoff_hz: Edge of the low pass of all joints, or of each joint.
     """
     edges = np.broadcast_to(cutoff_hz, q.shape[1])
     smooth = np.array(q, dtype=float)
@@ -51,46 +53,46 @@ def differentiate(
 
 
 def motion_edge(band: Band) -> float:
-    """Frequency [Hz] up to which the positions are kept: far above the band, so that it leaves no trace inside."""
+    """Edge [Hz] of the positions' low pass: far above the band, so that the filter changes nothing inside the band."""
     return min(MOTION_BAND * band.cutoff_hz, 0.4 * band.rate_hz)
 
 
 def position_edges(log: Log) -> float | Float[Array, " nv"]:
-    """Edge [Hz] of the low pass of each joint's positions: the usual one, or a lower one for coarse readings."""
+    """Edge [Hz] of the low pass of each joint's positions: `motion_edge`, or lower for coarse encoders."""
     return motion_edge(log.band) if log.position_edges is None else log.position_edges
 
 
 def edges_of_readings(
     q: Float[Array, "N nv"], steps: tuple[float | None, ...], valid: Bool[Array, " N"], band: Band
 ) -> Float[Array, " nv"]:
-    """Edge [Hz] of each joint's low pass: that of the band, and lower where the steps of the encoder would remain.
+    """Edge [Hz] of the low pass of each joint's positions: `motion_edge`, or lower if encoder steps would remain.
 
-    Edges below the edge of the band are tried: stairs above the band are removed by the band's own filter. The lowest
-    edge that fits the readings is taken (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167, 1966). An edge
-    fits if two conditions hold. The low pass removes no more from the readings than from its own result, rounded to the
-    same steps. And no reading is more than a step away from the result. Readings with noise of many steps keep the
-    usual edge.
+    Only edges below the edge of the band are tried, because the band's own filter removes steps above it. The lowest
+    edge that agrees with the readings is taken (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167, 1966).
+    An edge agrees if two conditions hold. First, the low pass removes no more from the readings than it removes from
+    its own result after rounding to encoder steps. Second, no reading differs from the result by more than a step.
+    Readings with noise of many steps keep `motion_edge`.
 
     Args:
         q: Positions at a uniform rate.
-        steps: Step of each joint's readings [rad or m]; None where they are on no lattice.
-        valid: Samples that count.
+        steps: Encoder step of each joint [rad or m]; None if its readings have no common step.
+        valid: True for samples that are compared.
         band: Band of the torques.
     """
     rate, edges = band.rate_hz, np.full(q.shape[1], motion_edge(band))
     for j, step in enumerate(steps):
         if not step or not valid.any():
             continue
-        lower = band.cutoff_hz * _FINER
-        while lower > _SLOWEST * rate / len(q):
+        lower = band.cutoff_hz * _EDGE_RATIO
+        while lower > _FEWEST_PERIODS * rate / len(q):
             removed = _removed(q[:, j], rate, lower)
-            lattice = q[0, j] + step * np.round((q[:, j] - removed - q[0, j]) / step)
-            times = removed[valid].std() / max(_removed(lattice, rate, lower)[valid].std(), _LEAST * step)
-            if times > _FAR_MORE or np.abs(removed[valid]).max() > _FARTHEST * step:
+            rounded = q[0, j] + step * np.round((q[:, j] - removed - q[0, j]) / step)
+            ratio = removed[valid].std() / max(_removed(rounded, rate, lower)[valid].std(), _LEAST_ROUNDING * step)
+            if ratio > _STOP_RATIO or np.abs(removed[valid]).max() > _LARGEST_DIFFERENCE * step:
                 break
-            if times <= 1.0 + _MORE:
+            if ratio <= 1.0 + _TOLERANCE:
                 edges[j] = lower
-            lower *= _FINER
+            lower *= _EDGE_RATIO
     return edges
 
 

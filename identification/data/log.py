@@ -1,4 +1,4 @@
-"""A recording made ready for fitting: motion with derivatives, torque aligned to it, and the band that is analysed."""
+"""Data types of a recording that is ready for fitting: motion with derivatives, torque, and the filter of both."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from phantom_dyn.motion import Motion
 
 @dataclass(frozen=True)
 class Band:
-    """The one filter that torque and every regressor column go through: linear phase, no delay, then decimation.
+    """Filter for torque and every regressor column: a symmetric FIR low pass without delay, then decimation.
 
     Attributes:
         rate_hz: Rate of the input samples.
         cutoff_hz: Edge of the band (-6 dB).
-        kernel: Symmetric FIR kernel of odd length; ``[1.0]`` does not filter.
-        step: Decimation: every ``step``-th sample is an output.
+        kernel: Symmetric FIR kernel of odd length; ``[1.0]`` leaves signals as they are.
+        step: Decimation: every ``step``-th sample is kept.
     """
 
     rate_hz: float
@@ -32,7 +32,7 @@ class Band:
 
     @property
     def half(self) -> int:
-        """Samples lost at both ends, where the kernel would reach over the edge of the recording."""
+        """Number of samples lost at either end, where the kernel would extend beyond the recording."""
         return len(self.kernel) // 2
 
     @property
@@ -41,11 +41,11 @@ class Band:
         return self.rate_hz / self.step
 
     def samples(self, count: int) -> Int[Array, " n"]:
-        """Which of ``count`` input samples the output samples are centred on."""
+        """Index of the input sample at the centre of each output sample, for ``count`` input samples."""
         return np.arange(self.half, count - self.half, self.step)
 
     def __call__(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
-        """Samples of ``x`` in the band, first axis time; only those whose kernel lies inside the recording."""
+        """``x``, filtered and decimated along its first axis (time); samples at the ends are left out, see `half`."""
         if len(self.kernel) == 1:
             return x[:: self.step]
         flat = np.asarray(x, dtype=float).reshape(len(x), -1)
@@ -54,12 +54,12 @@ class Band:
 
 @dataclass(frozen=True)
 class BaseSensors:
-    """Sensors on a base that is not bolted down.
+    """Sensors on a floating base.
 
     Attributes:
         gyroscope: Frame of the gyroscope.
         accelerometer: Frame of the accelerometer.
-        noise: White noise of both [rad/s, m/s^2].
+        noise: Standard deviations of their white noise [rad/s, m/s^2].
     """
 
     gyroscope: str
@@ -76,26 +76,27 @@ class Log:
         joint_names: Second axis of the arrays.
         motion: Uniform samples of position, velocity and acceleration.
         tau: Drive torque [N m or N] at the same instants, shape ``(N, nv)``.
-        band: Filter for torque and regressor columns alike.
-        valid: False where a sample must not be used (excluded, in a gap), shape ``(N,)``.
+        band: Filter for torque and regressor columns.
+        valid: False for samples that must not be used (excluded, or in a gap), shape ``(N,)``.
         raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None if not available.
-        q_ref: References of the position controllers at the same instants, shape ``(N, nv)``; None where not recorded.
-        external: Torque of measured external forces on the joints [N m or N], ``(N, nv)``; None without any.
-        reading_steps: Step of each joint's recorded readings [rad or m]; None where they have no common step. Empty
+        q_ref: References of the position controllers at the same instants, shape ``(N, nv)``; None if not recorded.
+        external: Torque of measured external forces on the joints [N m or N], ``(N, nv)``; None if no force was
+            measured.
+        reading_steps: Encoder step of each joint [rad or m]; None for a joint whose readings have no common step. Empty
             if not determined.
-        temperature: Temperature of the drives [deg C] at the same instants, ``(N, nv)``, NaN for joints without; None
-            if no joint has one.
-        references: References of the controllers, where the torque was computed from them; None where it was measured.
-        touched: True where a joint carries a link that touches, or may touch, its surroundings, ``(N, nv)``: its row is
-            not used then. None without knowledge of contacts.
-        arrival: Change of the torque if references arrive one sample later [N m or N], ``(N, nv)``, where voltages were
-            read once while each was held, see `identification.data.drives.arrivals`; None without such joints.
-        switching: Standard deviation of the torque where a drive drops its voltage between two readings [N m or N],
-            ``(N, nv)``, with the sign of the change; None with ``arrival``.
-        noise_covariance: Covariance at lags of zero, one and two steps of white torque readings of unit variance after
+        temperature: Temperature of the drives [deg C] at the same instants, ``(N, nv)``, NaN for joints without a
+            sensor; None if no joint has one.
+        references: References of the controllers, if the torque was computed from them; None if it was measured.
+        touched: True where a joint carries a link that touches, or may touch, its surroundings, ``(N, nv)``: the
+            joint's torque is not used then. None without knowledge of contacts.
+        arrival: Change of the torque if references arrive one sample later [N m or N], ``(N, nv)``, for voltages that
+            were read once per held reference, see `identification.data.drives.arrivals`; None without such joints.
+        switching: Standard deviation of the torque where a drive reduces its voltage between two samples [N m or N],
+            ``(N, nv)``, with the sign of the change; None if ``arrival`` is None.
+        noise_covariance: Autocovariance at lags of zero, one and two steps of white torque noise of unit variance after
             interpolation to a uniform rate, see `identification.data.signals.interpolated_noise`.
         position_edges: Edge of the low pass of each joint's positions [Hz], ``(nv,)``, see
-            `identification.data.derivatives`; None for that of the band.
+            `identification.data.derivatives`; None if it is `identification.data.derivatives.motion_edge`.
         base_sensors: Sensors on a floating base; None for a fixed one.
     """
 
@@ -124,11 +125,15 @@ class Log:
 
     @property
     def samples(self) -> Int[Array, " n"]:
-        """Full-rate index of each sample in the band."""
+        """Index of each decimated sample among the samples at the full rate."""
         return self.band.samples(len(self.motion.t))
 
     def later_references(self, frames: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
-        """Torque more [N m or N] where the references of some joints arrive later, each by a part of a frame."""
+        """Change of the torque [N m or N] if references arrive later.
+
+        Args:
+            frames: Joints, and the delay of their references as a share of the time for which a reference is held.
+        """
         out = np.zeros_like(self.tau)
         if self.arrival is not None:
             for joint, part in frames:
@@ -137,26 +142,29 @@ class Log:
         return out
 
     def noise_gain(self, hz: Float[Array, " k"]) -> Float[Array, " k"]:
-        """Power of white torque readings at some frequencies [Hz] over that at zero: an uneven log loses the fast."""
-        none, one, two = self.noise_covariance
-        turn = 2.0 * np.pi * np.asarray(hz) / self.band.rate_hz
-        return (none + 2.0 * one * np.cos(turn) + 2.0 * two * np.cos(2.0 * turn)) / (none + 2.0 * one + 2.0 * two)
+        """Power density of white torque noise at frequencies ``hz``, relative to that at zero.
+
+        It falls with frequency if the samples were unevenly spaced, as interpolation is a low pass.
+        """
+        lag_0, lag_1, lag_2 = self.noise_covariance
+        phase = 2.0 * np.pi * np.asarray(hz) / self.band.rate_hz
+        power = lag_0 + 2.0 * lag_1 * np.cos(phase) + 2.0 * lag_2 * np.cos(2.0 * phase)
+        return power / (lag_0 + 2.0 * lag_1 + 2.0 * lag_2)
 
     @cached_property
     def valid_in_band(self) -> Bool[Array, " n"]:
-        """True for samples in the band whose kernel touches no sample that must not be used."""
-        if self.valid.all():
-            return np.ones(len(self.samples), dtype=bool)
-        return self._reaches_none(~self.valid)
+        """True for decimated samples that were filtered from valid samples only."""
+        return self._filtered_without(~self.valid)
 
     @cached_property
     def untouched_in_band(self) -> Bool[Array, "n nv"]:
-        """True for samples in the band of a row whose kernel reaches no sample in which it may be touched."""
+        """True for decimated samples of a joint's torque that were filtered from samples without contact only."""
         if self.touched is None:
             return np.ones((len(self.samples), len(self.joint_names)), dtype=bool)
-        return np.column_stack([self._reaches_none(column) for column in self.touched.T])
+        return np.column_stack([self._filtered_without(column) for column in self.touched.T])
 
-    def _reaches_none(self, bad: Bool[Array, " N"]) -> Bool[Array, " n"]:
+    def _filtered_without(self, bad: Bool[Array, " N"]) -> Bool[Array, " n"]:
+        """True for decimated samples whose filter kernel covers no ``bad`` sample."""
         count = np.concatenate([[0], np.cumsum(bad)])
         at, half = self.samples, self.band.half
         return count[at + half + 1] == count[at - half]

@@ -1,10 +1,10 @@
-"""Repairs of a recording that need no guess: encoder turns are unwrapped, short spikes and dropouts are removed.
+"""Repairs of a recording that leave no doubt: encoder turns are unwrapped, short spikes and dropouts are removed.
 
 If a position jumps by a whole turn from one sample to the next, the joint has not moved: its encoder has started to
 count from zero again. The turn is in radians, or in degrees if the unit is not known yet. A value that differs from
-its neighbours by far more than all other changes, and returns after at most five samples, is neither motion nor
-torque: it is replaced by linear interpolation. A torque is kept if the velocity of some joint jumps at the same time,
-as both do when a reference steps. Warnings state the corrections with counts and times.
+its neighbours by far more than all other changes, and returns after at most five samples, is a wrong reading: it is
+replaced by linear interpolation. A jump of the torque is kept if the velocity of some joint jumps at the same time, as
+both do when a reference steps. Warnings state the corrections with counts and times.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ from phantom_dyn.array_types import Array, Bool, Float, read_only
 
 _TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]
 # A jump is a whole turn if its difference from whole turns is at most the first number [rad], and at most the second
-# number times the largest ordinary step. Ordinary steps are those of less than half a turn among as many neighbours
-# before and after the jump as the third number says.
+# number times the largest ordinary step. Ordinary steps are steps of less than half a turn; they are looked for within
+# the third number of samples before and after the jump.
 _LARGEST_REMAINDER, _LARGEST_STEPS, _NEIGHBOURS = 0.5, 5.0, 20
 # Largest number of samples of a spike or dropout: a longer one cannot be interpolated.
 _LONGEST_SPIKE = 5
 # Smallest size of a spike, as a multiple of the 99 % quantile of all changes from sample to sample.
 _SPIKE_QUANTILES = 6.0
-# A spike ends when the value is back to within the first share of the jump; before, it keeps at least the second share.
+# A spike ends when the value has returned to within the first share of the jump; until then, it stays at least the
+# second share of the jump away.
 _RETURNED, _STILL_AWAY = 0.2, 0.5
 # Smallest spike that is removed: of an angle [rad], of a length [m], and of a torque (in its standard deviations).
 _SMALLEST_ANGLE, _SMALLEST_LENGTH, _SMALLEST_TORQUE = 0.02, 0.002, 0.5
-# A velocity jumps if its mean changes by more than the first number times the 95 % quantile of all changes, where the
-# means are over as many samples as the second number says.
+# A velocity jumps if its mean changes by more than the first number times the 95 % quantile of all changes. The means
+# are over the second number of samples.
 _VELOCITY_JUMP, _MEAN_SAMPLES = 3.0, 10
 # Share of samples in spikes above which nothing is removed, as they are not exceptions.
 _LARGEST_BAD_SHARE = 0.01
@@ -43,12 +44,12 @@ def mended(recording: Recording, prismatic: Array) -> Recording:
         recording: Raw samples.
         prismatic: True for linear joints, shape ``(nv,)``.
     """
-    unwrapped = _with_turns_unwrapped(recording, prismatic)
+    unwrapped = _unwrapped(recording, prismatic)
     q, q_spikes = _without_spikes(unwrapped.q, np.where(prismatic, _SMALLEST_LENGTH, _SMALLEST_ANGLE))
     warnings = _spike_warnings(unwrapped, "q", q_spikes)
     tau = unwrapped.tau
     if tau is not None:
-        tau = _with_lost_torques_bridged(unwrapped, tau, q_spikes)
+        tau = _without_torques_in_spikes(unwrapped, tau, q_spikes)
         least = _SMALLEST_TORQUE * np.array([column.std() for column in tau.T])
         tau, tau_spikes = _without_spikes(tau, least, _jumps_of_velocity(q))
         warnings += _spike_warnings(unwrapped, "the torque", tau_spikes)
@@ -64,8 +65,8 @@ def mended_position(q: Float[Array, " N"]) -> Float[Array, " N"]:
     return _without_spikes(unwrapped[:, None], np.array([_SMALLEST_ANGLE]))[0][:, 0]
 
 
-def _with_turns_unwrapped(recording: Recording, prismatic: Array) -> Recording:
-    """The recording without jumps of encoders by whole turns, in positions, references and second encoders."""
+def _unwrapped(recording: Recording, prismatic: Array) -> Recording:
+    """The recording without jumps by whole turns, in positions, references and positions of second encoders."""
     q, others, warnings = recording.q, {}, []
     for j in np.flatnonzero(~np.asarray(prismatic, dtype=bool)):
         turn = _TURN
@@ -190,10 +191,10 @@ def _without_spikes(
     return out, spikes_by_column
 
 
-def _with_lost_torques_bridged(
+def _without_torques_in_spikes(
     recording: Recording, tau: Float[Array, "N nv"], q_spikes: list[list[tuple[int, int]]]
 ) -> Array:
-    """Torques; those from voltages are interpolated over spikes of the position, as the controller used it."""
+    """Torques; torques from voltages are interpolated over spikes of the position, to which the controller reacted."""
     out = tau
     for j, (joint, runs) in enumerate(zip(recording.joint_names, q_spikes, strict=True)):
         if not runs or recording.torque_from.get(joint) != "u":
@@ -207,6 +208,7 @@ def _with_lost_torques_bridged(
 
 
 def _spike_warnings(recording: Recording, what: str, found: list[list[tuple[int, int]]]) -> list[str]:
+    """One warning for each joint with spikes, with their number and times."""
     out = []
     for joint, runs in zip(recording.joint_names, found, strict=True):
         if runs:

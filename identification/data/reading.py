@@ -1,4 +1,4 @@
-"""A recording from a table of columns or from a file, checked."""
+"""Reads recordings: from a file, or from a table of columns, to a checked `Recording` of one robot."""
 
 from __future__ import annotations
 
@@ -42,24 +42,24 @@ from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import side_by_side
 
-# Largest deviation of a quaternion's length from one: rounding to three decimals.
+# Largest deviation of a quaternion's length from one: it allows for rounding to three decimals.
 _UNIT = 2e-3
-# Excluded values beyond this multiple of the largest included one are interpolated; smaller ones do no harm.
+# Excluded values farther from the median than this multiple of the farthest included value are interpolated.
 _WILD = 10.0
-# Fields of a recording by quantity.
+# Quantity of each optional field of a recording.
 _OPTIONAL = {"v": "v", "current": "i", "voltage": "u", "q_ref": "q_ref", "v_ref": "v_ref", "x": "x"}
 
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How the files of recordings are read, see `read_recording`.
+    """Options for reading the files of recordings, see `read_recording`.
 
     Attributes:
-        columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
+        columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of a bag that has the references, where another one has them.
-        excluded: Stretches of time [s] to leave out of every fit.
-        anyway: True to judge a recording although it is certainly wrong.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
+        excluded: Intervals of time [s] to leave out of every fit.
+        anyway: True to judge a recording in spite of certain faults.
     """
 
     columns: str | Path | None = None
@@ -84,13 +84,12 @@ def _per_joint(table: Table, quantity: str, joints: Sequence[str]) -> Array | No
 
 
 def _complete(table: Table, quantity: str, joints: Sequence[str]) -> tuple[Array | None, tuple[str, ...]]:
-    """Columns of an optional quantity; with a warning it is left out if only some joints have one."""
+    """Columns of an optional quantity, and warnings: None with a warning if only some joints have a column."""
     values = _per_joint(table, quantity, joints)
     lacking = [joint for joint in joints if f"{quantity}.{joint}" not in table.columns]
     if values is None or not lacking:
         return values, ()
-    sentence = f"{table.file}: the columns {quantity}. are not used, as {', '.join(lacking)} has none."
-    return None, (sentence,)
+    return None, (f"{table.file}: the columns {quantity}. are not used, as {', '.join(lacking)} has none.",)
 
 
 def _of_frames(table: Table, quantity: str) -> dict[str, Array]:
@@ -109,11 +108,11 @@ def _of_frames(table: Table, quantity: str) -> dict[str, Array]:
 
 
 def _poses(table: Table, robot: Robot) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Measured positions and orientations by frame; the latter as unit quaternions x, y, z, w.
+    """Measured positions and orientations by frame; orientations are unit quaternions x, y, z, w.
 
     Raises:
-        LogError: For a frame that the robot lacks, an axis that is missing, an orientation without position, or a
-            quaternion that is not of length one.
+        LogError: For an unknown frame, a missing axis, an orientation without position, or a quaternion whose length
+            is not one.
     """
     positions, turns = _of_frames(table, "p"), _of_frames(table, "o")
     require_frames(robot, positions, "p")
@@ -137,7 +136,7 @@ def _poses(table: Table, robot: Robot) -> tuple[dict[str, Array], dict[str, Arra
 
 
 def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """The excluded stretches of time, checked: they lie inside the log, and leave enough rows."""
+    """The excluded intervals of time, after a check that they lie inside the log and leave enough rows."""
     t = table.columns["t"]
     for start, stop in excluded:
         if not start < stop:
@@ -159,9 +158,9 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
 
 
 def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) -> Table:
-    """The table without excluded rows at its ends; excluded values in between that are far too large are interpolated.
+    """The table without excluded rows at its ends, and with very large excluded values in between interpolated.
 
-    Excluded values, such as those of a diverged simulation, then do not set the scale of the signal.
+    Later steps scale signals by their values, and excluded ones, as of a diverged simulation, may be huge.
     """
     if not excluded:
         return table
@@ -186,7 +185,11 @@ def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) ->
 
 
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
-    """Refuse a column of an unknown joint and a joint without position; returns warnings about unused columns."""
+    """Warnings about unused columns, after a check that all joints are known and have a position.
+
+    Raises:
+        LogError: For a column of an unknown joint, and for a joint without position.
+    """
     locked: dict[str, None] = {}
     unused: list[str] = []
     for name in table.columns:
@@ -204,8 +207,8 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
             unused.append(name)
             continue
         known = known_names(column.of, [*robot.joint_names, *robot.passive_names], "joints")
-        # Where none of the robot's joints is absent, the log holds more of a machine than the robot's file.
-        more = not any(f"q.{joint}" not in table.columns for joint in robot.joint_names)
+        # If all joints of the robot have positions, the log may be of a machine with more joints than the robot's file.
+        more = all(f"q.{joint}" in table.columns for joint in robot.joint_names)
         raise LogError(
             f"{table.file}: column {shortened(name)} is of the joint {shortened(column.of)}, which {robot.name} does "
             f"not have: {known}{f' {left_out_words(table, robot)}' if more else ''}"
@@ -233,20 +236,20 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
 def recording(
     table: Table, robot: Robot, *, excluded: Sequence[tuple[float, float]] = (), torque_needed: bool = True
 ) -> Recording:
-    """The columns of a table for the joints of one robot.
+    """The recording of one robot from the columns of a table.
 
     Args:
         table: Columns under their standard names.
         robot: The robot with its joints, their order, and the constants of its drives.
-        excluded: Stretches of time [s] to leave out of every fit.
-        torque_needed: False for work on motion alone: then ``tau`` may be None.
+        excluded: Intervals of time [s] to leave out of every fit.
+        torque_needed: False if only the motion is used: then ``tau`` may be None.
 
     Returns:
         The recording, read-only, with the warnings of the table; the values are not checked here.
 
     Raises:
-        LogError: Unknown or missing joint, no torque and nothing that gives one, torque zero on every joint, or an
-            excluded stretch outside the log.
+        LogError: For an unknown or missing joint, if there is no quantity to compute a torque from, for a torque that
+            is zero on every joint, or for an excluded interval outside the log.
     """
     joints = robot.joint_names
     left_out = _excluded(table, excluded)
@@ -275,7 +278,7 @@ def recording(
     loops = loops_of(table, joints)
     velocity_gain = voltage_slowing(table, robot, torque_from)
     reference_gain, reference_torque_limit = computed_from_references(table, robot, loops, torque_from)
-    # Frees the memory of the torques before positions are read, unless the caller keeps the table.
+    # This frees the memory of the torques before positions are read, unless the caller keeps the table.
     table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
     q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
     if weightless and robot.floating:
@@ -326,23 +329,23 @@ def read_recording(
     torque_needed: bool = True,
     anyway: bool = False,
 ) -> Recording:
-    """A recording from a file, checked: its warnings say what may be wrong with it, ``wrong`` what certainly is.
+    """A checked recording from a file: ``warnings`` are possible errors, ``wrong`` are certain faults.
 
     Args:
-        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset; several files are columns
-            of the same rows.
+        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset; several files hold
+            columns of the same rows.
         robot: The robot that was recorded.
-        columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
+        columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of a bag that has the references, where another one has them.
-        excluded: Stretches of time [s] to leave out of every fit.
-        torque_needed: False for work on motion alone.
-        anyway: True to judge it although it is certainly wrong.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
+        excluded: Intervals of time [s] to leave out of every fit.
+        torque_needed: False if only the motion is used.
+        anyway: True to judge it in spite of certain faults.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
-    # An hour of samples is hundreds of megabytes: without a name here, the table is freed as early as possible.
+    # An hour of samples is hundreds of megabytes: a table that no variable holds is freed as early as possible.
     found = recording(
         table_of(path, robot, columns, topic, ref_topic), robot, excluded=excluded, torque_needed=torque_needed
     )
@@ -350,46 +353,47 @@ def read_recording(
 
 
 def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) -> Recording:
-    """A recording with certain errors of its values repaired, and with sentences on what is or may be wrong.
+    """A recording with encoder turns and spikes repaired, and with its possible errors and certain faults.
 
     Args:
-        found: Table read from the file.
+        found: The recording as read from the file.
         robot: The robot that was recorded.
-        anyway: True to judge it although it is certainly wrong.
+        anyway: True to judge it in spite of certain faults.
     """
     if found.poses_alone:
-        # Poses that are seconds or minutes apart are no motion, and are neither corrected nor compared with a model.
+        # Poses that were measured seconds or minutes apart are no motion: there is nothing to repair or to compare.
         return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)
     clock = slow_clock(found)
     if clock is not None and anyway:
-        # A motion of days cannot be simulated: its time is taken in the unit that its clock usually has.
+        # A motion of days cannot be simulated: the time is converted from the unit that such a clock usually has.
         found = replace(found, t=read_only(found.t * usual_clock(found)))
     found = without_unknown_torques(mended(found, robot.prismatic), robot)
-    # Loops first: if they do not close, there is no model to compare with.
+    # Closed chains come first: if they do not close, there is no model to compare with.
     passive, rest = check_passive(found, robot), checked(found, robot)
     wrong = rest.wrong if clock is None or clock in rest.wrong else (clock, *rest.wrong)
     return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=wrong, anyway=anyway)
 
 
 def unassigned_recording(table: Table) -> Recording:
-    """A recording of all joints of a table, for checks without a robot; torque and speed if all joints have them."""
+    """A recording of all joints of a table, for checks without a robot.
+
+    A quantity other than the position is left out unless all joints have it.
+    """
     joints = _joints_of(table, "q")
     q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
     if q is None:
         raise LogError(f"{table.file} has no column q.<joint> (measured position): add it or map it with --columns.")
-    t, positions = read_only(table.columns["t"]), _of_frames(table, "p")
-    orientations = _of_frames(table, "o")
     found = Recording(
         table.file,
         tuple(joints),
-        t,
+        read_only(table.columns["t"]),
         q,
         tau,
         v,
         q_ref=_complete(table, "q_ref", joints)[0],
         loops=loops_of(table, joints),
-        positions=positions,
-        orientations=orientations,
+        positions=_of_frames(table, "p"),
+        orientations=_of_frames(table, "o"),
         warnings=table.warnings,
     )
     return found if found.poses_alone else mended(found, np.zeros(len(joints), dtype=bool))

@@ -1,7 +1,7 @@
-"""The three stages of a recording before any processing: a file's own columns, named columns, a robot's joints.
+"""Data types of a recording before any processing.
 
-`RawTable` holds columns under the names of the file, `Table` under the standard names (``t``, ``q.<joint>``, ...), and
-`Recording` one column per joint in the robot's order.
+A `RawTable` holds columns under the names of the file, a `Table` holds them under the standard names (``t``,
+``q.<joint>``, ...), and a `Recording` has arrays with one column per joint in the robot's order.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ class RawTable:
         place: Words for the place of a sample (from 0) in the file, for messages.
         warnings: Warnings from reading.
         compensated: Parts that a controller had subtracted from the torque of a joint, ``gravity``, ``friction`` or
-            both; ``""`` is all joints.
-        low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
-            did not; ``""`` is all joints.
-        joint_names: Names of the joints of numbered columns, as ``q[0]``, where the file states them.
+            both; the key ``""`` stands for all joints.
+        low_pass: Cut-off [Hz] of a first-order low pass that was applied to the torque of a joint and not to its
+            position; the key ``""`` stands for all joints.
+        joint_names: Names of the joints of numbered columns such as ``q[0]``, if the file states them.
         numbered: True for a format that defines its numbered columns ``q[0]``, ``tau[0]``, ..., so that no map is
             needed.
         asks_units: True for a format that does not state the units of its joints, so that a column map has to.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
-        named: For each standard name the column of the file, by the user's map; empty without one.
+        named: Column of the file for each standard name in the user's column map; empty without a map.
         references_held: True if the format says that a reference acts from its sample to the next.
     """
 
@@ -72,12 +72,10 @@ class Table:
         file: Name of the file, for messages.
         columns: One 1-D float array per column, all of the same length.
         warnings: Warnings from reading, such as dropped repeated rows.
-        compensated: Parts that a controller had subtracted from the torque of a joint, ``gravity``, ``friction`` or
-            both; ``""`` is all joints.
-        low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
-            did not; ``""`` is all joints.
-        named: For each standard name the column of the file, by the user's map; empty without one.
-        references_held: True if the format says that a reference acts from its sample to the next.
+        compensated: As in `RawTable`.
+        low_pass: As in `RawTable`.
+        named: As in `RawTable`.
+        references_held: As in `RawTable`.
     """
 
     file: str
@@ -91,14 +89,14 @@ class Table:
 
 @dataclass(frozen=True)
 class BaseReadings:
-    """Readings of the sensors on a floating base, in the axes of their frames.
+    """Measurements of the sensors on a floating base, in the axes of the sensors' frames.
 
     Attributes:
         gyroscope: Frame of the gyroscope.
         accelerometer: Frame of the accelerometer.
         w: Angular velocity [rad/s], ``(N, 3)``.
         sf: Specific force [m/s^2], ``(N, 3)``.
-        contacts: 1 while a frame touches something, 0 while it does not, by frame, each ``(N,)``.
+        contacts: For each frame 1 while it touches something and 0 while it does not, shape ``(N,)``.
     """
 
     gyroscope: str
@@ -110,12 +108,12 @@ class BaseReadings:
 
 @dataclass(frozen=True)
 class Fault:
-    """An error that a recording certainly has, so that a diagnosis of it would be meaningless.
+    """A certain error of a recording, with which a diagnosis would be meaningless.
 
     Attributes:
         what: The end of a sentence, such as ``the positions of j1 and j2 are in degrees``.
         why: The evidence, with figures.
-        mend: Advice on a correction, with entries of a column map ready to copy where they correct it.
+        mend: Advice on a correction; if a column map corrects the error, its entries are ready to copy.
     """
 
     what: str
@@ -145,26 +143,26 @@ class Recording:
         positions: Measured positions [m] by frame, in the axes of the measuring device, each ``(N, 3)``.
         orientations: Measured orientations by frame as unit quaternions x, y, z, w, each ``(N, 4)``; each frame has a
             position as well.
-        excluded: Stretches of time [s] that are left out of every fit.
+        excluded: Intervals of time [s] that are left out of every fit.
         warnings: Sentences about the data.
-        notes: Notes of later stages.
+        notes: What later stages of the diagnosis have to say about the recording.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
         controlled: True if no torque was recorded, and ``tau`` is computed from the stated controllers.
-        gains_estimated: Joints with unstated controllers, whose gains were estimated from the motion.
+        gains_estimated: Joints whose controllers were not stated, and whose gains were estimated from the motion.
         torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty if unknown.
-        velocity_gain: Torque per velocity [N m s/rad or N s/m] by which ``tau`` falls with speed, ``(nv,)``, if it was
-            computed with differences of positions (back-EMF, velocity gain of a controller): this part is computed
-            again when the positions are filtered. None if there is no such joint.
-        loops: Estimated control loop of each drive, None where there is none; empty if not estimated.
+        velocity_gain: Decrease of ``tau`` per velocity [N m s/rad or N s/m], ``(nv,)``, of joints whose torque was
+            computed with velocities (back-EMF, velocity gain of a controller). These velocities were differences of
+            positions; this part is computed again from filtered positions. None if there is no such joint.
+        loops: Estimated position controller of each drive, None if it has none; empty if not estimated.
         references_held: True if the format or the robot says that a reference acts from its sample to the next.
         reference_gain: Torque per unit of the reference [N m/rad or N/m] if ``tau`` was computed from references, zero
             for other joints, ``(nv,)``; None if there is no such joint.
         reference_torque_limit: Limit of the torque from references, ``(nv,)``; None if ``reference_gain`` is None.
         friction_taken: Joints from whose torque a controller had subtracted friction: the model's friction is added
             again once the velocities are known.
-        wrong: Certain faults; such a recording is refused, see `identification.data.refusal`.
+        wrong: Certain faults; a recording with one is refused, see `identification.data.refusal`.
         anyway: True if the recording is used in spite of certain faults.
-        named: For each standard name the column of the file, by the user's map; empty without one.
+        named: Column of the file for each standard name in the user's column map; empty without a map.
         base: Readings of the sensors on a floating base; None for a fixed one.
     """
 
@@ -209,12 +207,12 @@ class Recording:
 
     @property
     def poses_alone(self) -> bool:
-        """True if it holds measured poses of a frame and neither torque nor references."""
+        """True if the recording has measured poses and neither torque nor references."""
         return bool(self.positions) and self.tau is None and self.q_ref is None
 
 
 def time_text(t: float) -> str:
-    """A time [s] to six digits; from 1000 s on to a millisecond, as times since 1970 agree in most digits."""
+    """A time [s] with six digits; from 1000 s on to the millisecond, as times since 1970 need more digits."""
     return f"{t:.6g}" if abs(t) < 1e3 else f"{t:.3f}".rstrip("0").rstrip(".")
 
 

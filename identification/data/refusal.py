@@ -1,4 +1,4 @@
-"""Refusal of recordings with certain faults, and the warnings if the user wants them judged anyway."""
+"""Refuses recordings with certain faults, or words the faults as warnings if the user wants them judged anyway."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def fault_sentence(file: str, fault: Fault) -> str:
 
 
 def require_right(recordings: Iterable[Recording]) -> None:
-    """Refuse the first recording with a certain fault, unless it is to be judged anyway.
+    """Raise an error for the first recording with a certain fault, unless the user wants it judged anyway.
 
     Args:
         recordings: All recordings of a diagnosis.

@@ -1,10 +1,12 @@
-"""From raw samples to a `Log`: uniform time, aligned torque, derivatives, and a band chosen from the data.
+"""Makes a `Log` of a recording: uniform time, aligned torque, derivatives, and a band chosen from the data.
 
-The steps: resample to a uniform rate if the recording has none; correct the delay of half a sample of a held torque;
-low-pass the positions far above the band, so that the filter has no effect inside it, and differentiate them; filter
-torque and regressor columns with the same linear-phase kernel at the edge of the band and decimate. Filtering only the
-torque, or filtering accelerations twice, biases friction by one to several per cent. The edge of the band is where the
-power spectra of motion and torque end in noise.
+1. Resample to a uniform rate if the time steps are uneven.
+2. Correct the delay of half a sample of a torque that is held between samples.
+3. Low-pass the positions far above the band, so that the filter changes nothing inside the band; differentiate them.
+4. Filter torque and regressor columns with the same linear-phase kernel, and decimate.
+
+Filtering only the torque, or filtering accelerations twice, biases friction by one to several per cent. The edge of the
+band is the frequency above which the spectra of motion and torque are mostly noise.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from identification.data.derivatives import MOTION_BAND, differentiate, edges_of_readings, motion_edge
-from identification.data.drive_loop import read_delays
+from identification.data.drive_loop import delay_intervals
 from identification.data.drives.arrivals import between_readings
 from identification.data.drives.compensation import friction_taken
 from identification.data.drives.joint_torque import external_torque, voltage_bound
@@ -36,19 +38,20 @@ from phantom_dyn.signals.splines import interpolated
 # Positions [rad or m], torques [N m or N] and rate [Hz] of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 
-# The band ends at 6 % of the rate: above, what a torque "at an instant" means differs by more than a per cent between
-# recorders that log a held torque, its mean over a sample, or its value in between.
+# Largest edge of the band as a share of the sample rate. At higher frequencies, a held torque, its mean over a sample
+# and its value at the sample's middle differ by more than a per cent, and recorders log either.
 _HIGHEST = 0.06
 _WIDEST_HZ = 50.0  # largest edge of the band of logs
 # Samples after decimation per period of the band's edge: the smallest number without aliasing.
 _SAMPLES_PER_PERIOD = 2.5
 # Smallest number of decimated samples that can be fitted.
 _FEWEST = 20
-# The band is at least wide enough for this number of decimated samples, even if the drives move nothing at its highest
-# frequencies. A joint moves in about a third of them, which must separate the gains of fifty laws from chance.
+# The band is at least wide enough for this number of decimated samples, even if the drives cause no motion at its
+# highest frequencies. A joint moves in about a third of the samples, and with these the gains of some fifty laws have
+# to be distinguished from chance.
 _ENOUGH = 300
-# A step between samples is a gap if it is longer than `_GAP_STEPS` median steps. If steps are uneven, the limit is as
-# many steps of their quantile `_LONG_STEPS`, but at most `_GAP_PERIODS` periods of the band's edge.
+# A time step is a gap if it is longer than `_GAP_STEPS` median steps. If steps are uneven, the limit is `_GAP_STEPS`
+# times their quantile `_LONG_STEPS`, but at most `_GAP_PERIODS` periods of the band's edge.
 _GAP_STEPS = 5
 _GAP_PERIODS = _GAP_STEPS * _HIGHEST
 _LONG_STEPS = 0.75
@@ -57,8 +60,8 @@ _LONG_STEPS = 0.75
 def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N nv"], Float[Array, "N nv"], Array]:
     """Time [s], positions, torques and validity of samples on a uniform grid with the recording's median step.
 
-    Positions are interpolated by cubic splines, torques linearly. Samples inside a gap of more than five steps or in an
-    excluded stretch are not valid.
+    Positions are interpolated by cubic splines, torques linearly. Samples in a gap of more than five steps or in an
+    excluded interval are not valid.
     """
     t = recording.t
     steps = np.diff(t)
@@ -82,10 +85,10 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
 
 
 def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple[float, float, float]:
-    """Autocovariance, at lags of 0, 1 and 2 grid steps, of white noise of unit variance after linear interpolation.
+    """Autocovariance at lags of 0, 1 and 2 grid steps of white noise of unit variance after linear interpolation.
 
-    Neighbours on the grid depend on the same readings, so that the noise loses power at high frequencies. The sum over
-    all lags is the power density at frequency zero.
+    Neighbours on the grid depend on the same readings, so that interpolation takes power from high frequencies. The sum
+    over all lags is the power density at frequency zero.
 
     Args:
         t: Times of the readings [s].
@@ -105,7 +108,7 @@ def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple
 
 
 def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[Array, " N"]:
-    """True at times outside of excluded stretches and of gaps of more than ``longest`` seconds between samples."""
+    """True at times outside excluded intervals, and outside gaps of more than ``longest`` seconds between samples."""
     gaps = np.flatnonzero(np.diff(recording.t) > longest)
     valid = np.ones(len(t), dtype=bool)
     for start, stop in [*((recording.t[k], recording.t[k + 1]) for k in gaps), *recording.excluded]:
@@ -114,10 +117,10 @@ def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[
 
 
 def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Torque at the sample instants when ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``.
+    """Torque that acts at the sample instants if ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``.
 
-    A held torque acts on the motion half a sample late and attenuated by ``sinc(f T)``. The mean of two neighbours has
-    the same delay but is attenuated too much; the weights -1, 13, 13, -1 over 24 agree to fourth order in ``f T``.
+    A held torque acts half a sample late and attenuated by ``sinc(f T)``. The mean of two neighbours has the same delay
+    and too much attenuation. With the weights -1, 13, 13, -1 over 24, both agree to fourth order in ``f T``.
     """
     before = np.vstack([tau[:1], tau[:-1]])
     earlier = np.vstack([tau[:1], before[:-1]])
@@ -126,7 +129,7 @@ def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
 
 
 def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv"]:
-    """Torque of the drives when ``tau`` is commanded, clipped to stated limits; a measured torque is not changed."""
+    """Torque of the drives: a commanded torque is clipped to the stated limits, a measured one is not changed."""
     if robot.torque_source != "command":
         return tau
     limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
@@ -134,7 +137,7 @@ def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv
 
 
 def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
-    """Band with a Hamming-windowed low pass, two periods of its edge to either side, and 2.5 samples per period."""
+    """Hamming-windowed low pass of two periods of its edge to either side, decimated to 2.5 samples per period."""
     if cutoff_hz >= 0.4 * rate_hz:
         return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
     half = int(np.ceil(2 * rate_hz / cutoff_hz))
@@ -157,9 +160,9 @@ def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Floa
 def smoothed_where(
     x: Float[Array, "n ..."], valid: Bool[Array, " n"], rate_hz: float, cutoff_hz: float
 ) -> Float[Array, "n ..."]:
-    """``x`` low-passed at ``cutoff_hz``, each stretch of valid samples by itself; zero at samples that are not valid.
+    """``x`` low-passed at ``cutoff_hz``, each run of valid samples by itself; zero at samples that are not valid.
 
-    Interpolated values in gaps thus do not spread to valid samples.
+    So valid samples do not depend on interpolated values in gaps.
     """
     if valid.all():
         return smoothed(x, rate_hz, cutoff_hz)
@@ -211,7 +214,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
         median, long = np.quantile(np.diff(recording.t), [0.5, _LONG_STEPS])
         longest = max(_GAP_STEPS * median, min(_GAP_STEPS * long, _GAP_PERIODS / band.cutoff_hz))
         valid = _valid(recording, t, longest)
-    # From the recorded positions: interpolated ones are no multiples of the encoder step any more.
+    # Encoder steps are found in the recorded positions, as interpolated ones are not multiples of them.
     steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     edges = edges_of_readings(q, steps, valid, band)
     smooth, v, a = differentiate(q, rate, edges)
@@ -236,14 +239,17 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:
-    """True if each reference is held until the next sample; False if torques are, which includes their hold."""
+    """True if each reference is held until the next sample.
+
+    It is False if the torque is held, because the correction for that hold includes the one for references.
+    """
     stated = robot.reference_hold
     held = recording.references_held if stated is None else stated == "zoh"
     return held and robot.torque_hold != "zoh"
 
 
 def differences(recording: Recording) -> Float[Array, "N nv"]:
-    """Velocities [rad/s or m/s] by differences of the recorded positions, without any filter."""
+    """Velocities [rad/s or m/s] by differences of the recorded positions, not filtered."""
     return np.gradient(recording.q, recording.t, axis=0)
 
 
@@ -254,29 +260,27 @@ def _references(
     gain, limits = recording.reference_gain, recording.reference_torque_limit
     if gain is None or limits is None:
         return None
-    # Where the torque is clipped, the controller's damping is clipped too; where the voltage is, back-EMF comes on top.
+    # A limit of the torque clips the controller's damping too. A limit of the voltage does not clip the back-EMF.
     inside = recording.controlled & np.isinf([voltage_bound(actuator) for actuator in robot.actuators])
     damping = np.zeros(len(gain)) if recording.velocity_gain is None else np.where(inside, recording.velocity_gain, 0.0)
     commanded = gain * (q_ref - q) - damping * v
     if robot.torque_hold == "zoh":
         q_ref, commanded = align_held_torque(q_ref), align_held_torque(commanded)
     frame = float(np.median(np.diff(recording.t))) if holds_references(recording, robot) else 0.0
-    return References(t, q_ref, commanded, gain, limits, *read_delays(recording.loops, len(gain), frame))
+    return References(t, q_ref, commanded, gain, limits, *delay_intervals(recording.loops, len(gain), frame))
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
-    """Columns that need not be smooth, such as references, interpolated linearly from times ``t`` to ``grid``."""
-    if grid is t:
-        return columns
-    return interpolated(grid, t, columns)
+    """Columns interpolated linearly from times ``t`` to ``grid``; for quantities that need not be smooth."""
+    return columns if grid is t else interpolated(grid, t, columns)
 
 
 def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:
-    """Logs of several recordings in one band that is wide enough for whitening, and the edge of the judged band [Hz].
+    """Logs of several recordings, all in one band, and the edge [Hz] of the narrower band in which gaps are judged.
 
-    The edge of the judged band is that of `choose_cutoff`. That of the logs is up to four times as high (at most 50 Hz,
-    6 % of the rate, and the edge of the recorder's own filter): abrupt effects have content there, which a fit can use
-    if it weights each frequency by its noise.
+    `choose_cutoff` gives the edge of the judged band. The edge of the logs is up to four times as high (at most 50 Hz,
+    6 % of the rate, and the edge of the recorder's own filter). Abrupt effects such as friction have content there,
+    which a fit can use if it weights each frequency by its noise (whitening).
     """
     raw = [uniform(recording) for recording in recordings]
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
@@ -286,7 +290,7 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     smoothed = np.inf if controlled else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     judged = _within_rate(_moving_edge(signals), signals) if controlled else choose_cutoff(signals)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
-    # On legs, contact forces move the joints as well as the drives.
+    # The joints of legs are moved by contact forces as well as by drives.
     driven = (
         np.inf if controlled or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
     )
@@ -297,16 +301,16 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
 
 
 def _least_edge(recordings: tuple[Recording, ...]) -> float:
-    """Smallest edge [Hz] with which all recordings together have enough decimated samples to judge the effects."""
+    """Smallest edge [Hz] with which all recordings together have `_ENOUGH` decimated samples."""
     seconds = sum(float(recording.t[-1] - recording.t[0]) for recording in recordings)
     return _ENOUGH / (_SAMPLES_PER_PERIOD * seconds)
 
 
 def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
-    """Edge [Hz] above which the drives do not move the robot: median of `driven_edge` over its joints.
+    """Edge [Hz] above which motion is not caused by the drives: median of `driven_edge` over the joints.
 
-    Motion above it comes from disturbances or encoder noise, which appear in torque and acceleration with opposite
-    signs: a fit would take them for a negative inertia, or for a delay.
+    Motion above this edge is caused by disturbances or encoder noise. Torque and acceleration have opposite signs
+    there, so that a fit would find a negative inertia, or a delay.
     """
     q, tau, rate = max(signals, key=lambda signal: len(signal[0]))
     smooth, v, a = differentiate(q, rate, min(MOTION_BAND * cutoff_hz, 0.4 * rate))
@@ -317,24 +321,25 @@ def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> floa
 
 
 def choose_cutoff(signals: list[Signals]) -> float:
-    """Edge of the band [Hz] in which the recorded signals are more than noise: the lower one of two edges.
+    """Edge of the band [Hz] in which the signals are more than noise: the lower one of two frequencies.
 
     The first is the median, over moving joints, of the frequency up to which the acceleration is 10 dB above its noise
-    floor. The second is the frequency above which the torque has less than 1 % of its amplitude: there the recorder has
-    smoothed it, while a step of friction in the model still has content.
+    floor. The second is the frequency above which the torque has less than 1 % of its amplitude, as it has if the
+    recorder has smoothed it; a step of friction in the model still has content there.
     """
     torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     return _within_rate(min(_moving_edge(signals), torque), signals)
 
 
 def _within_rate(edge: float, signals: list[Signals]) -> float:
+    """The edge [Hz], limited to 1 Hz and `_HIGHEST` of the lowest sample rate."""
     return float(np.clip(edge, 1.0, _HIGHEST * min(rate for *_, rate in signals)))
 
 
 def _moving_edge(signals: list[Signals]) -> float:
     """Median, over moving joints, of the frequency [Hz] up to which the acceleration is more than noise.
 
-    If no joint moves at frequencies that its spectrum resolves, slow motions are used; without any it is infinite.
+    If no joint moves at frequencies that its spectrum resolves, slow motions are used. It is infinite without motion.
     """
     for edge_of in (acceleration_edge, slow_motion_edge):
         moving = [edge_of(column, rate) for q, _, rate in signals for column in q.T]

@@ -1,4 +1,4 @@
-"""Long recordings: stretches that stand for the whole, so that the cost does not grow with the hours recorded."""
+"""Selects representative parts of long recordings, so that the cost does not grow with the hours recorded."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float, read_only
 
 LONGEST = 600.0
-"""Seconds up to which a recording is used from end to end."""
-_STRETCH, _COUNT = 20.0, 15  # seconds of each stretch of a longer one, and how many there are
-# Smallest number of samples of a stretch. The band ends at 6 % of the rate at most, so its filter needs two periods
-# of that, 33 samples, at either end, and the smallest fit another 133: a stretch has twice that.
+"""Longest recording [s] that is used as a whole."""
+_STRETCH, _COUNT = 20.0, 15  # length [s] and number of the stretches that are taken from a longer recording
+# Smallest number of samples of a stretch. The edge of the band is at most 6 % of the rate. Its filter needs two periods
+# of the edge, 33 samples, at either end, and the smallest fit needs another 133: a stretch has twice that number.
 _SAMPLES = 400
 
 
 def stretches(recording: Recording) -> tuple[Recording, ...]:
-    """The recording, or if it is long, stretches of it from its beginning to its end, mostly five minutes together.
+    """The recording; of a long one, stretches spread over its whole length, mostly five minutes in total.
 
     The recording is cut into as many equal parts as there are stretches; from each part the stretch with most motion is
-    taken. The motion of a joint is measured relative to all of its motion, so that a joint that seldom moves counts.
+    taken. A joint's motion is measured relative to its motion in the whole recording, so that joints that seldom move
+    count as much as the others.
 
     Args:
-        recording: Raw samples. Its warnings stay with the first stretch.
+        recording: Raw samples. Its warnings are kept with the first stretch only.
     """
     if not is_long(recording):
         return (recording,)
@@ -38,7 +39,7 @@ def stretches(recording: Recording) -> tuple[Recording, ...]:
 
 
 def busiest(recording: Recording) -> Recording:
-    """The recording, or if it is long, the fifteen stretches in a row in which its joints move most."""
+    """The recording; of a long one, the fifteen consecutive stretches in which the joints move most."""
     if not is_long(recording):
         return recording
     windows = _windows(recording)
@@ -53,7 +54,7 @@ def is_long(recording: Recording) -> bool:
 
 
 def note_on_length(recording: Recording) -> str:
-    """A sentence on what is used of a long recording."""
+    """A sentence that says which part of a long recording is used."""
     return (
         f"{recording.file} lasts {recording.t[-1] - recording.t[0]:.0f} s: fits and figures are of {_COUNT} stretches "
         f"of {_length(recording):.3g} s from its beginning to its end, those in which the joints move most."
@@ -61,7 +62,7 @@ def note_on_length(recording: Recording) -> str:
 
 
 def part_of(recording: Recording, rows: slice) -> Recording:
-    """Some rows of a recording."""
+    """The recording with some of its rows only."""
 
     def some(x: Array | None) -> Array | None:
         return None if x is None else read_only(x[rows])
@@ -88,19 +89,19 @@ def part_of(recording: Recording, rows: slice) -> Recording:
 
 
 def _length(recording: Recording) -> float:
-    """Length of a stretch [s], longer where samples come so slowly that too few would be in it."""
+    """Length of a stretch [s]; longer than `_STRETCH` if it would have fewer than `_SAMPLES` samples."""
     return max(_STRETCH, _SAMPLES * float(np.median(np.diff(recording.t))))
 
 
 def _windows(recording: Recording) -> list[tuple[int, int]]:
-    """First row and one after the last of each stretch, those left out that a gap leaves less than half of."""
+    """First row and end row (exclusive) of each stretch; stretches that are mostly a gap are left out."""
     t, length = recording.t, _length(recording)
     starts = np.append(np.searchsorted(t, np.arange(t[0], t[-1], length)), len(t)).tolist()
     return [(a, b) for a, b in pairwise(starts) if b > a and t[b - 1] - t[a] > 0.5 * length]
 
 
 def _movement(recording: Recording, windows: list[tuple[int, int]]) -> Float[Array, " w"]:
-    """How much the joints move in each window: of each the share of its way in all, summed over the joints."""
+    """Motion in each window: the share of each joint's total travel in the window, summed over the joints."""
     unused = np.zeros(len(recording.t), dtype=bool)
     for start, stop in recording.excluded:
         unused |= (recording.t >= start) & (recording.t <= stop)
@@ -109,6 +110,6 @@ def _movement(recording: Recording, windows: list[tuple[int, int]]) -> Float[Arr
         steps = np.diff(column, append=column[-1])
         np.abs(steps, out=steps)
         steps[unused] = 0.0
-        way = np.array([steps[slice(*window)].sum() for window in windows])
-        out += way / max(float(way.sum()), 1e-300)
+        travel = np.array([steps[slice(*window)].sum() for window in windows])
+        out += travel / max(float(travel.sum()), 1e-300)
     return out

@@ -1,6 +1,6 @@
-"""Joints that something moves with a torque that nobody knows: the model's own torque stands in for it.
+"""Replaces the torque of joints whose drive torque is unknown by the model's torque.
 
-Their recorded motion acts on the other joints. Their own row gets no residual, and none of its samples is used.
+The recorded motion of these joints acts on the other joints. Their own torque has no residual then, and no fit uses it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def unknown_drives(robot: Robot) -> Bool[Array, " nv"]:
 
 
 def with_model_torque(robot: Robot, log: Log) -> Log:
-    """The log with the model's torque in place of those of unknown drives, and where a joint carries a contact."""
+    """The log with the model's torque for unknown drives, and for joints that carry a contact while they do."""
     unknown = unknown_drives(robot) if log.touched is None else unknown_drives(robot) | log.touched
     if not unknown.any():
         return log
@@ -32,7 +32,7 @@ def with_model_torque(robot: Robot, log: Log) -> Log:
 
 
 def without_unknown_torques(recording: Recording, robot: Robot) -> Recording:
-    """The recording with the model's torque on joints whose drive is unknown, for checks of the others."""
+    """The recording with the model's torque on joints whose drive is unknown, for checks of the other joints."""
     unknown = unknown_drives(robot)
     # A robot with a floating base is compared with the model only once its contacts are known.
     if recording.tau is None or not unknown.any() or robot.floating:
@@ -48,7 +48,7 @@ def without_unknown_torques(recording: Recording, robot: Robot) -> Recording:
 
 
 def unknown_words(file: str, robot: Robot) -> tuple[str, ...]:
-    """One sentence on the joints of which only the motion is used; none where there are none."""
+    """One sentence on the joints of which only the motion is used; empty if there are no such joints."""
     names = [name for name, own in zip(robot.joint_names, unknown_drives(robot), strict=True) if own]
     if not names:
         return ()

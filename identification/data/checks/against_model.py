@@ -22,7 +22,7 @@ from phantom_dyn.motion import Motion
 
 _ROWS = 300  # samples in a regression: enough for four coefficients, and quick for many pairs of joints
 _DEGREE = np.pi / 180  # [rad]
-_FAR = 4 * np.pi  # [rad]: a joint without limits may well travel two turns
+_FAR = 4 * np.pi  # [rad]: a joint without limits may travel two turns, but seldom more
 _MOST_JOINTS = 12  # pairs of joints are tried up to this number of joints
 
 
@@ -35,7 +35,7 @@ class TorqueRegression:
         friction: Correlation of the fitted friction with the residual of model and offset; positive where friction
             opposes the motion.
         unexplained: Share of the measured torque's variance in the residual, with a slope that cannot be negative.
-        model_share: Share of that variance that the model torque explains beyond friction, with any slope.
+        model_share: Share of the same variance that the model torque explains beyond friction, with any slope.
     """
 
     slope: tuple[float, float]
@@ -110,10 +110,10 @@ def check_flipped(recording: Recording, data: Reading, model: Float[Array, "N nv
     for j, (joint, found) in enumerate(zip(recording.joint_names, regress_joints(data, model), strict=True)):
         if found is None:
             continue
-        # Friction that clearly opposes motion confirms the sign, unless the model explains most of the torque.
-        vouched = found.friction > 0.3 and found.model_share < 0.5
-        against_model = found.model_share > 0.1 and max(found.slope) < -0.3 and not vouched
-        # If a joint moves one way only, friction and offset are the same column, and their signs are arbitrary.
+        # Friction that clearly opposes the motion confirms the sign, unless the model explains most of the torque.
+        confirmed = found.friction > 0.3 and found.model_share < 0.5
+        against_model = found.model_share > 0.1 and max(found.slope) < -0.3 and not confirmed
+        # If a joint moves in one direction only, friction and offset are the same column, with arbitrary signs.
         against_friction = both_ways[j] and found.model_share < 0.1 and found.friction < -0.7
         if against_model or against_friction:
             what = "the model needs" if against_model else "friction needs"
@@ -129,7 +129,7 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joi
 
     Args:
         before: Unexplained share of every joint with the data as recorded.
-        after: The same for the changed data.
+        after: Unexplained share of every joint with the changed data.
         joints: Joints whose data are changed.
     """
     if np.isnan(before[joints]).any() or np.isnan(after[joints]).any():
@@ -137,7 +137,7 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joi
     others = np.setdiff1d(np.arange(len(before)), joints)
     worse = float(np.nansum(after[others] - before[others]))
     gained = float(np.sum(before[joints] - after[joints]))
-    # Joints with coupled loads fit exchanged data fairly well: then the ratio decides, else the difference.
+    # Joints with coupled loads fit exchanged data fairly well: for them the ratio decides, for others the difference.
     ratio = float(np.max(after[joints] / before[joints]))
     return (ratio < 0.1 and gained > 0.02 and gained > 2 * worse) or (ratio < 0.5 and gained > 0.6 + 2 * max(worse, 0))
 
@@ -151,7 +151,7 @@ def check_swapped(
     if not 2 <= robot.nv <= _MOST_JOINTS:
         return (), False
     for i, j in combinations(range(robot.nv), 2):
-        # An exchange can only be clearly better where the fit is poor now.
+        # An exchange can be clearly better only if the fit of the recorded data is poor.
         if not np.nansum(before[[i, j]]) > 0.02:
             continue
         readings = []
@@ -175,7 +175,14 @@ def check_swapped(
 def check_degrees(
     recording: Recording, robot: Robot | None, data: Reading | None, model: Float[Array, "N nv"] | None
 ) -> tuple[str, ...]:
-    """Sentences on positions that look like degrees: far outside the limits, or with a far better fit in degrees."""
+    """Sentences on positions that are probably in degrees: far outside the limits, or with a far better fit in degrees.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model; None to look at the positions only.
+        data: Samples for a comparison with the model; None to compare the positions with the limits only.
+        model: Torque of the model for ``data``.
+    """
     q = recording.q
     revolute = ~robot.prismatic if robot is not None else np.ones(q.shape[1], dtype=bool)
     unlimited = np.full(q.shape[1], np.inf)

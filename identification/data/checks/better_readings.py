@@ -1,7 +1,8 @@
-"""Other readings of a recording (another unit, sign or order) that fit the model far better than the data as recorded.
+"""Finds mistakes in a recording: another unit, sign or order of columns with which the model fits far better.
 
-No plausible robot explains the data as recorded, but one explains the other reading, in both halves of the recording:
-see `identification.data.checks.readings.plausible_fit`.
+A reading is the recording with one such correction. A mistake is certain if no plausible robot explains the data as
+recorded, and a plausible robot explains the reading, in both halves of the recording. The fits are those of
+`identification.data.checks.readings.plausible_fit`.
 """
 
 from __future__ import annotations
@@ -32,167 +33,177 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# A reading is far better if the unexplained share falls to a quarter, half of the amplitude (geometric mean over both
-# halves of the recording), and to at most a half in either half.
+# A reading is far better if the unexplained share of the torque's variance falls to a quarter (geometric mean over both
+# halves of the recording), and to a half or less in each half.
 _FAR_BETTER, _EITHER_HALF = float(np.log(4.0)), float(np.log(2.0))
-# Largest increase of the unexplained share of any joint.
+# Logarithm of the largest acceptable increase of the unexplained share of any joint.
 _WORSE = float(np.log(1.5))
-# Largest unexplained share with the right reading.
+# Largest unexplained share with the correct reading.
 _RIGHT = 0.15
 # Difference of the summed gains of two readings below which they fit equally well.
-_TWINS = 0.5
-# Share of the needed torque below which a joint is not driven, or is driven by something else.
+_EQUAL_FIT = 0.5
+# Share of the needed torque below which a joint has no drive, or is moved by something else.
 _IDLE = 0.1
 # Largest number of faults that are found one after the other.
 _MOST_FAULTS = 3
-# Unexplained share from which on two mistakes at once are looked for, and the largest one that both together may leave.
+# Two simultaneous mistakes are looked for from the first unexplained share on; with both corrected, the median share
+# may be at most the second.
 _FOR_TWO, _BOTH_RIGHT = 0.2, 0.1
-# Number of signs that are tried first for pairs of mistakes, and number of pairs that are fitted in full.
+# Number of signs that are tried as the first mistake of a pair, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
 # Number of the best signs and orders by a quick fit that are fitted in full.
-_TRIED = 6
+_FITTED_IN_FULL = 6
 
 
 @dataclass(frozen=True)
-class Compared:
-    """Fit of a reading, compared with that of the data as recorded.
+class ReadingFit:
+    """Fit of a reading, compared with the fit of the data as recorded.
 
     Attributes:
-        suspect: The change that makes the reading.
-        gains: Logarithm of the ratio of unexplained shares, as recorded over as read, ``(2, nv)``.
-        left: Unexplained share of the reading, ``(2, nv)``.
-        twins: Other readings that the data do not distinguish from it.
+        suspect: The mistake that the reading corrects.
+        gains: Logarithm of the unexplained share as recorded over that of the reading, by half of the recording and
+            joint, ``(2, nv)``.
+        unexplained: Unexplained share of the reading, ``(2, nv)``.
+        twins: Other mistakes that the data do not distinguish from it.
     """
 
     suspect: Suspect
     gains: Float[Array, "2 nv"]
-    left: Float[Array, "2 nv"]
+    unexplained: Float[Array, "2 nv"]
     twins: tuple[Suspect, ...] = ()
 
     @property
-    def of_joints(self) -> Float[Array, " nv"]:
-        """Gain of each joint, see `_of_joints`."""
-        return _of_joints(self.gains)
+    def joint_gains(self) -> Float[Array, " nv"]:
+        """Gain of each joint over both halves, see `_joint_gains`."""
+        return _joint_gains(self.gains)
 
     @property
     def score(self) -> float:
-        """Sum of the gains."""
-        return float(np.nansum(self.of_joints))
+        """Sum of the gains of all joints."""
+        return float(np.nansum(self.joint_gains))
 
 
-def _of_joints(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
-    """Gain of each joint: the mean of both halves if both are large, else the smaller one; NaN without either."""
-    said = ~np.isnan(gains).all(axis=0)
+def _joint_gains(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
+    """Gain of each joint: the mean of both halves if both are large, else the smaller one; NaN if both are NaN."""
+    known = ~np.isnan(gains).all(axis=0)
     out = np.full(gains.shape[1], np.nan)
-    worse = np.nanmin(gains[:, said], axis=0)
-    out[said] = np.where(worse >= _EITHER_HALF, np.nanmean(gains[:, said], axis=0), worse)
+    smaller = np.nanmin(gains[:, known], axis=0)
+    out[known] = np.where(smaller >= _EITHER_HALF, np.nanmean(gains[:, known], axis=0), smaller)
     return out
 
 
-def compared(
+def fit_of(
     robot: Robot,
     before: Float[Array, "2 nv"],
     reading: Reading,
     suspect: Suspect,
     freedom: Freedom = PLAUSIBLE,
-) -> Compared:
-    """Comparison of a suspect's reading with the data as recorded."""
+) -> ReadingFit:
+    """Fit of the reading that corrects a suspected mistake.
+
+    Args:
+        robot: The given model.
+        before: Unexplained shares of the data as recorded.
+        reading: The data as recorded.
+        suspect: The suspected mistake.
+        freedom: How far the robot may be from its model.
+    """
     read = suspect.read(reading)
     try:
         left = unexplained(suspect.model or robot, read, freedom)
     except ChainError:
-        # With this reading the loops of a closed chain do not close, so that it is excluded.
+        # With this reading the loops of a closed chain do not close: it cannot be correct.
         left = np.full_like(before, np.inf)
     if suspect.kind == "gravity":
-        # Torque of the model that a reading adds must not lower the share, which is that of the measured torque.
+        # This reading adds a torque of the model, which raises the variance. The share stays that of the measured one.
         left = left * read.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
-    return Compared(suspect, np.log((before + ENOUGH) / (left + ENOUGH)), left)
+    return ReadingFit(suspect, np.log((before + ENOUGH) / (left + ENOUGH)), left)
 
 
-def is_certain(found: Compared) -> bool:
-    """Whether a reading fits far better on the joints that it changes, and no joint worse."""
-    gains, joints = found.of_joints, list(found.suspect.joints)
+def is_certain(found: ReadingFit) -> bool:
+    """Whether a reading fits far better on the joints that it changes, and no other joint fits worse."""
+    gains, joints = found.joint_gains, list(found.suspect.joints)
     own = gains[joints]
     if np.nanmin(gains, initial=0.0) < -_WORSE:
         return False
     if found.suspect.expected:
-        left = found.left[~np.isnan(found.left)]
+        left = found.unexplained[~np.isnan(found.unexplained)]
         return float(np.nansum(gains)) >= 0 and len(left) > 0 and float(np.median(left)) <= _RIGHT
-    worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.left.T])
+    worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.unexplained.T])
     mended = (own >= _FAR_BETTER) & (worst[joints] <= _RIGHT)
     if found.suspect.kind == "order":
         return bool(mended.any() and np.all(own >= _WORSE))
-    # Readings that are tried only where the travel is absurd, or that only lead to an offer, need one joint.
-    if found.suspect.says == "offer" or found.suspect.kind == "length":
+    # One improved joint is enough in five cases: the mistake is only mentioned, not reported as a fault (`offer`); the
+    # recorded travel is impossible (`length`); each factor is that of a drive, as no load would make it (`factors`);
+    # the torque grows with speed as only a back-EMF does (`voltage`); a joint turns more than once only if its position
+    # is in degrees (`degrees`).
+    if found.suspect.outcome == "offer" or found.suspect.kind in ("length", "factors", "voltage"):
         return bool(mended.any())
-    if found.suspect.kind in ("factors", "voltage"):
-        # No load makes factors of which each is that of a drive, and no torque grows so with the speed.
+    if found.suspect.kind == "degrees" and found.suspect.turned:
         return bool(mended.any())
     if found.suspect.kind == "attitude":
-        # One gravity holds for all joints, and a load that the model lacks may explain the last ones either way.
+        # All joints have the same gravity. A load that the model lacks may explain the last joints without it.
         return bool(mended.any() and np.nanmax(worst) <= _RIGHT)
     if found.suspect.kind == "gears":
-        # In a free swing weight and inertia cancel. Small errors of both then look like gears, but little is left.
-        recorded = np.exp(found.gains) * (found.left + ENOUGH) - ENOUGH
+        # In a free swing weight and inertia cancel, and small errors of both look like gears. But then the unexplained
+        # share is small as recorded, too.
+        recorded = np.exp(found.gains) * (found.unexplained + ENOUGH) - ENOUGH
         return bool((mended & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > _RIGHT)).any())
     if found.suspect.kind == "torque":
-        # One factor on all joints may be a load, which two joints rule out; the unit of some joints is no load.
+        # A factor on all joints may be caused by a load, unless two joints agree; one on some joints cannot.
         return int(mended.sum()) >= (2 if len(own) == len(gains) else 1)
-    if found.suspect.kind == "degrees" and found.suspect.turned:
-        # Joints that turn about more than once show their unit by themselves; one of them may have another mistake too.
-        return bool(mended.any())
     if found.suspect.kind == "pair":
         return _pair_is_certain(found)
     if found.suspect.kind == "sign" and found.suspect.moves:
-        # A joint may need the same torque with both readings, if its position matters only to the joints before it.
+        # The joint itself may need the same torque with both signs, if its position matters only to joints before it.
         every = (gains >= _FAR_BETTER) & (worst <= _RIGHT)
         return bool(every.any() and np.all(np.nan_to_num(own) >= -_WORSE))
     return int(mended.sum()) >= min(2, len(own))
 
 
-def leaves_little(found: Compared) -> bool:
-    """Whether a reading leaves little on every joint that it explains otherwise than before.
+def explains_nearly_all(found: ReadingFit) -> bool:
+    """Whether the unexplained share is small on every joint whose fit the reading changes.
 
-    What it leaves as it was, as the noise of another joint, says nothing about it.
+    Joints whose fit it does not change, as those with noise, say nothing about the reading.
     """
-    rest = np.nanmax(found.left, axis=0, initial=0.0, where=~np.isnan(found.left))
-    touched = np.abs(np.nan_to_num(found.of_joints)) > _WORSE
+    rest = np.nanmax(found.unexplained, axis=0, initial=0.0, where=~np.isnan(found.unexplained))
+    touched = np.abs(np.nan_to_num(found.joint_gains)) > _WORSE
     touched[list(found.suspect.joints)] = True
     return bool(rest[touched].max(initial=0.0) <= _RIGHT)
 
 
-def _pair_is_certain(found: Compared) -> bool:
-    """Whether two mistakes at once explain nearly all of the torque that is unexplained without them."""
-    left = found.left[~np.isnan(found.left)]
-    better = np.nan_to_num(found.of_joints) >= _FAR_BETTER
-    wanted = min(2, int((~np.isnan(found.of_joints)).sum()))
+def _pair_is_certain(found: ReadingFit) -> bool:
+    """Whether nearly all of the torque is explained after two mistakes were corrected."""
+    left = found.unexplained[~np.isnan(found.unexplained)]
+    better = np.nan_to_num(found.joint_gains) >= _FAR_BETTER
+    wanted = min(2, int((~np.isnan(found.joint_gains)).sum()))
     return bool(len(left) and np.median(left) <= _BOTH_RIGHT and left.max() <= _RIGHT and better.sum() >= wanted)
 
 
-def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compared]:
-    """Readings that are certainly better than the data as recorded, each one compared with the one before it.
+def better_readings(robot: Robot, reading: Reading, step: float) -> list[ReadingFit]:
+    """Mistakes that are certain, one after the other: each is found after those before it were corrected.
 
     Args:
         robot: The given model.
         reading: The data as recorded.
         step: Median time between two samples [s].
     """
-    out: list[Compared] = []
+    out: list[ReadingFit] = []
     for _ in range(_MOST_FAULTS):
         before = unexplained(robot, reading)
         units = [*other.time_suspects(robot, step), *other.length_suspects(robot, reading)]
-        poor = _poor(before)
+        poor = _poorly_fitted(before)
         if not poor and not any(suspect.expected for suspect in units):
-            return out or _weight_taken_out(robot, reading)
-        tried = [compared(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
+            return out or _compensated_gravity(robot, reading)
+        tried = [fit_of(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
         certain = [one for one in tried if is_certain(one)]
         if not certain:
-            return [*out, *_two_at_once(robot, reading, before, tried)] or _weight_taken_out(robot, reading)
+            return [*out, *_pair_of_mistakes(robot, reading, before, tried)] or _compensated_gravity(robot, reading)
         best = _likeliest(robot, reading, certain)
-        if best.suspect.says == "rival":
+        if best.suspect.outcome == "rival":
             return out
         out.append(best)
-        if best.suspect.says == "offer":
+        if best.suspect.outcome == "offer":
             return out
         mended = best.suspect.read(reading)
         step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
@@ -200,29 +211,30 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
     return out
 
 
-def _weight_taken_out(robot: Robot, reading: Reading) -> list[Compared]:
-    """The reading that a controller took the weight out, where no other is certain, as many robots carry some load.
+def _compensated_gravity(robot: Robot, reading: Reading) -> list[ReadingFit]:
+    """The reading that a controller had subtracted gravity from the torque; for data in which no mistake is certain.
 
-    A robot like its model explains it, with that load, and the data as recorded only one with other inertias.
+    Many robots carry a load that the model lacks. With such a load and gravity added, a robot with the model's inertias
+    explains the torque. As recorded, only a robot with other inertias does.
     """
     suspects = compensated_suspects(robot, reading, loaded=True)
     if not suspects:
         return []
     before = unexplained(robot, reading, AS_MODELLED)
-    found = [compared(robot, before, reading, one, AS_MODELLED) for one in suspects]
-    return [one for one in found if is_certain(one) and leaves_little(one)]
+    found = [fit_of(robot, before, reading, one, AS_MODELLED) for one in suspects]
+    return [one for one in found if is_certain(one) and explains_nearly_all(one)]
 
 
-def _likeliest(robot: Robot, reading: Reading, certain: Sequence[Compared]) -> Compared:
-    """The reading that explains most; of those that some robot explains equally, the one that needs no other robot.
+def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) -> ReadingFit:
+    """The reading with the largest score; of readings with nearly equal scores, the one that fits the given model best.
 
-    A plausible robot may have any offset, and torque constants of half to twice the stated ones: with these, a torque
-    with the wrong sign of its weight fits, and so does one with half a gear ratio.
+    A plausible robot may have any offset, and torque constants of half to twice the stated ones. With these, a torque
+    whose gravity part has the wrong sign fits, and so does a torque with half the gear ratio.
     """
-    worth = max(one.score - _FAR_BETTER * one.suspect.price for one in certain)
-    tied = [one for one in certain if one.score > worth - _TWINS]
-    if tied[0].suspect.kind != "attitude" and tied[0].suspect.says != "rival":
-        tied = [one for one in tied if one.suspect.says != "rival"]
+    best_score = max(one.score - _FAR_BETTER * one.suspect.price for one in certain)
+    tied = [one for one in certain if one.score > best_score - _EQUAL_FIT]
+    if tied[0].suspect.kind != "attitude" and tied[0].suspect.outcome != "rival":
+        tied = [one for one in tied if one.suspect.outcome != "rival"]
     if len(tied) == 1:
         return tied[0]
     costs = [
@@ -230,34 +242,34 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[Compared]) -> C
         for one in tied
     ]
     least = min(costs)
-    # The first one: a wrong sign of a torque is more frequent than of a position.
-    equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _TWINS]
+    # The first one is taken: a wrong sign of a torque is more frequent than of a position.
+    equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _EQUAL_FIT]
     best = equal[0].suspect
     if best.kind == "attitude":
-        # Of directions of gravity the first is the simplest. Another zero of a first joint is as good as another base.
-        return replace(equal[0], twins=tuple(one.suspect for one in equal[1:] if one.suspect.says == "rival"))
+        # The first direction of gravity is the simplest. Another zero of the first joint has the same effect.
+        return replace(equal[0], twins=tuple(one.suspect for one in equal[1:] if one.suspect.outcome == "rival"))
     twins = [one.suspect for one in equal[1:] if one.suspect.joints == best.joints or one.suspect.kind == "length"]
-    return replace(equal[0], twins=tuple(one for one in twins if one.kind == best.kind and one.says == "wrong"))
+    return replace(equal[0], twins=tuple(one for one in twins if one.kind == best.kind and one.outcome == "wrong"))
 
 
-def _two_at_once(
-    robot: Robot, reading: Reading, before: Float[Array, "2 nv"], alone: Sequence[Compared]
-) -> list[Compared]:
-    """Two readings that are certain together and not alone; units come first.
+def _pair_of_mistakes(
+    robot: Robot, reading: Reading, before: Float[Array, "2 nv"], alone: Sequence[ReadingFit]
+) -> list[ReadingFit]:
+    """Two mistakes that are certain together, but not each by itself.
 
     Args:
         robot: The given model.
         reading: The data as recorded.
-        before: Their share that no plausible robot explains.
-        alone: Single readings that were fitted in full.
+        before: Their unexplained share.
+        alone: Fits of readings that correct a single mistake.
     """
     worst = np.nanmin(before, axis=0, initial=np.inf, where=~np.isnan(before))
     if not (worst[np.isfinite(worst)] >= _FOR_TWO).any():
         return []
     plain = plain_left(robot, reading)
     driven = _driven(robot, reading)
-    signs = [one for one in other.sign_suspects(robot, np.flatnonzero(driven).tolist()) if one.says == "wrong"]
-    firsts = [*other.degree_suspects(robot, reading), *_most_promising(robot, reading, plain, signs, _FIRSTS)]
+    signs = [one for one in other.sign_suspects(robot, np.flatnonzero(driven).tolist()) if one.outcome == "wrong"]
+    firsts = [*other.degree_suspects(robot, reading), *_best_in_quick_fit(robot, reading, plain, signs, _FIRSTS)]
     pairs: list[tuple[float, Suspect, Suspect]] = []
     for first in firsts:
         try:
@@ -266,47 +278,51 @@ def _two_at_once(
             seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
             if ratio is not None and abs(np.log(ratio)) > OTHER_UNIT:
                 seconds.append(factor_of_all(robot, 1 / ratio))
-            # Degrees are never a part of two mistakes, and two signs of one joint make a third single one.
+            # Two signs of the same joint are one mistake, which is tried by itself.
             seconds = [one for one in seconds if not (one.kind == "sign" and one.joints == first.joints)]
-            for second in seconds:
-                gain = _plain_gain(robot, plain, second.read(read))
-                pairs.append((gain, first, second))
+            pairs += [(_quick_gain(robot, plain, second.read(read)), first, second) for second in seconds]
         except ChainError:
             continue
     pairs.sort(key=lambda pair: -pair[0])
     single = max((one.score for one in alone), default=0.0)
     for _, first, second in pairs[:_PAIRS]:
-        both = compared(robot, before, reading, second.after(first))
+        both = fit_of(robot, before, reading, second.after(first))
         if not is_certain(both) or both.score <= single + _FAR_BETTER:
             continue
-        # Each of the two has to be needed.
-        parts = [compared(robot, before, reading, one).score for one in (first, second)]
+        # Both corrections have to be necessary.
+        parts = [fit_of(robot, before, reading, one).score for one in (first, second)]
         if both.score > max(parts) + _FAR_BETTER:
             return [replace(both, suspect=first), replace(both, suspect=second)]
     return []
 
 
-def _plain_gain(robot: Robot, plain: Float[Array, " nv"], read: Reading) -> float:
-    """Sum over all joints of the gain of a reading in a quick fit."""
+def _quick_gain(robot: Robot, plain: Float[Array, " nv"], read: Reading) -> float:
+    """Sum over all joints of the gain of a reading by quick fits."""
     return float(np.nansum(np.log((plain + ENOUGH) / (plain_left(robot, read) + ENOUGH))))
 
 
-def _most_promising(
+def _best_in_quick_fit(
     robot: Robot, reading: Reading, plain: Float[Array, " nv"], suspects: Sequence[Suspect], count: int
 ) -> list[Suspect]:
-    """The readings with the largest gain in a quick fit of all joints."""
-    gains = [_plain_gain(robot, plain, suspect.read(reading)) for suspect in suspects]
+    """The ``count`` mistakes whose correction gains most in quick fits of all joints."""
+    gains = [_quick_gain(robot, plain, suspect.read(reading)) for suspect in suspects]
     return [suspects[k] for k in np.argsort(gains)[::-1][:count]]
 
 
-def _poor(before: Float[Array, "2 nv"]) -> list[int]:
-    """Joints whose fit could become far better in both halves."""
-    possible = _of_joints(np.log((before + ENOUGH) / ENOUGH))
+def _poorly_fitted(before: Float[Array, "2 nv"]) -> list[int]:
+    """Joints whose unexplained share is so large that their fit could become far better."""
+    possible = _joint_gains(np.log((before + ENOUGH) / ENOUGH))
     return np.flatnonzero(np.nan_to_num(possible) >= _FAR_BETTER).tolist()
 
 
 def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspect]:
-    """All readings but those of times and lengths."""
+    """All suspected mistakes, except units of time and length.
+
+    Args:
+        robot: The given model.
+        reading: The data as recorded.
+        poor: Joints that fit poorly.
+    """
     if not poor:
         return []
     driven = _driven(robot, reading)
@@ -322,26 +338,26 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
     ]
     return [
         *(one for one in motors if not one.turned),
-        *_nearer(robot, reading, other.torque_suspects(robot, ratio)),
+        *_units_closer_in_size(robot, reading, other.torque_suspects(robot, ratio)),
         *unit_suspects(robot, reading),
         *factor_suspects(robot, reading),
         *compensated_suspects(robot, reading),
         *attitude_suspects(robot, reading),
-        *_promising(robot, reading, of_shape),
+        *_better_in_quick_fit(robot, reading, of_shape),
     ]
 
 
-def _nearer(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """Other units in which the torques as a whole are closer in size to the modelled ones."""
+def _units_closer_in_size(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
+    """The units with which the torques are closer in size to the modelled torques than as recorded."""
     needed = (inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)).std(axis=0)
 
-    def away(tau: Float[Array, "N nv"]) -> float:
+    def distance(tau: Float[Array, "N nv"]) -> float:
         size = (tau + reading.external).std(axis=0)
         known = (needed > 0) & (size > 0)
         return abs(float(np.median(np.log(size[known] / needed[known])))) if known.any() else np.inf
 
-    now = away(reading.tau)
-    return [one for one in suspects if away(one.read(reading).tau) < now]
+    as_recorded = distance(reading.tau)
+    return [one for one in suspects if distance(one.read(reading).tau) < as_recorded]
 
 
 def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
@@ -352,8 +368,8 @@ def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
     return (reading.tau.std(axis=0) >= _IDLE * needed.std(axis=0)) & ~unsigned
 
 
-def _promising(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """Suspects that a quick fit finds better than the data as recorded."""
+def _better_in_quick_fit(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
+    """The mistakes whose correction improves a quick fit; at most `_FITTED_IN_FULL`."""
     before = plain_left(robot, reading)
     gains = np.full(len(suspects), -np.inf)
     for k, suspect in enumerate(suspects):
@@ -363,5 +379,5 @@ def _promising(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> l
         except ChainError:
             continue
         gains[k] = float(np.nansum(np.log((before[joints] + ENOUGH) / (after[joints] + ENOUGH))))
-    best = np.argsort(gains)[::-1][:_TRIED]
+    best = np.argsort(gains)[::-1][:_FITTED_IN_FULL]
     return [suspects[k] for k in sorted(best.tolist()) if gains[k] > _WORSE]

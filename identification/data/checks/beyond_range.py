@@ -1,4 +1,4 @@
-"""Positions that a joint cannot have: more than a turn outside the range that the robot's file states."""
+"""Finds positions that a joint cannot have: more than a turn outside the range that the robot's file states."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
 
 _TURN = 2 * np.pi  # [rad]
-# Smallest share of a recording that lies so far outside: a smaller one is a spike or a turn miscounted for a while.
-_MOST = 0.05
+# Smallest share of samples that far outside with which the positions are wrong. A smaller share may be a spike, or a
+# turn that was miscounted for a while.
+_LEAST_SHARE = 0.05
 
 
 def beyond_range(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
-    """Faults of positions more than a turn outside a joint's range; this needs no torque.
+    """The fault of positions that are more than a turn outside a joint's range.
 
-    Positions that are inside after whole turns are subtracted are no fault: the encoder counts turns.
+    Positions that are inside after whole turns were subtracted are no fault: the encoder counts turns. No torque is
+    needed.
 
     Args:
         recording: Raw samples.
@@ -53,7 +55,7 @@ def beyond_range(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
 def _outside(q: Float[Array, " N"], lower: float, upper: float) -> bool:
     """True if many positions are more than a turn outside, and subtracting whole turns does not bring them inside."""
     far = (q > upper + _TURN) | (q < lower - _TURN)
-    if far.mean() < _MOST:
+    if far.mean() < _LEAST_SHARE:
         return False
     turns = np.round((np.median(q) - 0.5 * (lower + upper)) / _TURN)
     return not _inside(q - turns * _TURN, lower, upper)

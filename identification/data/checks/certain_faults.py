@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Certain faults of a recording or of the model, with which a diagnosis would be meaningless.
+"""Finds certain faults of a recording or of the model, with which a diagnosis would be meaningless.
 
-A fault is certain if no plausible robot explains the data as recorded, but one explains the data in another unit, with
-another sign or in another order (`identification.data.checks.better_readings`).
+A fault is certain if no plausible robot explains the data as recorded, but a plausible robot explains the data in
+another unit, with another sign or in another order (`identification.data.checks.better_readings`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.data.checks.better_readings import Compared, better_readings, leaves_little
+from identification.data.checks.better_readings import ReadingFit, better_readings, explains_nearly_all
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.readings.plausible_fit import ENOUGH
@@ -27,12 +27,12 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, s
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
-# Largest number of joints: with more, fits of all other units, signs and orders would take longer than a diagnosis.
+# Largest number of joints: with more, the fits of all units, signs and orders would take longer than a diagnosis.
 _MOST_JOINTS = 12
 
 
 def massless_model(robot: Robot) -> tuple[Fault, ...]:
-    """The fault of a model without mass or inertia in any link; a single joint may be a motor with a rotor only."""
+    """The fault of a model without mass or inertia in any link; a single joint may have only a rotor."""
     if np.any(standard_parameters(robot)) or (robot.nv == 1 and np.any(robot.model.armature)):
         return ()
     name = Path(robot.source).name if robot.source else robot.name
@@ -48,12 +48,12 @@ def massless_model(robot: Robot) -> tuple[Fault, ...]:
 def certain_faults(
     recording: Recording, robot: Robot, reading: Reading | None
 ) -> tuple[tuple[Fault, ...], tuple[str, ...]]:
-    """Certain faults of a recording or of the model, and sentences on statements that the user may have to add.
+    """Certain faults of a recording or of the model, and sentences on possible mistakes that are not certain.
 
     Args:
         recording: Raw samples.
         robot: The given model.
-        reading: Some of its samples, smoothed; None where there is no torque to compare with the model.
+        reading: Smoothed samples of the recording; None if there is no torque to compare with the model.
     """
     model_faults = massless_model(robot) or wrong_units(robot)
     if model_faults or reading is None:
@@ -72,13 +72,13 @@ def certain_faults(
         return (unsigned,), ()
     step = float(np.median(np.diff(recording.t)))
     found = better_readings(robot, reading, step)
-    wrong = [one for one in found if one.suspect.says == "wrong"]
+    wrong = [one for one in found if one.suspect.outcome == "wrong"]
     faults = tuple(_fault(recording, robot, reading, one) for one in wrong)
-    offers = tuple(_offer(recording, one) for one in found if one.suspect.says == "offer")
-    if wrong and not (any(one.suspect.expected for one in wrong) or leaves_little(wrong[-1])):
-        rest = wrong[-1].left
-        j = int(np.nanargmax(np.nanmax(rest, axis=0)))
-        more = f"{100 * float(np.nanmax(rest[:, j])):.2g} % of the torque of {robot.joint_names[j]} are left then"
+    offers = tuple(_offer(recording, one) for one in found if one.suspect.outcome == "offer")
+    if wrong and not (any(one.suspect.expected for one in wrong) or explains_nearly_all(wrong[-1])):
+        shares = wrong[-1].unexplained
+        j = int(np.nanargmax(np.nanmax(shares, axis=0)))
+        more = f"{100 * float(np.nanmax(shares[:, j])):.2g} % of the torque of {robot.joint_names[j]} are left then"
         offers += tuple(
             f"{recording.file}: it may be that {fault.what} ({fault.why}): {fault.mend}; but {more}, so that there is "
             "another mistake, or this is none."
@@ -88,8 +88,8 @@ def certain_faults(
     return faults, offers
 
 
-def _offer(recording: Recording, found: Compared) -> str:
-    """The sentence on a torque without gravity."""
+def _offer(recording: Recording, found: ReadingFit) -> str:
+    """The sentence on a torque from which a controller may have subtracted gravity."""
     return (
         f"{recording.file}: {found.suspect.what} that the model has: if a controller had taken gravity out, "
         f"{_advice(recording, found.suspect)}; if the robot stands or hangs otherwise, state gravity in robot.yaml."
@@ -97,12 +97,12 @@ def _offer(recording: Recording, found: Compared) -> str:
 
 
 def load_or_current_words(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[str, ...]:
-    """Sentence on torques that all exceed the modelled ones by the same factor: a load, or a motor current.
+    """Sentence on torques that all exceed the modelled ones by the same factor, which are a load or a motor current.
 
     Args:
-        recording: The recording; torques that were computed from another quantity are left out.
+        recording: The recording; without a sentence if a torque was computed from another quantity.
         robot: The given model.
-        reading: Some of its samples, smoothed.
+        reading: Smoothed samples of the recording.
     """
     if reading is None or set(recording.torque_from.values()) - {"tau"} or robot.nv > _MOST_JOINTS:
         return ()
@@ -119,8 +119,8 @@ def load_or_current_words(recording: Recording, robot: Robot, reading: Reading |
     )
 
 
-def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared) -> Fault:
-    """The fault that a better reading of the data shows."""
+def _fault(recording: Recording, robot: Robot, reading: Reading, found: ReadingFit) -> Fault:
+    """The fault that a reading corrects, with the evidence and advice."""
     what = " or ".join([found.suspect.what, *(one.what for one in found.twins)])
     mend = "; or, as that fits equally well, ".join(_advice(recording, one) for one in (found.suspect, *found.twins))
     if found.suspect.expected:
@@ -131,8 +131,8 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
             else f"as recorded a sample comes every {step:.3g} s, and so slow a motion would show no inertia"
         )
         return Fault(what, why, mend)
-    j = int(np.nanargmax(found.of_joints))
-    after, gain = np.nanmax(found.left[:, j]), found.of_joints[j]
+    j = int(np.nanargmax(found.joint_gains))
+    after, gain = np.nanmax(found.unexplained[:, j]), found.joint_gains[j]
     before = min(1.0, (after + ENOUGH) * np.exp(gain))
     why = (
         f"as recorded {100 * before:.0f} % of the torque of {robot.joint_names[j]} is left unexplained, whatever load, "
@@ -142,14 +142,17 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
 
 
 def _advice(recording: Recording, suspect: Suspect) -> str:
-    """Entries of a column map that correct the data; a torque that was computed from a current has no entry."""
+    """Advice on how to correct the data: mostly entries of a column map.
+
+    There is no entry for a torque that was computed from another quantity, such as a current.
+    """
     if suspect.advice:
         return suspect.advice
     if suspect.kind == "attitude":
         return f"write gravity: {suspect.entries['gravity']} into robot.yaml, if the robot is mounted so"
     taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
     if suspect.kind == "gravity":
-        # Gravity is added to the torque, whatever that was computed from.
+        # Gravity is added to the torque itself, even if the torque was computed from a current.
         taken = {}
     computed = [column for column in suspect.entries if taken.get(column, column) != column]
     if computed or ("tau" in suspect.entries and set(taken.values()) - set(taken)):

@@ -1,4 +1,4 @@
-"""All checks of a recording in order: each warning is one sentence that names the joint and the time."""
+"""Runs all checks of a recording in order; each warning is one sentence that names the joint and the time."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Checked:
 
 
 def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
-    """Warnings about a recording that can be used but that may not be what it seems, see `checked`."""
+    """Warnings about possible errors of a recording, see `checked`."""
     return checked(recording, robot).warnings
 
 
@@ -60,24 +60,27 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
 
     Args:
         recording: Raw samples.
-        robot: The given model; without it only checks without a model are made, and no fault is certain.
+        robot: The given model; None for the checks that need no model.
 
     Returns:
-        Warnings of one sentence each; a good recording gives none. In a long one, checks that compare columns use the
-        five minutes with most motion.
+        Warnings of one sentence each, and faults; a good recording has neither. In a long recording, checks that
+        compare columns use the five minutes with most motion.
     """
     certain = slow_clock(recording) or ran_away(recording)
     if certain is not None:
-        # All other findings would be consequences of it.
+        # All other findings would be consequences of this fault.
         return Checked((), (certain,))
     prismatic = None if robot is None else robot.prismatic
     noise = position_noise(recording)
-    out = [*check_timing(recording), *check_sampling(recording, prismatic, noise)]
-    out += check_jumps(recording, prismatic, noise)
-    out += check_stillness(recording, prismatic, noise)
-    out += check_clipping(recording)
-    out += check_zeros(recording)
-    out += check_flat(recording)
+    out = [
+        *check_timing(recording),
+        *check_sampling(recording, prismatic, noise),
+        *check_jumps(recording, prismatic, noise),
+        *check_stillness(recording, prismatic, noise),
+        *check_clipping(recording),
+        *check_zeros(recording),
+        *check_flat(recording),
+    ]
     recording = busiest(recording)
     smooth = smoothed(recording)
     if smooth is not None and smooth.inside.any():
@@ -85,18 +88,19 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
             robot is not None and robot.actuators[j].encoder_counts is not None
             for j in range(len(recording.joint_names))
         )
-        out += check_frozen(recording, smooth)
-        out += check_coarse_step(recording, smooth, stated)
-        out += check_velocity(recording, smooth)
-    out += check_computed(recording)
+        out += [
+            *check_frozen(recording, smooth),
+            *check_coarse_step(recording, smooth, stated),
+            *check_velocity(recording, smooth),
+        ]
     filtered = filtered_joints(recording)
-    out += check_filtered(recording, filtered)
+    out += [*check_computed(recording), *check_filtered(recording, filtered)]
     if robot is None:
         return Checked((*out, *check_degrees(recording, robot, None, None)))
     if robot.floating:
-        # Forces on feet cause torques that are not in the model.
-        said, wrong = check_base(recording, robot)
-        return Checked((*out, *check_degrees(recording, robot, None, None), *said), wrong)
+        # Contact forces on feet cause torques that the model does not contain.
+        warnings, wrong = check_base(recording, robot)
+        return Checked((*out, *check_degrees(recording, robot, None, None), *warnings), wrong)
     if smooth is None or recording.tau is None:
         wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
         return Checked((*out, *check_degrees(recording, robot, None, None)), wrong)
@@ -110,26 +114,25 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if wrong or offers:
         # Other findings from a comparison with the model would mostly be consequences of these.
         return Checked((*out, *offers), wrong)
-    out += load_or_current_words(recording, robot, reading)
-    out += check_controllers(recording, robot)
-    felt = recording
+    out += [*load_or_current_words(recording, robot, reading), *check_controllers(recording, robot)]
+    with_forces = recording
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
-        felt = replace(recording, tau=recording.tau + external, forces={})
+        with_forces = replace(recording, tau=recording.tau + external, forces={})
         smooth = replace(smooth, tau=smooth.tau + forces.tau)
-    against = _check_against_model(recording, robot, smooth, felt, filtered)
+    against = _check_against_model(recording, robot, smooth, with_forces, filtered)
     return Checked((*out, *against.warnings), against.wrong)
 
 
 def _check_against_model(
-    recording: Recording, robot: Robot, smooth: Smooth, felt: Recording, filtered: tuple[str, ...]
+    recording: Recording, robot: Robot, smooth: Smooth, with_forces: Recording, filtered: tuple[str, ...]
 ) -> Checked:
-    """Checks of the torque against the model, up to the first that finds an error, which would disturb the next ones.
+    """Checks of the torque against the model; they end with an error that would disturb the checks after it.
 
     Args:
         recording: Raw samples.
         robot: The given model.
-        smooth: The smoothed copy, with the torque of measured forces added to its torque.
-        felt: Raw samples, with the torque of measured forces added to their torque.
+        smooth: The smoothed copy; its torque includes that of measured forces.
+        with_forces: Raw samples, with the torque of measured forces added to their torque.
         filtered: Joints whose torque was filtered differently from their position.
     """
     data = spread_samples(smooth)
@@ -142,16 +145,17 @@ def _check_against_model(
     swapped, found = check_swapped(recording, robot, data, model)
     if found:
         return Checked(tuple(swapped))
-    lags = lags_and_low_passes(robot, felt, smooth)
-    late = late_torques(felt, [lag for lag, _ in lags if lag is not None and worth_a_sentence(lag)], smooth.step)
+    lags = lags_and_low_passes(robot, with_forces, smooth)
+    late = late_torques(with_forces, [lag for lag, _ in lags if lag is not None and worth_a_sentence(lag)], smooth.step)
     if late is not None:
         return Checked((), (late,))
-    said = [
-        *check_one_line(robot, smooth),
-        *check_weights(recording.file, robot, smooth),
-        *check_flipped(recording, data, model),
-        *check_unsigned(recording, data, model),
-        *check_lag(felt, robot, smooth, lags, steep=filtered),
-        *check_friction_taken(recording, robot, smooth),
-    ]
-    return Checked(tuple(said))
+    return Checked(
+        (
+            *check_one_line(robot, smooth),
+            *check_weights(recording.file, robot, smooth),
+            *check_flipped(recording, data, model),
+            *check_unsigned(recording, data, model),
+            *check_lag(with_forces, robot, smooth, lags, steep=filtered),
+            *check_friction_taken(recording, robot, smooth),
+        )
+    )

@@ -1,4 +1,4 @@
-"""Sentences on the control loop of each drive that a log shows, and checks of stated controllers against the torque."""
+"""Describes the estimated position controllers of the drives, and compares stated controllers with the torque."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from phantom_dyn.model.robot import Actuator, Controller, Robot
 
 _COLUMN = {"u": "voltage", "i": "current", "tau": "torque"}
 _UNIT = {"u": "V", "i": "A", "tau": "N m"}
-# A stated controller is reported if its torque is wrong by more than this factor, or explains less than this share.
+# A stated controller is reported if its torque is wrong by more than the first factor, or explains less than the second
+# share of the logged torque.
 _FACTOR, _EXPLAINED = 1.25, 0.5
-# Delays [s] at which it is compared, as a late reference does not make the controller wrong.
+# Delays [s] with which a stated controller is compared, as a late reference does not make the controller wrong.
 _DELAYS = np.arange(0.0, 0.1, 0.01)
 _FEWEST = 100
 
 
 def loop_sentences(recording: Recording) -> tuple[str, ...]:
-    """A sentence on each drive whose control loop the log shows.
+    """A sentence on each drive whose position controller could be estimated.
 
     Args:
         recording: A recording with estimated loops.
@@ -31,11 +32,11 @@ def loop_sentences(recording: Recording) -> tuple[str, ...]:
 
 
 def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
-    """Description of a loop whose references are held for a frame [s]."""
+    """Description of an estimated controller; ``frame`` is the time [s] for which references are held, or 0."""
     unit = _UNIT[loop.output]
     parts = [f"gain {loop.gain:.4g} ± {loop.gain_std:.2g} {unit} per rad or m of error"]
     if not loop.computed:
-        # The reference that belongs to a reading arrived at an unknown time within the frame before it.
+        # A reference that is held for a frame arrived at an unknown time within the frame before the sample.
         first = f"{1e3 * max(loop.delay - frame, 0.0):.3g} to " if frame else ""
         parts.append(f"its reference {first}{1e3 * loop.delay:.3g} ± {1e3 * loop.delay_std:.2g} ms late")
     if loop.limit is not None:
@@ -54,7 +55,7 @@ def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
         return (
             f"{described}; it follows reference and position to the last digit, so that it was computed, not measured"
         )
-    return f"{described}; {loop.rest:.2g} {unit} rms are left"
+    return f"{described}; {loop.residual_rms:.2g} {unit} rms are left"
 
 
 def check_computed(recording: Recording) -> tuple[str, ...]:
@@ -64,8 +65,8 @@ def check_computed(recording: Recording) -> tuple[str, ...]:
     joints = [joint for joint, gain in zip(recording.joint_names, recording.reference_gain, strict=True) if gain]
     names = ", ".join(f"u.{joint}" for joint in joints)
     return (
-        f"{recording.file}: {names} was computed from reference and position, not measured: that the drive gets its "
-        "reference later is not in it, and is looked for.",
+        f"{recording.file}: {names} was computed from reference and position, not measured: it does not show how late "
+        "the drive gets its reference, so this delay is looked for.",
     )
 
 

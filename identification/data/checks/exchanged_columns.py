@@ -1,8 +1,8 @@
-"""Check whether the columns of positions and torques are exchanged, by how well a plausible robot explains each order.
+"""Checks whether the columns of positions and torques are exchanged.
 
-The rule is that of `identification.data.checks.better_readings`: no plausible robot explains the data as recorded, and
-one explains them after the exchange. The thresholds are stricter here, because the exchange changes the motion too: a
-torque must not be taken for a position because it happens to fit as one.
+As in `identification.data.checks.better_readings`, they are if no plausible robot explains the data as recorded, and a
+plausible robot explains them after the exchange. The thresholds are stricter here, because the exchange changes the
+motion too, and a torque may fit as a position by accident.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from identification.data.recording import Fault, Recording
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# Limits of the unexplained share of the torque: every joint has to be above the first one as recorded, and below the
-# second one after the exchange. Exchanged recordings in tests have at least 0.8 before it and at most 0.01 after it.
+# Limits of the unexplained share of the torque: every joint has to be above the first as recorded, and below the second
+# after the exchange. Exchanged recordings in tests have at least 0.8 as recorded and at most 0.01 after the exchange.
 _LEAST_AS_RECORDED, _MOST_EXCHANGED = 0.5, 0.05
 
 
 def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> Fault | None:
-    """The fault of a recording whose positions and torques are exchanged on all joints; None where they are not.
+    """The fault of a recording whose positions and torques are exchanged on all joints; None if they are not.
 
     Args:
         recording: Raw samples.
         robot: The given model.
-        reading: Smoothed samples of it, in the units and order of the file.
+        reading: Smoothed samples of the recording, in the units and order of the file.
     """
-    # Torques that were computed from a current, and recordings with forces, are not tested.
+    # Torques that were computed from another quantity, and recordings with forces, are not tested.
     if recording.tau is None or recording.forces or set(recording.torque_from.values()) - {"tau"}:
         return None
     before = unexplained(robot, reading)

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Check of the units of a robot file: some CAD exporters write millimetres and grams instead of metres and kilograms.
+"""Checks the units of a robot file, as some CAD exporters write millimetres and grams for metres and kilograms.
 
-It needs no recording. With lengths in mm a robot is hundreds of metres long and less dense than air; with masses in g
-its bodies are denser than any metal. A fault is reported only where no robot, crane or antenna could be like that.
+No recording is needed. With lengths in mm a robot is hundreds of metres long and less dense than air; with masses in g
+its bodies are denser than any metal. A fault is reported only if no robot, crane or antenna can have such a density.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LONG = 20.0
 # for a body whose inertia is in g mm^2.
 _ENDLESS = 1e6
 # Mass divided by the cube of the greatest length [kg/m^3] below which lengths are in mm: a hundredth of the density of
-# air. Cranes have a hundred times as much; arms with lengths in mm have less, with masses in kg or in g.
+# air. Cranes are a hundred times above it; arms with lengths in mm are below it, with masses in kg or in g.
 _THIN = 0.01
 # Density of osmium, the densest of metals [kg/m^3].
 _DENSEST = 22.6e3
@@ -39,7 +39,7 @@ _SI = "lengths in m, masses in kg and inertias in kg m^2"
 
 @dataclass(frozen=True)
 class _Length:
-    """A length of the model [m] and a clause that states it: ``the joint j2 lies 300 m from the one before it``."""
+    """A length of the model [m], and the clause on it, as in ``the joint j2 lies 300 m from the one before it``."""
 
     metres: float
     words: str
@@ -114,15 +114,15 @@ def _lengths(robot: Robot) -> list[_Length]:
 
 def _radius_of_gyration(inertia) -> float:
     """Largest radius of gyration [m] of a body, over all axes through its centre of mass."""
-    # Roots first: with a tiny mass the quotient would overflow.
+    # The roots are taken before the division, because with a tiny mass the quotient would overflow.
     return float(np.sqrt(max(float(np.linalg.eigvalsh(inertia.inertia)[-1]), 0.0)) / np.sqrt(inertia.mass))
 
 
 def _extended(robot: Robot) -> list[_Extended]:
     """Bodies that are not point masses.
 
-    Their density is that of a ball, which is the smallest one for a given mass and largest radius of gyration. The
-    square of a ball's radius of gyration is two fifths of the square of its radius.
+    Their density is computed as that of a ball, which has the smallest density for a given mass and largest radius of
+    gyration. The square of a ball's radius of gyration is two fifths of the square of its radius.
     """
     out = []
     for j in range(1, robot.model.njoints):

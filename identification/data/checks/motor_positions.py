@@ -1,8 +1,8 @@
-"""Positions that are recorded on the motor's side of gears of unknown ratios, found by what the links need.
+"""Finds positions that were recorded on the motor's side of a gear, and estimates the gear ratios.
 
-Read so, a joint turns, or slides on a screw, as many times as far as it does, perhaps the other way round. The ratios
-are those with which the model explains the torques of all joints best. The weight of the links fixes that of a joint
-that turns, as it depends on the angle itself; where there is no weight, the inertia does.
+Such positions are the joint's positions times the gear ratio, which may be negative. The ratios are those with which
+the model explains the torques of all joints best. The weight of the links determines the ratio of a revolute joint, as
+it depends on the angle; without weight, the inertia determines the ratio.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# Ratios of robots' gears, and turns of a screw [rad/m], in steps of four per cent, finer than the width of a minimum.
+# Gear ratios of revolute joints, and of screws [rad/m], that are tried, in steps of four per cent: a minimum is wider.
 _GEARS, _SCREWS = np.geomspace(1.25, 500.0, 150), np.geomspace(10.0, 1e4, 176)
-# Ratios of a joint over that of all which are tried for each in turn, as often as this.
-_ABOUT, _ROUNDS = np.geomspace(0.2, 5.0, 81), 2
-# Fits for each of them by which all are then made precise at once.
-_EACH = 60
-# A ratio so near to 57.3 is that of degrees: the two differ by less than the model is right.
-_DEGREES, _NEAR = 180 / np.pi, 1.01
-# The same of millimetres, where the inertia alone determines the ratio.
-_MILLIMETRES, _ABOUT_AS_MUCH = 1e3, 1.2
-# Where more joints move so far, one of them alone is not tried.
+# Factors that are then tried on the ratio of each joint in turn, and number of rounds over all joints.
+_FACTORS, _ROUNDS = np.geomspace(0.2, 5.0, 81), 2
+# Largest number of fits per joint in the last search, over all ratios at once.
+_FITS_PER_JOINT = 60
+# A ratio within the second factor of 57.3 is not reported, because degrees explain it: the model is no more accurate.
+_DEGREES, _DEGREES_FACTOR = 180 / np.pi, 1.01
+# As for degrees, but for millimetres. The factor is larger, as only the inertia determines the ratio.
+_MILLIMETRES, _MILLIMETRES_FACTOR = 1e3, 1.2
+# If more joints than this move too far, they are tried only together.
 _MOST_JOINTS = 3
-# Angle [rad] and way [m] below which a joint may move as it says.
+# Angle [rad] and travel [m] beyond which a position may be that of a motor.
 _FAR, _FARTHEST = 2 * np.pi, 20.0
-# Weight of the logarithm of a torque's factor, over that of a usual one, and its largest square: it decides where the
-# torque fits with any ratio, as the inertia alone does.
-_USUAL, _FACTOR, _MOST = 0.05, float(np.log(1.5)), 20.0
-# Largest difference of the logarithms of ratios that are one.
-_ONE_RATIO = float(np.log(1.03))
+# Penalty on the factor between torque and model, for data that fit with any ratio (if only inertia acts): weight,
+# logarithm of a usual factor, and upper limit of the squared ratio of logarithms.
+_WEIGHT, _USUAL_FACTOR, _LARGEST_SQUARE = 0.05, float(np.log(1.5)), 20.0
+# Logarithm of the largest factor between ratios that count as equal.
+_EQUAL_RATIOS = float(np.log(1.03))
 
 
 def motor_side_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """The gears by which positions of joints that move too far are best divided: all at once, and each.
+    """Suspected gears of joints that move too far: of all these joints together, and of each by itself.
 
     Args:
         robot: The given model.
@@ -55,27 +55,28 @@ def motor_side_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     out = []
     for joints in sets:
         ratios = _best_ratios(robot, reading, joints)
-        unit, near = (_MILLIMETRES, _ABOUT_AS_MUCH) if robot.prismatic[joints[0]] else (_DEGREES, _NEAR)
+        linear = robot.prismatic[joints[0]]
+        unit, near = (_MILLIMETRES, _MILLIMETRES_FACTOR) if linear else (_DEGREES, _DEGREES_FACTOR)
         if np.any(np.abs(np.log(np.maximum(ratios[list(joints)], 1e-9) / unit)) > np.log(near)):
             out.append(_suspect(robot, joints, ratios))
     return out
 
 
 def _best_ratios(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> Float[Array, " nv"]:
-    """The ratios, negative for motors that turn the other way round, with which torques fit best; 1 elsewhere.
+    """Gear ratios with which the torques fit best; negative if the motor turns the other way, 1 for other joints.
 
-    One ratio of all first, then that of each in turn.
+    A common ratio of all joints is found first, then the ratio of each joint in turn, then all at once.
     """
     at = list(joints)
 
     def misfit(ratios: Float[Array, " nv"]) -> float:
-        """Sum of the logarithms of the unexplained shares of all joints' torques, with a price of unusual factors."""
+        """Sum of the logarithms of the unexplained shares of all joints' torques, with the penalty on their factors."""
         try:
             left, factors = quick_fit(robot, with_positions_times(reading, 1 / ratios))
         except ChainError:
             return np.inf
-        unusual = np.minimum((np.log(np.maximum(factors, 1e-9)) / _FACTOR) ** 2, _MOST)
-        return float(np.sum(np.log(left + ENOUGH)) + _USUAL * np.sum(unusual))
+        unusual = np.minimum((np.log(np.maximum(factors, 1e-9)) / _USUAL_FACTOR) ** 2, _LARGEST_SQUARE)
+        return float(np.sum(np.log(left + ENOUGH)) + _WEIGHT * np.sum(unusual))
 
     def with_ratio(ratios: Float[Array, " nv"], which: list[int], ratio: float) -> Float[Array, " nv"]:
         out = ratios.copy()
@@ -87,7 +88,7 @@ def _best_ratios(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> Flo
     ratios = min((with_ratio(start, at, sign * ratio) for ratio in grid for sign in (1, -1)), key=misfit)
     for _ in range(_ROUNDS if len(at) > 1 else 0):
         for j in at:
-            near = [with_ratio(ratios, [j], sign * ratios[j] * about) for about in _ABOUT for sign in (1, -1)]
+            near = [with_ratio(ratios, [j], sign * ratios[j] * factor) for factor in _FACTORS for sign in (1, -1)]
             ratios = min((ratios, *near), key=misfit)
 
     def moved(logs: Float[Array, " k"]) -> Float[Array, " nv"]:
@@ -99,10 +100,10 @@ def _best_ratios(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> Flo
     own = np.zeros(len(at))
     if len(at) > 1:
         simplex = np.vstack([own, step * np.eye(len(at))])
-        options = {"initial_simplex": simplex, "maxfev": _EACH * len(at), "xatol": 2e-3, "fatol": 1e-3}
+        options = {"initial_simplex": simplex, "maxfev": _FITS_PER_JOINT * len(at), "xatol": 2e-3, "fatol": 1e-3}
         own = minimize(lambda logs: misfit(moved(logs)), own, method="Nelder-Mead", options=options).x
     if robot.prismatic[at[0]]:
-        # The weight of what slides does not depend on its position: nothing makes it more precise.
+        # The weight on a linear joint does not depend on its position, so that it cannot refine the ratio.
         return moved(own)
 
     def with_load(log: float) -> float:
@@ -112,9 +113,9 @@ def _best_ratios(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> Flo
 
 
 def _suspect(robot: Robot, joints: tuple[int, ...], ratios: Float[Array, " nv"]) -> Suspect:
-    """The suspicion that positions of joints are those of their motors."""
+    """The suspected mistake that positions of joints are those of their motors; equal ratios are averaged."""
     own = ratios[list(joints)]
-    one = np.ptp(np.log(np.abs(own))) < _ONE_RATIO and len(set(np.sign(own))) == 1
+    one = np.ptp(np.log(np.abs(own))) < _EQUAL_RATIOS and len(set(np.sign(own))) == 1
     if one:
         ratios = ratios.copy()
         ratios[list(joints)] = float(np.sign(own[0]) * np.exp(np.mean(np.log(np.abs(own)))))

@@ -77,7 +77,7 @@ def _read_voltage(loop: DriveLoop, recording: Recording, t: Float[Array, " N"], 
     """Voltage of a loop at the moments at which it is read, shape ``(N,)``."""
     assert recording.q_ref is not None
     reference = np.interp(t - loop.delay, recording.t, recording.q_ref[:, j])
-    return loop.put_out(reference - np.interp(t, recording.t, recording.q[:, j]))
+    return loop.output_at(reference - np.interp(t, recording.t, recording.q[:, j]))
 
 
 def _mean_voltage(
@@ -99,7 +99,7 @@ def _mean_voltage(
         then = t + frame * ((k + 0.5) / _FINE - 0.5)
         sent = np.searchsorted(recording.t, then - loop.delay - (part - 0.5) * frame + 1e-9, side="right") - 1
         reference = recording.q_ref[np.clip(sent, 0, None), j]
-        out += loop.put_out(reference - np.interp(then, recording.t, recording.q[:, j])) / _FINE
+        out += loop.output_at(reference - np.interp(then, recording.t, recording.q[:, j])) / _FINE
     return out
 
 

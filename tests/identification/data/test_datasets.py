@@ -150,7 +150,7 @@ def test_what_is_public_in_another_form_is_fetched_from_a_mirror_only(register):
 def test_a_server_that_is_silent_is_left_after_the_given_time():
     never = threading.Event()
     with pytest.raises(TimeoutError, match=r"no answer within 0\.01 s"):
-        download.within(0.01, never.wait)
+        download.with_timeout(0.01, never.wait)
     never.set()
 
 
@@ -160,7 +160,7 @@ def test_a_silent_server_is_left_within_ten_seconds():
 
 def test_an_error_of_the_job_comes_through():
     with pytest.raises(ZeroDivisionError):
-        download.within(5.0, lambda: 1 / 0)
+        download.with_timeout(5.0, lambda: 1 / 0)
 
 
 def test_list_names_licence_source_and_whereabouts_of_each(capsys):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.checked_file import checked_file
-from identification.data.drive_loop import DriveLoop, drive_loop, read_delays
+from identification.data.drive_loop import DriveLoop, drive_loop, delay_intervals
 from identification.data.drives.joint_torque import NoTorqueError
 from identification.data.reading import read_recording
 from phantom_dyn.errors import LogError
@@ -176,7 +176,7 @@ def test_a_drive_that_protects_itself_has_its_error_and_its_output(q, rng):
 
 def test_its_law_is_that_of_the_loop(q):
     found = loop_of(q, protected(q))
-    np.testing.assert_allclose(found.put_out(moving(T - 0.03) - q), protected(q), atol=0.02)
+    np.testing.assert_allclose(found.output_at(moving(T - 0.03) - q), protected(q), atol=0.02)
 
 
 def test_a_limit_is_no_protection(q, rng):
@@ -225,18 +225,18 @@ def test_the_interval_of_the_delay_covers_it(q):
     for seed in range(40):
         noise = np.convolve(np.random.default_rng(seed).standard_normal(len(T) + 9), np.ones(10) / 10, "valid")
         found = loop_of(q, GAIN * (moving(T - 0.03) - q) + noise)
-        least, most = read_delays((found,), 1)
+        least, most = delay_intervals((found,), 1)
         inside += least[0] <= 0.03 <= most[0]
     assert inside >= 38
 
 
 def test_a_held_reference_came_up_to_a_frame_earlier(q):
     found = loop_of(q, GAIN * (moving(T - 0.03) - q))
-    (least,), (most,) = read_delays((found,), 1, frame=0.01)
+    (least,), (most,) = delay_intervals((found,), 1, frame=0.01)
     assert least < 0.0201
     assert most == pytest.approx(0.03, abs=0.003)
 
 
 def test_a_computed_output_says_nothing_of_the_delay(q):
-    least, most = read_delays((loop_of(q, GAIN * (moving(T) - q)),), 1)
+    least, most = delay_intervals((loop_of(q, GAIN * (moving(T) - q)),), 1)
     assert (least[0], most[0]) == (0.0, np.inf)

@@ -65,7 +65,7 @@ class Suspect:
         expected: True where the reading is by far the more usual one, so that it need only fit.
         moves: True where it changes positions, and with them the torque of every joint.
         turned: True where it changes the positions of joints only that turn more than once as recorded.
-        says: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
+        outcome: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
             what was left out (``offer``); or its twins are not certain and nothing is said (``rival``).
         price: 0 for a usual mistake; 1 where numbers are fitted, as those of gears; 2 where they need a load besides.
             Of two readings the one of the higher price has to explain far more.
@@ -79,7 +79,7 @@ class Suspect:
     what: str
     entries: dict[str, str]
     read: Callable[[Reading], Reading]
-    says: Literal["wrong", "offer", "rival"] = "wrong"
+    outcome: Literal["wrong", "offer", "rival"] = "wrong"
     expected: bool = False
     moves: bool = False
     turned: bool = False
@@ -95,7 +95,7 @@ class Suspect:
             kind="pair",
             joints=joints,
             read=lambda reading: self.read(first.read(reading)),
-            says="wrong",
+            outcome="wrong",
             expected=False,
             moves=self.moves or first.moves,
         )
@@ -248,7 +248,7 @@ def _other_zero(robot: Robot, j: int, turn: float) -> Suspect:
         f"the zero of {robot.joint_names[j]} is {abs(turn):.3g} rad from that of the model",
         entries(robot, "q", (j,), f"offset: {turn:.6g}"),
         lambda reading: with_positions_plus(reading, shift),
-        says="rival",
+        outcome="rival",
         moves=True,
     )
 

@@ -45,7 +45,7 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
             f"the torques of {names(robot, joints)} {'may lack' if loaded else 'lack'} the weight of the links",
             {"tau": "{compensated: gravity}"},
             lambda reading: with_torques_plus(reading, weight),
-            says="offer",
+            outcome="offer",
         )
     ]
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from identification.data.checks.better_readings import Compared, is_certain
+from identification.data.checks.better_readings import ReadingFit, is_certain
 from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.plausible_fit import ENOUGH
 from identification.data.checks.readings.suspects import Suspect
@@ -137,5 +137,5 @@ def test_gears_are_certain_only_where_much_is_left_as_recorded(recorded, certain
     # Closed form: 0.2 % is left with the gears. A free swing leaves some percent, as weight and inertia cancel.
     suspect = Suspect("gears", (0, 1), "", {}, lambda reading: reading)
     left = np.full((2, 2), 0.002)
-    found = Compared(suspect, np.log((recorded + ENOUGH) / (left + ENOUGH)), left)
+    found = ReadingFit(suspect, np.log((recorded + ENOUGH) / (left + ENOUGH)), left)
     assert is_certain(found) is certain
