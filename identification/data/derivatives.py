@@ -46,9 +46,9 @@ def differentiate(
     """
     edges = np.broadcast_to(cutoff_hz, q.shape[1])
     smooth = np.array(q, dtype=float)
-    for edge in np.unique(edges[edges < 0.4 * rate_hz]):
+    for edge in np.unique(edges):
         which = edges == edge
-        smooth[:, which] = low_passed(q[:, which], edge, rate_hz, order=4, padding=int(3 * rate_hz / edge))
+        smooth[:, which] = zero_phase(q[:, which], rate_hz, edge)
     return smooth, *quintic_derivatives(smooth, rate_hz)
 
 
@@ -98,6 +98,11 @@ def edges_of_readings(
 
 def _removed(q: Float[Array, " N"], rate_hz: float, cutoff_hz: float) -> Float[Array, " N"]:
     """The part of a joint's positions that a low pass removes."""
+    return q - zero_phase(q, rate_hz, cutoff_hz)
+
+
+def zero_phase(x: Float[Array, "N ..."], rate_hz: float, cutoff_hz: float) -> Float[Array, "N ..."]:
+    """``x`` low-passed without delay at ``cutoff_hz``; unchanged if the cut-off is above 0.4 times the sample rate."""
     if cutoff_hz >= 0.4 * rate_hz:
-        return np.zeros_like(q)
-    return q - low_passed(q, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
+        return x
+    return low_passed(x, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))

@@ -1,7 +1,7 @@
-"""Observability of the links in a motion: joints that move along one line, and the inertias that the motion shows.
+"""Checks whether joints move in proportion, and how many inertial parameters the motion can then identify.
 
-If several joints follow one profile, their torques are functions of one variable: friction can be identified, but only
-a few combinations of inertias, as many different ones give the same torque.
+If several joints follow one profile, their torques are functions of one variable. Friction can be identified, but only
+a few combinations of inertias, as many different inertias cause the same torque.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from identification.data.checks.smoothed_copy import Smooth
 from phantom_dyn.array_types import Array, Float
@@ -16,29 +17,29 @@ from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_paramet
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Correlation of two velocities from which on two joints move along one line. Joints that a planner starts and stops
-# together come to 0.6 to 0.9; those that follow one profile, some milliseconds apart, to 0.99 and more.
-_ALONG = 0.97
-# Share of a motion's power in the strongest line of its spectrum, with so many bins about it, from which on it is one
-# sine.
-_ALONE, _LINE = 0.98, 3
-# Share of its fastest joint's speed below which a joint hardly moves.
+# Smallest correlation of the velocities of two joints that move along one line. Joints that a planner starts and stops
+# together have 0.6 to 0.9; joints that follow one profile, some milliseconds apart, have 0.99 and more.
+_CORRELATION = 0.97
+# A motion is one sine if the strongest line of its spectrum, with the second number of bins to either side, has at
+# least the first share of its power.
+_SINE_SHARE, _LINE_BINS = 0.98, 3
+# Share of the fastest joint's speed below which a joint does not count as moving.
 _STILL = 1e-3
-# Samples of the regressor.
+# Number of samples of the regressor.
 _ROWS = 400
-# Share of a joint's torque from which on a combination of parameters, as large as the links' own, counts as shown:
-# about the error of modelled links.
+# Share of a joint's torque from which on a combination of parameters is identifiable, if it is as large as the links'
+# own parameters. The share is about the error of modelled links.
 _SHOWN = 0.05
-# Share of the largest singular value below which a combination makes no torque in any motion.
+# Share of the largest singular value below which a combination causes no torque in any motion.
 _STRUCTURAL = 1e-6
 
 
 class Separated(NamedTuple):
-    """Numbers of combinations of inertial parameters that a motion separates.
+    """Numbers of combinations of inertial parameters that can be identified from a motion.
 
     Attributes:
-        shown: Number that change the torque of the joints by a twentieth, if they are as large as the links' own.
-        all: Number that cause a torque in any motion (base parameters).
+        shown: Number of combinations that change the torque by a twentieth, if they are as large as the links' own.
+        all: Number of combinations that cause a torque in some motion (base parameters).
         condition: Condition number of the base parameters' columns, each divided by its norm.
     """
 
@@ -48,39 +49,33 @@ class Separated(NamedTuple):
 
 
 def lines_of(v: Float[Array, "N nv"]) -> tuple[tuple[int, ...], ...]:
-    """Groups of joints whose velocities are proportional, each of two or more, by their indices.
+    """Indices of joints in groups of two or more whose velocities are proportional.
 
     Args:
-        v: Velocities, one row a sample.
+        v: Velocities, one row per sample.
     """
     size = np.sqrt(np.mean(v**2, axis=0))
     moving = np.flatnonzero(size > _STILL * max(float(size.max(initial=0.0)), 1e-300))
     unit = v[:, moving] / size[moving] if len(moving) else v[:, :0]
-    along = np.abs(unit.T @ unit / max(len(v), 1)) > _ALONG
-    left, out = set(range(len(moving))), []
-    while left:
-        group, new = set(), {min(left)}
-        while new:
-            group |= new
-            new = {k for k in left for one in new if along[one, k]} - group
-        left -= group
-        if len(group) > 1:
-            out.append(tuple(int(moving[k]) for k in sorted(group)))
-    return tuple(out)
+    along = np.abs(unit.T @ unit / max(len(v), 1)) > _CORRELATION
+    _, labels = connected_components(along, directed=False)
+    groups = [moving[labels == label] for label in dict.fromkeys(labels.tolist())]
+    return tuple(tuple(group.tolist()) for group in groups if len(group) > 1)
 
 
 def is_one_sine(x: Float[Array, " N"]) -> bool:
-    """True for motion of one frequency, in which torque has two amplitudes: in phase with velocity and position."""
+    """True for motion of one frequency: the torque shows only two amplitudes, in phase with velocity and position."""
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
     peak = int(np.argmax(power[1:])) + 1 if len(power) > 1 else 0
-    # A motion with fewer periods than the width of the line may be any slow motion.
-    return bool(peak > _LINE and power[peak - _LINE : peak + _LINE + 1].sum() > _ALONE * power[1:].sum())
+    line = power[max(peak - _LINE_BINS, 0) : peak + _LINE_BINS + 1]
+    # With fewer periods than the width of the line, it may be any slow motion.
+    return bool(peak > _LINE_BINS and line.sum() > _SINE_SHARE * power[1:].sum())
 
 
 def separated(robot: Robot, motion: Motion) -> Separated:
-    """Rank and condition of the base parameters on a motion.
+    """Rank and condition number of the base parameters for a motion.
 
-    The number in any motion is found with the same motion shifted in time by a different amount for each joint.
+    The number of base parameters is that of a motion in which each joint is shifted in time by a different amount.
 
     Args:
         robot: The given model.
@@ -104,7 +99,7 @@ def separated(robot: Robot, motion: Motion) -> Separated:
 
 
 def _units(robot: Robot) -> Float[Array, " p"]:
-    """Scale of each parameter: the mass of its link, times its radius of gyration about the joint, or its square."""
+    """Scale of each inertial parameter: the link's mass times a power (0, 1 or 2) of its radius of gyration."""
     bodies = standard_parameters(robot).reshape(-1, 10)
     mass = np.maximum(bodies[:, 0], 1e-3 * max(float(bodies[:, 0].max()), 1e-300))
     radius = np.sqrt(np.maximum(0.5 * (bodies[:, 4] + bodies[:, 6] + bodies[:, 9]), 0.0) / mass)
@@ -128,12 +123,12 @@ def check_one_line(robot: Robot, smooth: Smooth) -> tuple[str, ...]:
     lines = lines_of(smooth.v[inside])
     if not lines:
         return ()
-    found = separated(robot, Motion(smooth.t[inside], smooth.q[inside], smooth.v[inside], smooth.a[inside]))
+    found = separated(robot, smooth.motion(inside))
     return tuple(one_line_words([robot.joint_names[row] for row in line], found) for line in lines)
 
 
 def one_line_words(names: list[str], found: Separated) -> str:
-    """The warning on one group of joints."""
+    """The warning on a group of joints that move along one line."""
     joints = ", ".join(names[:-1]) + f" and {names[-1]}"
     return (
         f"{joints} move along one line (their velocities are proportional): of the {found.all} base parameters of the "

@@ -1,4 +1,4 @@
-"""Checks of positions and velocities: frozen samples, coarse steps, standstill, units, loops that do not close."""
+"""Checks of positions and velocities: repeated samples, jumps, coarse encoders, standstill, units, closed chains."""
 
 from __future__ import annotations
 
@@ -11,23 +11,27 @@ from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
 
-# Noise [rad or m] that no encoder exceeds: apparent noise above it is motion that is sampled too slowly.
+# Largest noise of any encoder [rad or m]: larger apparent noise is motion that is sampled too slowly.
 _NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005
-# Share of moving samples that repeat the one before, and run length, from which repeats are worth a warning.
+# Smallest share of moving samples that repeat the sample before, and smallest number of such samples in a row, for a
+# warning.
 _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
-# Samples beside repeats over which the joint moves at least at this share of its speed, where an encoder stalls.
+# An encoder has stalled if the joint, over the first number of samples before and after the repeated ones, moves at
+# least at the second share of its speed.
 _AROUND_REPEATS, _AS_FAST = 4, 0.5
-# A tail counts as standing still if it lasts this share of the record, and this long [s].
+# The end of a recording is reported as standstill if it lasts at least this share of the recording, and this long [s].
 _TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
-# Smallest number of encoder steps, and of changes of their number between samples, from which a step is estimated.
+# Smallest number of changes of position, and of differences between these changes, with which an encoder step is
+# estimated.
 _FEWEST_STEPS = 20
-# A jump is this many times as large as each of so many steps before and after it, and has the opposite direction.
+# A jump is at least the first number of times as fast as each of the second number of steps before and after it, and
+# has the opposite direction.
 _JUMP, _BESIDE = 6.0, 5
-# Its smallest size [rad or m] and in encoder steps, and smallest ratio of jump and motion to the noise.
+# Smallest jump: of an angle [rad], of a length [m], in encoder steps, and in standard deviations of the noise.
 _LEAST_ANGLE, _LEAST_LENGTH, _JUMP_STEPS, _BEYOND_NOISE = 0.02, 0.002, 5.0, 10.0
 # Number of samples that are searched at once, from the end of a recording on.
 _PIECE = 10_000
-# Ratios of measured velocity to the derivative of the position that a wrong unit gives.
+# Ratio of the measured velocity to the derivative of the position, for each combination of units.
 _UNIT_RATIOS = {
     180 / np.pi: "deg/s against rad",
     np.pi / 180: "rad/s against deg",
@@ -36,15 +40,15 @@ _UNIT_RATIOS = {
     1e3: "mm/s against m",
 }
 
-# Distance of a passive joint from its position by the loops, relative to its travel, from which on a warning is given:
-# any encoder is more accurate than that.
+# Smallest difference between measured and computed position of a passive joint, relative to its travel, for a warning:
+# any encoder is more accurate.
 _PASSIVE_SHARE = 0.01
 
 
 def quantum(q: Float[Array, " N"]) -> float:
-    """Step of the encoder [rad or m] from the differences of ``q``; 0 where they are no multiples of one step.
+    """Encoder step [rad or m], estimated from the differences of ``q``; 0 if they are not multiples of one step.
 
-    It is 0 as well where the differences hardly change: at constant speed they are equal without any encoder.
+    It is also 0 if the differences hardly change: at constant speed they are equal whatever the encoder step.
     """
     q = np.ascontiguousarray(q)
     differences = np.diff(q)
@@ -67,22 +71,14 @@ def quantum(q: Float[Array, " N"]) -> float:
 
 
 def _noise(q: Float[Array, " N"]) -> float:
-    """Standard deviation of white noise on ``q``, from its third differences (a smooth motion has next to none)."""
+    """Standard deviation of white noise on ``q``, from its third differences, which a smooth motion hardly has."""
     third = np.diff(np.ascontiguousarray(q), 3)
     return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
 
 
 def position_noise(recording: Recording) -> Float[Array, " nv"]:
-    """White noise of each joint's position, standard deviation [rad or m], shape ``(nv,)``."""
+    """Standard deviation of the white noise of each joint's position [rad or m], shape ``(nv,)``."""
     return np.array([_noise(q) for q in _included_part(recording)[0].T])
-
-
-def _wander(
-    recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
-) -> Float[Array, " nv"]:
-    """Wander of each joint at standstill by its noise and encoder steps [rad or m], shape ``(nv,)``."""
-    noise = np.minimum(noise, _noisiest(recording, prismatic))
-    return 5 * noise + np.array([2 * quantum(q) + 1e-4 * np.ptp(q) for q in _included_part(recording)[0].T])
 
 
 def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
@@ -94,7 +90,7 @@ def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Flo
 def check_sampling(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> tuple[str, ...]:
-    """A warning on joints that oscillate faster than they are sampled, so that their positions look like noise."""
+    """A warning on joints whose positions look like noise, as they oscillate too fast for the sample rate."""
     fast = noise > _noisiest(recording, prismatic)
     if not fast.any():
         return ()
@@ -113,12 +109,12 @@ def _runs(mask: Array) -> list[tuple[int, int]]:
 
 
 def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
-    """Positions that repeat although the joint moves, and then catch up with a jump."""
+    """Warnings on positions that repeat although the joint moves, and then jump to the true position."""
     out = []
     for j, joint in enumerate(recording.joint_names):
         q = recording.q[:, j]
         v = np.interp(recording.t, smooth.t, smooth.v[:, j])
-        # A step of the encoder explains repeats while the joint moves less than a few of them per sample.
+        # Repeats are normal while the joint moves by less than a few encoder steps per sample.
         steps = np.abs(np.diff(q))
         least = float(np.percentile(steps[steps > 0], 5)) if (steps > 0).any() else 0.0
         step = quantum(q)
@@ -128,10 +124,10 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
         for start, stop in _runs(np.diff(q) == 0):
             if stop + 1 >= len(q):
                 continue
-            due = float(np.mean(v[start : stop + 1]) * (recording.t[stop + 1] - recording.t[start]))
-            if not (moves[start : stop + 1].all() or (held and abs(due) > 3 * max(step, least))):
+            travel = float(np.mean(v[start : stop + 1]) * (recording.t[stop + 1] - recording.t[start]))
+            if not (moves[start : stop + 1].all() or (held and abs(travel) > 3 * max(step, least))):
                 continue
-            if (q[stop + 1] - q[start]) / due > 0.5 and _on_its_way(q, recording.t, start, stop, due):
+            if (q[stop + 1] - q[start]) / travel > 0.5 and _moves_around(q, recording.t, start, stop, travel):
                 runs.append((start, stop))
         if not runs:
             continue
@@ -151,23 +147,30 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
 
 
 def _is_held(q: Float[Array, " N"]) -> bool:
-    """True if every position is held for some rows: then a joint makes most of its way in steps that follow repeats."""
+    """True if every position is held for some rows, so that most of the travel is in steps that follow repeats."""
     changes = np.flatnonzero(np.diff(q))
-    way = np.abs(q[changes + 1] - q[changes])
-    return bool(np.sum(way[1:][np.diff(changes) > 1]) > np.sum(way) / 2)
+    travel = np.abs(q[changes + 1] - q[changes])
+    return bool(np.sum(travel[1:][np.diff(changes) > 1]) > np.sum(travel) / 2)
 
 
-def _on_its_way(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: int, due: float) -> bool:
+def _moves_around(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: int, travel: float) -> bool:
     """True if a joint moves before and after some equal samples as fast as it should have moved during them.
 
-    This excludes a joint that rests, starts, stops or reverses there. Where every position is held, the next one and
-    the one before are as far away as it is held; a row more allows for one that is held for longer.
+    So it is False for a joint that rests, starts, stops or reverses there. If every position is held, the positions
+    before and after are read as many rows away as a position is held; one more row allows for a longer hold.
+
+    Args:
+        q: Position.
+        t: Time [s].
+        start: First of the equal samples.
+        stop: Last of the equal samples.
+        travel: Change of position that is expected from ``start`` to the sample after ``stop``.
     """
     rows = max(_AROUND_REPEATS, stop - start + 2)
     first, last = start - rows, stop + 1 + rows
     if first < 0 or last >= len(q):
         return False
-    speed = due / (t[stop + 1] - t[start])
+    speed = travel / (t[stop + 1] - t[start])
     before = (q[start] - q[first]) / (t[start] - t[first])
     after = (q[last] - q[stop + 1]) / (t[last] - t[stop + 1])
     return bool(min(before / speed, after / speed) > _AS_FAST)
@@ -176,7 +179,7 @@ def _on_its_way(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: 
 def check_jumps(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> tuple[str, ...]:
-    """Warnings on positions that jump back from one sample to the next, as where a motor's encoder wraps around."""
+    """Warnings on positions that jump back from one sample to the next, as if a motor's encoder wraps around."""
     out, kept = [], included(recording)
     linear = np.zeros(recording.q.shape[1], dtype=bool) if prismatic is None else prismatic
     least = np.where(linear, _LEAST_LENGTH, _LEAST_ANGLE)
@@ -196,7 +199,7 @@ def check_jumps(
 
 
 def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: float) -> Array:
-    """Samples before which a position jumps: one step far faster than those beside it, which go the other way.
+    """First samples after jumps: a step that is far faster than the steps beside it, and in the opposite direction.
 
     Args:
         t: Time [s].
@@ -206,7 +209,7 @@ def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: flo
     """
     steps = np.diff(q)
     speeds = np.abs(steps) / np.diff(t)
-    # Most large steps of a fast joint are as fast as the next ones.
+    # This excludes most large steps of a fast joint quickly: they are as fast as the steps beside them.
     faster = np.zeros(len(steps), dtype=bool)
     faster[1:-1] = speeds[1:-1] > _JUMP * np.maximum(speeds[:-2], speeds[2:])
     out = []
@@ -229,7 +232,7 @@ def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, 
         extent = np.ptp(recording.q[:, j])
         if stated[j] or step == 0 or extent < 3 * step:
             continue
-        # Rounding as low-passed white noise: the spectrum of its acceleration is proportional to w^4.
+        # Rounding is taken as low-passed white noise, so that the spectrum of its acceleration is proportional to w^4.
         noise = step / np.sqrt(12) * np.sqrt(share_kept / 5) * (2 * np.pi * smooth.cutoff_hz) ** 2
         motion = float(np.sqrt(np.mean(smooth.a[smooth.inside, j] ** 2))) if smooth.inside.any() else 0.0
         if extent < 100 * step or noise > 0.5 * motion:
@@ -245,29 +248,27 @@ def still_joints(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> 
 
     Args:
         recording: Raw samples.
-        prismatic: True for linear joints; None where nothing is known of them.
+        prismatic: True for linear joints; None if that is not known.
     """
     q, _ = _included_part(recording)
     if len(q) < 20:
         return np.zeros(q.shape[1], dtype=bool)
-    return np.ptp(q, axis=0) <= _still_below(
-        recording, prismatic, _tolerance(recording, prismatic, position_noise(recording))
-    )
+    return np.ptp(q, axis=0) <= _still_range(recording, prismatic, position_noise(recording))
 
 
 def _included_part(recording: Recording) -> tuple[Float[Array, "n nv"], Float[Array, " n"]]:
-    """Positions and times outside every excluded stretch; nothing is copied where none is excluded."""
+    """Positions and times outside every excluded interval; nothing is copied without such an interval."""
     if not recording.excluded:
         return recording.q, recording.t
     kept = included(recording)
     return recording.q[kept], recording.t[kept]
 
 
-def _still_below(
-    recording: Recording, prismatic: Bool[Array, " nv"] | None, tolerance: Float[Array, " nv"]
+def _still_range(
+    recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
     """Range of positions up to which each joint counts as standing still [rad or m], shape ``(nv,)``."""
-    return np.maximum(_least_motion(recording, prismatic), 2 * tolerance)
+    return np.maximum(_least_motion(recording, prismatic), 2 * _tolerance(recording, prismatic, noise))
 
 
 def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
@@ -279,12 +280,16 @@ def _tolerance(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
     """Distance from its resting position within which each joint counts as at rest [rad or m], shape ``(nv,)``."""
-    least_motion = _least_motion(recording, prismatic)
-    return np.maximum(_wander(recording, prismatic, noise), 0.1 * least_motion)
+    noise = np.minimum(noise, _noisiest(recording, prismatic))
+    wander = 5 * noise + np.array([2 * quantum(q) + 1e-4 * np.ptp(q) for q in _included_part(recording)[0].T])
+    return np.maximum(wander, 0.1 * _least_motion(recording, prismatic))
 
 
 def _last_away(q: Float[Array, "N nv"], place: Float[Array, " nv"], far: Float[Array, " nv"]) -> int:
-    """The last sample at which some joint is away from a position; searched from the end, a piece at a time."""
+    """The last sample at which some joint is farther than ``far`` from its ``place``; -1 without such a sample.
+
+    The search goes from the end in pieces, as this sample is mostly near the end.
+    """
     for stop in range(len(q), 0, -_PIECE):
         first = max(stop - _PIECE, 0)
         away = np.flatnonzero((np.abs(q[first:stop] - place) > far).any(axis=1))
@@ -294,21 +299,19 @@ def _last_away(q: Float[Array, "N nv"], place: Float[Array, " nv"], far: Float[A
 
 
 def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[Array, " nv"]) -> tuple[str, ...]:
-    """Joints that never move, and a tail of the record in which none does."""
+    """Warnings on joints that never move, and on an end of the recording in which no joint moves."""
     out = []
     q, t = _included_part(recording)
     if len(q) < 20:
         return ()
-    tolerance = _tolerance(recording, prismatic, noise)
-    still = np.ptp(q, axis=0) <= _still_below(recording, prismatic, tolerance)
+    still = np.ptp(q, axis=0) <= _still_range(recording, prismatic, noise)
     for joint in np.array(recording.joint_names)[still]:
         out.append(f"{recording.file}: {joint} never moves, so this recording shows nothing about it.")
     if still.all():
         return tuple(out)
-    after = _last_away(q, np.median(q[-20:], axis=0), tolerance) + 1
+    after = _last_away(q, np.median(q[-20:], axis=0), _tolerance(recording, prismatic, noise)) + 1
     start = t[after] if after < len(t) else t[-1]
-    tail = t[-1] - start
-    if tail >= max(_TAIL_SECONDS, _TAIL_SHARE * (t[-1] - t[0])):
+    if t[-1] - start >= max(_TAIL_SECONDS, _TAIL_SHARE * (t[-1] - t[0])):
         out.append(
             f"{recording.file}: no joint moves from t = {time_text(start)} s to the end at t = {time_text(t[-1])} s: "
             f"leave it out with --exclude {time_text(start)}:{time_text(t[-1])}."
@@ -317,7 +320,7 @@ def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[
 
 
 def check_velocity(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
-    """Measured velocities that are not the derivative of the measured position."""
+    """Warnings on measured velocities that are not the derivative of the measured position."""
     if smooth.v_measured is None:
         return ()
     out = []
@@ -337,7 +340,7 @@ def check_velocity(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
 
 
 def _velocity_sentence(ratio: float, agreement: float) -> str | None:
-    """End of the sentence on a measured velocity that is no derivative of the position; None where it is one.
+    """End of the warning on a measured velocity that is not the derivative of the position; None if it is.
 
     Args:
         ratio: Slope of the measured velocity over the derivative.
@@ -356,7 +359,7 @@ def _velocity_sentence(ratio: float, agreement: float) -> str | None:
 
 
 def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """Warnings on passive joints whose measured position differs from that which follows from the loops.
+    """Warnings on passive joints whose measured position differs from the one that the closed chain determines.
 
     Raises:
         LogError: If the loops do not close at the recorded positions of the active joints.

@@ -1,7 +1,7 @@
-"""Detection of diverged simulations: recordings in which motion or torque grows without bound.
+"""Detects diverged simulations, in which motion or torque grows without bound.
 
-A joint that spins freely keeps its speed. A diverging one exceeds the speed and the distance of the rest of its
-recording by far, or doubles both again and again.
+A joint that spins freely keeps its speed. In a diverged simulation, speed and distance far exceed those of the rest of
+the recording, or double again and again.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.data.checks.smoothed_copy import included
 from identification.data.recording import Fault, Recording, time_text
-from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn.array_types import Array, Float
 
 # Number of pieces into which a recording is cut; the usual size of a motion is the median over them.
 _PIECES = 24
@@ -18,19 +18,20 @@ _PIECES = 24
 _LEAST_SPEED, _TIMES_SPEED = 100.0, 100.0
 # Smallest distance from the start of a diverged motion [rad or m], and its smallest ratio to the usual distance.
 _LEAST_DISTANCE, _TIMES_DISTANCE = 30.0, 20.0
-# Number of consecutive pieces of which each is faster than the one before by a factor.
+# Speed and distance double again and again if, in this number of consecutive pieces, each exceeds the piece before by
+# this factor.
 _DOUBLING, _GROWS = 4, 2.0
 # A torque that no machine has, in whatever unit the file states it.
 _NO_TORQUE = 1e10
-# Ratio to the usual speed from which on samples count as diverged.
-_BEYOND = 5.0
+# Ratio to the usual speed from which on samples count as diverged, and smallest number of such samples.
+_BEYOND, _LEAST_ROWS = 5.0, 6
 
 
 def ran_away(recording: Recording) -> Fault | None:
-    """The fault of a recording whose motion grows without bound; None if no joint's does.
+    """The fault of a recording in which the motion of a joint grows without bound; None without such a joint.
 
     Args:
-        recording: Raw samples; excluded stretches are ignored.
+        recording: Raw samples; excluded intervals are ignored.
     """
     kept = included(recording)
     t, q = recording.t[kept], recording.q[kept]
@@ -70,7 +71,8 @@ def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, "
     far_larger = (
         speeds.max() > max(_LEAST_SPEED, _TIMES_SPEED * usual)
         and distances.max() > max(_LEAST_DISTANCE, _TIMES_DISTANCE * usual_distance)
-        and _lasts(speed > _BEYOND * usual)
+        # A jump of an encoder is beyond the limit for a few rows only.
+        and np.count_nonzero(speed > _BEYOND * usual) >= _LEAST_ROWS
     )
     if not far_larger and not _doubles(speeds, distances):
         return None
@@ -79,23 +81,18 @@ def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, "
 
 
 def _by_piece(x: Float[Array, " N"]) -> Float[Array, " n"]:
+    """Largest value in each piece."""
     return np.array([piece.max() for piece in np.array_split(x, _PIECES)])
-
-
-def _lasts(beyond: Bool[Array, " N"]) -> bool:
-    """True if more than a few rows are beyond a limit, unlike at a jump of an encoder."""
-    return int(beyond.sum()) >= 6
 
 
 def _doubles(speeds: Float[Array, " n"], distances: Float[Array, " n"]) -> bool:
     """True if speed and distance multiply from piece to piece, up to values that no robot reaches."""
-    if speeds.max() < 10 * _LEAST_SPEED or distances.max() < 10 * _LEAST_DISTANCE:
-        return False
-    return _first_doubling(speeds) < len(speeds) and _first_doubling(distances) < len(distances)
+    large = speeds.max() >= 10 * _LEAST_SPEED and distances.max() >= 10 * _LEAST_DISTANCE
+    return large and _first_doubling(speeds) < len(speeds) and _first_doubling(distances) < len(distances)
 
 
 def _first_doubling(sizes: Float[Array, " n"]) -> int:
-    """First of several consecutive growing pieces; the number of pieces if there are none."""
+    """Index of the first of `_DOUBLING` consecutive growing pieces; the number of pieces if there are none."""
     grows = sizes[1:] > _GROWS * sizes[:-1]
     for k in range(len(grows) - _DOUBLING + 1):
         if sizes[k] > 0 and grows[k : k + _DOUBLING].all():

@@ -1,4 +1,4 @@
-"""Low-passed copy of a recording on a uniform grid for the checks; the diagnosis filters the recording itself."""
+"""Makes a low-passed copy of a recording on a uniform grid, on which the checks work; the diagnosis does not use it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.data.derivatives import differentiate
+from identification.data.derivatives import differentiate, zero_phase
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.band_edges import acceleration_edge
-from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.splines import interpolated
 
 _FEWEST = 100  # samples that a spectrum needs
@@ -19,17 +18,17 @@ _FEWEST = 100  # samples that a spectrum needs
 
 @dataclass(frozen=True)
 class Smooth:
-    """Motion and torque on a uniform grid, low-passed alike and without delay.
+    """Motion and torque on a uniform grid, through the same low pass without delay.
 
     Attributes:
         t: Time [s], shape ``(N,)``.
         step: Sampling time of the grid [s].
         cutoff_hz: Cut-off frequency of the low pass.
         q, v, a: Motion, shape ``(N, nv)``.
-        sign: Low-passed sign of the velocity, shape ``(N, nv)``, as Coulomb friction appears in a smoothed torque.
+        sign: Low-passed sign of the velocity, shape ``(N, nv)``: the shape of Coulomb friction in a smoothed torque.
         tau: Smoothed torque, or None.
         v_measured: Smoothed measured velocity, or None.
-        inside: False at the ends of the record, where the filter settles, and in excluded stretches.
+        inside: False at the ends of the record, where the filter settles, and in excluded intervals.
     """
 
     t: Float[Array, " N"]
@@ -44,35 +43,31 @@ class Smooth:
     inside: Array
 
     def motion(self, rows: Array) -> Motion:
-        """Motion of some rows."""
+        """Motion in some rows."""
         return Motion(self.t[rows], self.q[rows], self.v[rows], self.a[rows])
 
     def rows(self, largest: int) -> Array:
-        """At most ``largest`` rows, evenly spread over those that are inside."""
+        """Indices of at most ``largest`` rows, evenly spread over the rows that are ``inside``."""
         inside = np.flatnonzero(self.inside)
         return inside[np.linspace(0, len(inside) - 1, min(largest, len(inside))).astype(int)]
 
 
 def included(recording: Recording) -> Array:
-    """True for samples outside every excluded stretch, shape ``(N,)``."""
+    """True for samples outside every excluded interval, shape ``(N,)``."""
     kept = np.ones(len(recording.t), dtype=bool)
     for start, stop in recording.excluded:
         kept &= (recording.t < start) | (recording.t > stop)
     return kept
 
 
-def _low_passed(values: Float[Array, "N k"], rate_hz: float, cutoff_hz: float) -> Float[Array, "N k"]:
-
-    if cutoff_hz >= 0.4 * rate_hz:
-        return values
-    return low_passed(values, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
-
-
 def smoothed(recording: Recording) -> Smooth | None:
-    """The smoothed copy, cut off where the motion of most joints ends in noise; None for a very short record."""
+    """The smoothed copy; None for a very short record.
+
+    The cut-off is the median of the frequencies above which the joints' accelerations are mostly noise.
+    """
     t = recording.t
     step = float(np.median(np.diff(t)))
-    # A gap of hours must not fill the memory with interpolated samples.
+    # After a gap of hours, interpolated samples could fill the memory.
     if len(t) < _FEWEST or t[-1] - t[0] > 4 * len(t) * step:
         return None
     rate = 1 / step
@@ -83,7 +78,7 @@ def smoothed(recording: Recording) -> Smooth | None:
     cutoff = float(np.clip(np.median(edges) if edges else 0.1 * rate, 10 / (t[-1] - t[0]), 0.2 * rate))
     q, v, a = differentiate(q, rate, cutoff)
     tau, measured = (
-        None if values is None else _low_passed(interpolated(grid, t, values), rate, cutoff)
+        None if values is None else zero_phase(interpolated(grid, t, values), rate, cutoff)
         for values in (recording.tau, recording.v)
     )
     margin = int(min(2 * rate / cutoff, 0.1 * len(grid)))
@@ -96,7 +91,7 @@ def smoothed(recording: Recording) -> Smooth | None:
         q=q,
         v=v,
         a=a,
-        sign=_low_passed(np.sign(v), rate, cutoff),
+        sign=zero_phase(np.sign(v), rate, cutoff),
         tau=tau,
         v_measured=measured,
         inside=inside,

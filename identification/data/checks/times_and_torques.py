@@ -1,4 +1,4 @@
-"""Checks of sampling times and torques: jitter, gaps, clipping."""
+"""Checks of sampling times and torques: jitter, gaps, clipped, constant and zero torques."""
 
 from __future__ import annotations
 
@@ -8,32 +8,33 @@ from identification.data.checks.smoothed_copy import included
 from identification.data.recording import Recording, time_text
 from phantom_dyn.array_types import Array, Float
 
-# A step that differs from the median by more than this share is irregular; timers of a real-time system keep 1 %.
+# A time step is irregular if it differs from the median by more than this share; real-time systems keep 1 %.
 _JITTER = 0.1
-# Share of irregular steps that is worth a warning.
+# Smallest share of irregular steps for a warning.
 _IRREGULAR_SHARE = 0.01
-# A step longer than this many medians is a gap: samples are missing.
+# A time step of more than this number of medians is a gap: samples are missing.
 _GAP = 2.5
 
-# A torque counts as clipped from this share of the samples, or this many in a row, at its extreme value. Where every
-# torque is held for some rows, these are one sample.
+# A torque is clipped if at least this share of its samples, or this number of samples in a row, have its extreme value.
+# If every torque is held for some rows, these rows count as one sample.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
-# Torques of zero are checked if they make this share of the rows, in at least the second number of stretches. From the
-# third number of stretches on, a drive that was switched off cannot be their cause.
+# Torques of zero are checked if they make the first share of the rows, in at least the second number of intervals. In
+# the third number of intervals or more, they cannot be caused by a drive that was switched off.
 _MOSTLY, _FEW, _OFTEN = 0.5, 4, 20
-# A joint that passes this often from one end of its range to the other needs a changing torque: no test would hold one.
+# A joint that passes this often from one end of its range to the other needs a torque that changes.
 _PASSAGES = 4
 # Ratio of the smallest to the largest torque: above the first number small torques are missing, above the second all
-# torques have one size.
+# torques have the same size.
 _GAP_BELOW, _ALIKE = 0.1, 0.9
-# Fewer samples in a row at the extreme value are the peak of a repeated motion without noise.
+# Fewer samples in a row at the extreme value may be the peak of a repeated motion without noise.
 _SHORTEST_RUN = 2
-# A smooth peak, however coarsely rounded, has at most 2.4 times as many samples in its top level as in the next.
+# A clipped torque has at least this ratio of samples at its extreme value to samples at the next level; a smooth peak,
+# however coarsely rounded, has at most 2.4.
 _TOP_HEAVY = 4
 
 
 def check_timing(recording: Recording) -> tuple[str, ...]:
-    """Sentences about irregular sampling and missing samples."""
+    """Warnings on irregular sampling and missing samples."""
     kept = included(recording)
     steps = np.diff(recording.t)[kept[1:] & kept[:-1]]
     starts = recording.t[:-1][kept[1:] & kept[:-1]]
@@ -66,7 +67,7 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
     extent = np.ptp(tau)
     top = float(np.max(tau))
     levels = np.unique(tau[tau >= top - 0.1 * extent])
-    # Levels closer than the numbers' own rounding are one.
+    # Levels that differ by rounding only are one level.
     levels = levels[np.concatenate([[True], np.diff(levels) > 1e-9 * extent])]
     step = max(float(top - levels[-2]) if len(levels) > 1 and len(levels) < 50 else 0.0, 2e-3 * extent)
     at_top = tau >= top - 1e-9 * max(extent, abs(top))
@@ -82,7 +83,7 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
 
 
 def _rows_held(tau: Float[Array, " N"]) -> float:
-    """Rows for which a torque between its two extremes is held: 1, or more where it is read more slowly than logged."""
+    """Median number of rows for which a torque is held: more than 1 if it is read more slowly than it is logged."""
     edges = np.flatnonzero(np.diff(tau, prepend=np.nan, append=np.nan) != 0)
     values = tau[edges[:-1]]
     between = (values > np.min(tau)) & (values < np.max(tau))
@@ -90,7 +91,7 @@ def _rows_held(tau: Float[Array, " N"]) -> float:
 
 
 def check_zeros(recording: Recording) -> tuple[str, ...]:
-    """Sentences about torques that are exactly zero in many stretches: their drive does not report small torques."""
+    """Warnings on torques that are exactly zero in many intervals, as if the drive does not report small torques."""
     if recording.tau is None:
         return ()
     out, kept = [], included(recording)
@@ -101,7 +102,7 @@ def check_zeros(recording: Recording) -> tuple[str, ...]:
             continue
         others = np.abs(recording.tau[kept, j][~zero])
         size = float(others.min())
-        # Pulses are switched on and off by a controller, and are all of one size; where a drive is off, they are few.
+        # Torques of equal size are pulses of a controller, and a drive that is switched off has few intervals of zero.
         if starts >= _OFTEN or _GAP_BELOW * others.max() < size < _ALIKE * others.max():
             out.append(
                 f"{recording.file}: tau.{joint} is exactly 0 in {100 * zero.mean():.0f} % of the rows, {starts} times "
@@ -112,7 +113,7 @@ def check_zeros(recording: Recording) -> tuple[str, ...]:
 
 
 def check_flat(recording: Recording) -> tuple[str, ...]:
-    """Sentences about torques that stay constant for a long time while their joint moves to and fro."""
+    """Warnings on torques that stay constant for a long time while their joint moves to and fro."""
     if recording.tau is None:
         return ()
     out, kept = [], included(recording)
@@ -143,7 +144,7 @@ def _passages(q: Float[Array, " n"], travel: float) -> int:
 
 
 def check_clipping(recording: Recording) -> tuple[str, ...]:
-    """Sentences about torques that stay at their extreme value, as a clipped signal does."""
+    """Warnings on torques that stay at their extreme value, as a clipped signal does."""
     if recording.tau is None:
         return ()
     out = []

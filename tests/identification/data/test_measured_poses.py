@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.checked_file import checked_file
-from identification.data.drive_loop import DriveLoop, drive_loop, delay_intervals
+from identification.data.drive_loop import DriveLoop, delay_intervals, drive_loop
 from identification.data.drives.joint_torque import NoTorqueError
 from identification.data.reading import read_recording
 from phantom_dyn.errors import LogError

@@ -1,11 +1,16 @@
 # pyright: reportAttributeAccessIssue=false
-"""How well any plausible robot explains a recording: a bounded regression of all joints at once.
+"""Tests how well any plausible robot explains a recording, by a bounded regression of all joints at once.
 
-Inertial parameters of every link may be half to twice the modelled ones, the last link may carry a payload of five
-kilograms plus five times the mass of all links, rotors may have thirty times the inertia of their load, every torque
-constant may be half to twice the assumed one, friction may have any size as long as it opposes the motion, and offsets
-are free. No real robot leaves a large residual of this fit, so the recording is read wrongly if another reading of the
-same data leaves a far smaller one.
+In a plausible robot,
+- the inertial parameters of every link are half to twice the modelled ones;
+- the last link may carry a payload of five kilograms plus five times the mass of all links;
+- rotors have at most thirty times the inertia of their load;
+- every torque constant is half to twice the assumed one;
+- friction has any size, but opposes the motion;
+- offsets of the torque are free.
+
+A recording of a real robot has a small residual in this fit. So the recording contains a mistake if the same data with
+a correction have a far smaller residual.
 """
 
 from __future__ import annotations
@@ -24,20 +29,20 @@ from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
 ENOUGH = 0.005
-"""Unexplained share of a torque's variance below which a fit is good: real friction differs from its law by as much."""
-# Largest mass of a payload: the first times the mass of all moving links, plus the second [kg], as a lever of 0.08 kg
-# may carry 2 kg.
+"""Unexplained share of a torque's variance below which a fit is good: real friction differs as much from its law."""
+# Largest mass of a payload: the first number times the mass of all moving links, plus the second number [kg]. The
+# second is needed for small robots: a lever of 0.08 kg may carry 2 kg.
 _PAYLOAD, _PAYLOAD_KG = 5.0, 5.0
 # Number of postures over which the inertia at a joint is averaged.
 _POSTURES = 12
-# Unexplained share below which two fits are equally good. The error of the friction law is the same in both readings
-# that are compared, so this may be far below `ENOUGH`.
+# Unexplained share below which two fits are equally good. It is far below `ENOUGH`, because the error of the friction
+# law is the same in both fits.
 _SAME = 0.0005
 # A half of the recording is not used if the variance of the torque in it is less than this share of the whole variance.
 _QUIET = 1e-3
 # Square root of the ridge penalty on each coefficient, for columns of unit length: the penalty is a millionth.
 _RIDGE = 1e-3
-# Number of rounds of fitting torque constants and inertias in turn, as their product is not linear.
+# Number of rounds in which inertias and torque constants are fitted in turn: a fit of both at once is not linear.
 _ROUNDS = 3
 _PARAMETERS = 10  # inertial parameters of a body
 _MASS_AND_MOMENTS = 4  # the first of them: mass and first moments
@@ -48,10 +53,10 @@ class Freedom(NamedTuple):
     """How far a robot may be from its model.
 
     Attributes:
-        factor: Largest factor of an inertia and of a torque constant, either way.
+        factor: Inertias and torque constants may be at most this factor larger or smaller than modelled.
         last: Smallest factor of the last link: the modelled tool may be missing, but the link itself has some mass.
         rotor: Largest rotor inertia on the joint side, divided by the inertia that the joint moves.
-        offset: Largest offset over the root mean square of the modelled torque.
+        offset: Largest offset, divided by the root mean square of the modelled torque.
     """
 
     factor: float
@@ -61,14 +66,15 @@ class Freedom(NamedTuple):
 
 
 PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
-"""Any plausible robot: a large residual means that no robot explains the recording."""
+"""Any plausible robot: if it leaves a large residual, no robot explains the recording."""
 AS_MODELLED = Freedom(1.06, 1 / 1.06, 0.15, 0.5)
-"""A robot like its model except for friction and a payload: for readings that plausible robots explain equally well."""
+"""A robot like its model except for friction and a payload; it decides between readings that plausible robots explain
+equally well."""
 
 
 @dataclass(frozen=True)
 class _Bounded:
-    """Columns that all joints share and columns of each single joint, with bounds of their coefficients."""
+    """Columns whose coefficients all joints share, columns of each single joint, and the bounds of the coefficients."""
 
     shared: Float[Array, "N nv s"]
     own: Float[Array, "N nv 4"]
@@ -80,7 +86,7 @@ class _Bounded:
 
 
 def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) -> Float[Array, "2 nv"]:
-    """Share of each joint's torque variance that no plausible robot explains, in each half of the recording.
+    """Smallest unexplained share of each joint's torque variance with any allowed robot, in each half of the recording.
 
     Args:
         robot: The given model.
@@ -88,7 +94,7 @@ def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) ->
         freedom: How far the robot may be from its model.
 
     Returns:
-        Shares from 0 on, NaN for a half in which the torque hardly varies.
+        Shares, NaN for a half in which the torque hardly varies.
     """
     columns = _bounded_columns(robot, reading, freedom)
     torque = reading.tau + reading.external
@@ -104,7 +110,7 @@ def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) ->
 
 
 def misfit_as_modelled(robot: Robot, reading: Reading) -> float:
-    """Sum over the joints of the logarithm of the share that no robot like the model explains, see `AS_MODELLED`."""
+    """Sum over the joints of the logarithm of the unexplained share, with a robot as in `AS_MODELLED`."""
     try:
         left = unexplained(robot, reading, AS_MODELLED)
     except ChainError:
@@ -127,7 +133,7 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
             low.append(freedom.last if body >= carries else 1 / freedom.factor)
             high.append(freedom.factor)
     load = (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments; products and centres have either sign
+    positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments of inertia; the others have either sign
     columns += list(np.moveaxis(regressor[:, :, carries * _PARAMETERS : (carries + 1) * _PARAMETERS], 2, 0))
     low += list(np.where(positive, 0.0, -load))
     high += list(load)
@@ -153,7 +159,7 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
 
 
 def _reach(robot: Robot) -> float:
-    """Length scale of a robot [m]: the sum of the distances between its joints and to the last centre of mass."""
+    """Length of a robot [m]: the sum of the distances between its joints and to the last centre of mass."""
     lengths = [float(np.linalg.norm(place.translation)) for place in list(robot.model.jointPlacements)[2:]]
     return max(sum(lengths) + float(np.linalg.norm(robot.model.inertias[robot.model.njoints - 1].lever)), 0.1)
 
@@ -176,15 +182,18 @@ def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, 
             part = slice(count + _OWN * k, count + _OWN * (k + 1))
             bounds = (np.r_[1 / columns.factor, low[part]], np.r_[columns.factor, high[part]])
             each.append(_own_fit(need[:, k], own[:, k], wanted[:, k], bounds))
-        best = np.minimum(best, np.array([left for _, left in each]))
-        constants = np.array([constant for constant, _ in each])
+        constants, squares = np.transpose(each)
+        best = np.minimum(best, squares)
         if turn == 0 and best.max() < _RIDGE:
             break
     return best * size**2
 
 
 def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float[Array, "m c"]:
-    """Rows of all joints below each other: shared columns first, then those of each joint, zero in all other rows."""
+    """Matrix with the rows of all joints below each other: the shared columns, then the columns of each joint.
+
+    The columns of a joint are zero in the rows of the other joints.
+    """
     n, joints, count = shared.shape
     out = np.zeros((joints * n, count + _OWN * joints))
     for k in range(joints):
@@ -196,7 +205,7 @@ def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float
 def _own_fit(
     need: Float[Array, " n"], own: Float[Array, "n 4"], wanted: Float[Array, " n"], bounds: tuple[Array, Array]
 ) -> tuple[float, float]:
-    """Factor of a joint's torque constant, given the torque that its links need, and the mean squared residual."""
+    """Factor of a joint's torque constant, and mean squared residual, if its links need the torque ``need``."""
     columns = np.column_stack([need, own])
     x = _bounded_fit(columns, wanted, *bounds)
     return float(x[0]), float(np.mean((wanted - columns @ x) ** 2))
@@ -205,7 +214,7 @@ def _own_fit(
 def _bounded_fit(
     columns: Float[Array, "n k"], target: Float[Array, " n"], low: Array, high: Array
 ) -> Float[Array, " k"]:
-    """Coefficients of least squares within their bounds."""
+    """Least-squares coefficients within their bounds."""
     size = np.linalg.norm(columns, axis=0)
     used = (size > 0) & (high > low)
     scale = size[used]
@@ -214,7 +223,7 @@ def _bounded_fit(
     padded = np.column_stack(
         [np.vstack([columns[:, used] / scale, ridge]), np.concatenate([target, np.zeros(len(ridge))])]
     )
-    # The triangular factor has the same solution with as many rows as columns.
+    # The triangular factor has the same solution, with far fewer rows.
     factor = np.asarray(np.linalg.qr(padded, mode="r"))
     out = np.zeros(len(size))
     out[used] = (

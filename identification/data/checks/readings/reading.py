@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Samples of a recording with another unit, sign or order of joints, to test whether the file has these wrong."""
+"""Samples of a recording under other assumptions on units, signs and order, for tests of what fits the model."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
+from identification.data.derivatives import zero_phase
 from identification.data.drives.joint_torque import per_speed
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.signals.recursive import low_passed
 
-_ROWS = 400  # samples in a regression: enough for its thirty coefficients in each half, and quick for many readings
+_ROWS = 400  # samples in a regression: enough for thirty coefficients in each half, and quick for many readings
 _FEWEST = 60
-# The band ends at `_MARGIN` times the frequency below which `_MOVING` of the power of each joint's velocity lies.
-# Above, there is mostly noise.
+# The first is a share of the power of a joint's velocity. The frequency below which this share lies, times the second,
+# is the edge of the band: above it, there is mostly noise.
 _MOVING, _MARGIN = 0.99, 2.0
-# Largest ratio of a torque's standard deviation to its largest value with which it is constant: a low pass leaves
-# rounding errors of 1e-13.
+# Largest ratio of standard deviation to largest value of a torque that counts as constant; a low pass leaves rounding
+# errors of 1e-13.
 _CONSTANT = 1e-9
 
 
@@ -34,9 +34,9 @@ class Reading:
         sign: Sign of the velocity, smoothed like the torque, shape ``(N, nv)``.
         tau: Torque of the drives, shape ``(N, nv)``.
         external: Torque of measured forces, shape ``(N, nv)``, the same in every reading.
-        late_by_speed: Possible error of each joint's torque per speed, if the torque was computed from a voltage, shape
-            ``(nv,)``; None if no torque was.
-        late_by_acceleration: Possible error of each joint's torque per acceleration, likewise.
+        late_by_speed: Possible error per velocity of torques that were computed from voltages, shape ``(nv,)``, zero
+            for other joints; None if there is no such joint.
+        late_by_acceleration: Possible error per acceleration of the same torques.
     """
 
     motion: Motion
@@ -48,9 +48,9 @@ class Reading:
 
 
 def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], step: float) -> Reading:
-    """The data with the possible errors of torques that were computed from voltages.
+    """The reading with the possible errors of torques that were computed from voltages.
 
-    Most of a servo's voltage is its back-EMF, and the torque is proportional to the small difference. An error of a few
+    Most of a servo's voltage is its back-EMF, and the torque is proportional to the small remainder. An error of a few
     per cent of the back-EMF, or a voltage read half a sample late, is as large as friction or the torque of the rotor.
 
     Args:
@@ -69,11 +69,14 @@ def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], 
 
 
 def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> Reading | None:
-    """The data as recorded, low-passed to the band in which the robot moves; None without torque or enough samples.
+    """The data as recorded, low-passed to the band in which the robot moves.
 
     Args:
         smooth: Low-passed copy of the recording.
-        external: Torque of measured forces at the times of ``smooth``; None where there were none.
+        external: Torque of measured forces at the times of ``smooth``; None without measured forces.
+
+    Returns:
+        The reading; None without torque or with too few samples.
     """
     rows = smooth.rows(_ROWS)
     if smooth.tau is None or len(rows) < _FEWEST:
@@ -81,9 +84,7 @@ def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> 
     cutoff, rate = _moving_edge(smooth), 1 / smooth.step
 
     def in_band(values: Float[Array, "M nv"]) -> Float[Array, "N nv"]:
-        if cutoff >= smooth.cutoff_hz:
-            return values[rows]
-        return low_passed(values, cutoff, rate, order=4, padding=int(3 * rate / cutoff))[rows]
+        return values[rows] if cutoff >= smooth.cutoff_hz else zero_phase(values, rate, cutoff)[rows]
 
     motion = Motion(smooth.t[rows], in_band(smooth.q), in_band(smooth.v), in_band(smooth.a))
     tau = in_band(smooth.tau)
@@ -91,7 +92,7 @@ def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> 
 
 
 def _moving_edge(smooth: Smooth) -> float:
-    """Frequency up to which the joints move [Hz], at most the cutoff of the smoothed copy."""
+    """Frequency up to which the joints move [Hz], at most the cut-off of the smoothed copy."""
     v = smooth.v[smooth.inside] - smooth.v[smooth.inside].mean(axis=0)
     power = np.abs(np.fft.rfft(v * np.hanning(len(v))[:, None], axis=0)) ** 2
     frequencies = np.fft.rfftfreq(len(v), smooth.step)
@@ -109,7 +110,7 @@ def varies(tau: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
 
 
 def with_positions_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading:
-    """Positions of each joint times a factor; a negative one reverses the joint's direction."""
+    """The reading with the positions of each joint times a factor; a negative factor reverses the joint's direction."""
     m = reading.motion
     return replace(
         reading,
@@ -119,31 +120,30 @@ def with_positions_times(reading: Reading, factor: Float[Array, " nv"]) -> Readi
 
 
 def with_positions_plus(reading: Reading, shift: Float[Array, " nv"]) -> Reading:
-    """Positions of each joint plus an offset [rad or m]."""
+    """The reading with an offset [rad or m] added to the positions of each joint."""
     m = reading.motion
     return replace(reading, motion=Motion(m.t, m.q + shift, m.v, m.a))
 
 
 def with_torques_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading:
-    """Torques of the drives times a factor for each joint."""
+    """The reading with the torques of each joint's drive times a factor."""
     return replace(reading, tau=reading.tau * factor)
 
 
 def with_torques_plus(reading: Reading, torque: Float[Array, "N nv"]) -> Reading:
-    """Torques of the drives plus a torque that was removed from them."""
+    """The reading with a torque added to those of the drives."""
     return replace(reading, tau=reading.tau + torque)
 
 
 def with_time_times(reading: Reading, factor: float) -> Reading:
-    """Time times a factor, and velocities and accelerations with it."""
+    """The reading with its time times a factor; velocities and accelerations follow."""
     m = reading.motion
     return replace(reading, motion=Motion(m.t * factor, m.q, m.v / factor, m.a / factor**2))
 
 
 def with_order(reading: Reading, order: Sequence[int], *, positions: bool, torques: bool) -> Reading:
-    """Columns of positions, of torques or of both in another order of the joints."""
-    at = list(order)
-    m = reading.motion
+    """The reading with the columns of positions, of torques or of both in another order of the joints."""
+    at, m = list(order), reading.motion
     motion = Motion(m.t, m.q[:, at], m.v[:, at], m.a[:, at]) if positions else m
     return replace(
         reading,

@@ -1,6 +1,7 @@
-"""Possible mistakes in a recording: other readings of its columns, each with a sentence and the entry that corrects it.
+"""Lists suspected mistakes in a recording: wrong units, signs and orders of columns, with entries that correct them.
 
-Nothing is decided here: `identification.data.checks.better_readings` compares how well the readings fit.
+Each suspect makes a reading of the data, in which its mistake is corrected. Which suspect is right is decided by
+`identification.data.checks.better_readings`, from how well the readings fit the model.
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ from phantom_dyn.model.robot import Robot
 
 _DEGREE = np.pi / 180  # [rad]
 _MILLIMETRE = 1e-3  # [m]
-# Range of the sampling time of robots' recorders [s].
+# Smallest and largest sampling time of robots' recorders [s].
 _FASTEST, _SLOWEST = 2e-5, 0.2
-# Travel [m] and speed [m/s] that no linear axis exceeds; taken as mm they are 20 mm and 50 mm/s.
+# Largest travel [m] and speed [m/s] of any linear axis; if the unit is mm, they mean 20 mm and 50 mm/s.
 _FARTHEST, _FASTEST_AXIS = 20.0, 50.0
-# Sampling time [s] above which the unit of time is doubted if in another unit the inertia would show.
-_PATIENT = 1.0
+# Sampling time [s] from which on another unit of time is expected: so slow a motion would show no inertia.
+_SLOW_SAMPLING = 1.0
 # Sampling time [s] that no recording of a motion has.
-_NEVER = 100.0
-# Logarithm of the largest factor between the joints' median torque and the needed one for a unit to be named: units
-# differ by at least ten.
+_IMPOSSIBLE_SAMPLING = 100.0
+# Logarithm of the largest factor between measured and modelled torque in a unit that is suspected: units differ by at
+# least a factor of ten.
 _NEAR_UNIT = float(np.log(2.5))
-# Logarithm of a gear ratio from which on the two sides of a gear can be distinguished.
+# Logarithm of the smallest gear ratio with which the two sides of a gear can be distinguished.
 _GEARED = float(np.log(2.0))
-# Zeros [rad] of other conventions.
+# Positions [rad] of the zero in other conventions.
 _QUARTERS = (np.pi / 2, np.pi, -np.pi / 2)
 _TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _OR_GRAMS = ", or the masses of the model in g and not in kg"
@@ -54,24 +55,25 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Suspect:
-    """One other reading of the data.
+    """A suspected mistake in a recording.
 
     Attributes:
-        kind: The quantity that it changes.
-        joints: Joints whose fit it changes directly; the right reading improves them.
-        what: The possible mistake, as ``the time is in ms``.
+        kind: The kind of mistake.
+        joints: Joints whose fit improves directly if the mistake is corrected.
+        what: The mistake in words, as ``the time is in ms``.
         entries: The entries of a column map that correct it, by their keys.
-        read: Function that makes the reading.
-        expected: True where the reading is by far the more usual one, so that it need only fit.
-        moves: True where it changes positions, and with them the torque of every joint.
-        turned: True where it changes the positions of joints only that turn more than once as recorded.
-        outcome: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
-            what was left out (``offer``); or its twins are not certain and nothing is said (``rival``).
-        price: 0 for a usual mistake; 1 where numbers are fitted, as those of gears; 2 where they need a load besides.
-            Of two readings the one of the higher price has to explain far more.
-        advice: What to do, where no entry corrects it.
-        model: The robot that it is a reading for, where it is another one than the given; a load that the given model
-            lacks feels the other gravity too.
+        read: Function that corrects the mistake in a reading.
+        expected: True if the correction is very likely before any fit, so that the corrected data need only fit.
+        moves: True if the correction changes positions, and with them the torque of every joint.
+        turned: True if the correction changes only positions of joints that turn more than once as recorded.
+        outcome: What to report if this suspect fits best. ``wrong``: the recording has a certain fault. ``offer``: the
+            mistake is possible, and the user is told how to correct it. ``rival``: nothing, as the data are also
+            explained by an ordinary difference between robot and model.
+        price: 0 for a usual mistake; 1 if numbers are fitted, as gear ratios are; 2 if these also need a load. A
+            suspect with a higher price has to explain far more than one with a lower price.
+        advice: What to do if no entry of a column map corrects the mistake.
+        model: The corrected model, if the mistake is in the model; a load that the given model lacks has the corrected
+            gravity, too.
     """
 
     kind: Kind
@@ -88,7 +90,7 @@ class Suspect:
     model: Robot | None = None
 
     def after(self, first: Suspect) -> Suspect:
-        """Both readings as one, for the joints of either."""
+        """Both mistakes as one suspect, with the joints of both; ``first`` is corrected first."""
         joints = tuple(sorted({*self.joints, *first.joints}))
         return replace(
             self,
@@ -102,11 +104,11 @@ class Suspect:
 
 
 def time_suspects(robot: Robot, step: float) -> list[Suspect]:
-    """Time in ms, us or ns, where the samples would then come as fast as robots are sampled.
+    """The suspected mistakes that the time is in ms, us or ns; only units with which the sampling time is usual.
 
     Args:
         robot: Gives the joints.
-        step: Median time between two samples as the data stand.
+        step: Median time between two samples, in the unit of the data.
     """
     return [
         Suspect(
@@ -115,7 +117,7 @@ def time_suspects(robot: Robot, step: float) -> list[Suspect]:
             f"the time is in {unit} and not in s",
             {"t": f"{{from: t, unit: {unit}}}"},
             lambda reading, factor=factor: with_time_times(reading, factor),
-            expected=step >= _PATIENT,
+            expected=step >= _SLOW_SAMPLING,
         )
         for unit, factor in _TIMES.items()
         if _FASTEST <= step * factor <= _SLOWEST
@@ -123,16 +125,16 @@ def time_suspects(robot: Robot, step: float) -> list[Suspect]:
 
 
 def usual_clock(recording: Recording) -> float:
-    """Factor that makes the times of a recording such as robots are recorded at; 1 where no unit does."""
+    """Factor from the recorded times to seconds for the first unit with a usual sampling time; 1 without such a unit."""
     step = float(np.median(np.diff(recording.t)))
     return next((factor for factor in _TIMES.values() if _FASTEST <= step * factor <= _SLOWEST), 1.0)
 
 
 def slow_clock(recording: Recording) -> Fault | None:
-    """The fault of a recording whose samples are minutes apart as recorded, and usual in another unit of time."""
+    """The fault of a recording whose samples are minutes apart, if another unit of time gives a usual sampling time."""
     step = float(np.median(np.diff(recording.t)))
     units = [unit for unit, factor in _TIMES.items() if _FASTEST <= step * factor <= _SLOWEST]
-    if step < _NEVER or not units:
+    if step < _IMPOSSIBLE_SAMPLING or not units:
         return None
     return Fault(
         f"the time is in {' or '.join(units)} and not in s",
@@ -142,11 +144,11 @@ def slow_clock(recording: Recording) -> Fault | None:
 
 
 def degree_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """Positions in degrees: of all joints that turn, of those that turn far, or of one of them.
+    """The suspected mistakes that positions are in degrees: of all revolute joints, of those that move far, or of one.
 
     Args:
         robot: Gives the joints.
-        reading: The data; positions in degrees go beyond half a turn of radians.
+        reading: The data as recorded; positions in degrees mostly exceed half a turn of radians.
     """
     turning = ~robot.prismatic
     most = np.abs(reading.motion.q).max(axis=0)
@@ -172,24 +174,24 @@ def degree_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def _times(robot: Robot, joints: Sequence[int], factor: float) -> Float[Array, " nv"]:
-    """A factor for some joints, one for the others."""
+    """Factors of all joints: ``factor`` for some joints, 1 for the others."""
     out = np.ones(robot.nv)
     out[list(joints)] = factor
     return out
 
 
 def highest_speed(robot: Robot, reading: Reading) -> float:
-    """Highest speed of a linear joint [m/s]; 0 where there is none."""
+    """Highest speed of a linear joint [m/s]; 0 without linear joints."""
     return float(np.abs(reading.motion.v[:, robot.prismatic]).max(initial=0.0))
 
 
 def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """Positions of all linear joints in mm, where they travel as far as no axis does."""
+    """The suspected mistake that positions of all linear joints are in mm; only if they travel farther than any axis."""
     joints = tuple(np.flatnonzero(robot.prismatic).tolist())
     if not joints or np.ptp(reading.motion.q[:, joints], axis=0).max() < _FARTHEST:
         return []
     factor = np.where(robot.prismatic, _MILLIMETRE, 1.0)
-    # What slides far out is heavy for the joints before it, too.
+    # A load that slides far out changes the torques of the joints before it, too.
     return [
         Suspect(
             "length",
@@ -203,7 +205,7 @@ def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
-    """The sign of torque, position or both of joints that fit poorly; as rivals, other zeros of their positions."""
+    """The suspected wrong signs of torque, position or both of some joints; as rivals, other zeros of their positions."""
     out = []
     for j in poor:
         factor = np.ones(robot.nv)
@@ -239,7 +241,7 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
 
 
 def _other_zero(robot: Robot, j: int, turn: float) -> Suspect:
-    """Hypothesis that is no fault of the torque: the model counts a joint from another zero than the recording."""
+    """The rival that no sign is wrong: the model counts a joint from another zero than the recording."""
     shift = np.zeros(robot.nv)
     shift[j] = turn
     return Suspect(
@@ -254,11 +256,11 @@ def _other_zero(robot: Robot, j: int, turn: float) -> Suspect:
 
 
 def order_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
-    """Torques, positions or both exchanged between two joints of which one at least fits poorly.
+    """The suspected exchanges of torques, positions or both between two joints, of which at least one fits poorly.
 
     Args:
         robot: Gives the joints.
-        poor: Joints that fit poorly as the data stand.
+        poor: Joints that fit poorly as recorded.
     """
     out = []
     for i, j in combinations(range(robot.nv), 2):
@@ -285,7 +287,7 @@ def order_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
 
 
 def all_signs(robot: Robot) -> list[Suspect]:
-    """The torques of all joints with the other sign."""
+    """The suspected mistake that the torques of all joints have the wrong sign; empty for a single joint."""
     every = tuple(range(robot.nv))
     if robot.nv == 1:
         return []
@@ -301,16 +303,17 @@ def all_signs(robot: Robot) -> list[Suspect]:
 
 
 def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
-    """Torques of all joints in another unit, or on the other side of the gears.
+    """The suspected mistakes that the torques of all joints are in another unit, or on the motor's side of the gears.
 
     Args:
         robot: Gives the joints and their gears.
-        ratio: Measured torque over modelled torque that the joints have in common; None where they have none.
+        ratio: Measured over modelled torque, if it is about the same for all joints; else None.
     """
     every = tuple(range(robot.nv))
     factors: list[tuple[str, dict[str, str], Float[Array, " nv"]]] = []
     for unit, factor in TORQUE_UNITS.items():
-        # Where the joints have a ratio in common, other units are no candidates: a payload could make good for them.
+        # If all joints have the same ratio, only the nearest unit is tried: with others, a fitted payload could
+        # compensate for the wrong unit.
         if ratio is not None and unit != _nearest_unit(ratio):
             continue
         factors.append(
@@ -333,7 +336,7 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
 
 
 def _nearest_unit(ratio: float) -> str | None:
-    """The unit that a ratio of torques is nearest to; None where wrong inertias and constants leave it too far away."""
+    """The unit that explains a ratio of torques best; None if the ratio is far from that of every unit."""
     distance = {unit: abs(np.log(ratio * factor)) for unit, factor in TORQUE_UNITS.items()}
     unit = min(distance, key=lambda name: distance[name])
     return unit if distance[unit] <= _NEAR_UNIT else None

@@ -1,4 +1,4 @@
-"""Readings by the weight that torques feel: taken out by a controller, or of a base that is mounted otherwise."""
+"""Suspected mistakes in gravity: a controller subtracted it from the torque, or the base is mounted another way."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, mode
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 
-# Share of a measured torque from which on the weight of the links would be visible in it.
+# Share of a measured torque's standard deviation from which on the weight of the links would be visible in the torque.
 _MATTERS = 0.2
-# Share of gravity from which on a torque contains the weight: wrong torque constants may halve it.
+# Share of gravity above which torques contain the weight; wrong torque constants may halve it.
 _FELT = 0.3
-# Largest cosine between the gravity that torques feel and the given one at which a base is mounted otherwise (a smaller
-# tilt is for the diagnosis to find), and the least to an axis.
+# Largest cosine between the gravity estimated from the torques and the given one with which the base is mounted another
+# way (the diagnosis finds smaller tilts), and smallest cosine between the estimate and an axis with which it is along
+# that axis.
 _UPRIGHT, _ALONG = float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0)))
 
 
 def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False) -> list[Suspect]:
-    """Torques from which the weight of the links was taken out, on the joints on which it matters.
+    """The suspected mistake that a controller subtracted the weight of the links from the torques.
 
     Args:
         robot: The given model.
         reading: The data as recorded.
-        loaded: True where the robot may carry a load that the model lacks, whose weight was then not taken out.
+        loaded: True if the robot may carry a load that the model lacks, whose weight was not subtracted.
     """
     weight = gravity_torque(robot, reading.motion.q)
     matters = weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)
-    # A joint that is held has a constant torque, whether its weight was taken out or a brake bears it.
+    # A joint at rest has a constant torque, whether its weight was subtracted or a brake bears it.
     joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     size = float(np.linalg.norm(robot.model.gravity.linear))
     most = size if loaded else _FELT * size
@@ -51,13 +52,11 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
 
 
 def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """A base that is not mounted as the model says, such as one that hangs from a ceiling or stands at a wall.
+    """The suspected mistakes that the base is mounted another way, as on a wall, or that the model has no gravity.
 
-    A model whose gravity is zero, as a setting for a simulation may leave it, is said to have none.
-
-    Gravity is tried along the axis of the base nearest to the direction in which the torques feel it, and in that
-    direction, if it is not near the axis: a load that the model lacks turns what is felt. How large they feel it says
-    little: it grows with the masses.
+    The direction of gravity is estimated from the torques. It is tried along the nearest axis of the base, as a load
+    that the model lacks turns the estimate, and along the estimate itself, if that is not near the axis. The size of
+    the estimate says little, as it grows with the masses.
     """
     given = np.array(robot.model.gravity.linear)
     size = float(np.linalg.norm(given if given.any() else robot.model.gravity981))
@@ -75,7 +74,7 @@ def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float[Array, " 3"]) -> list[Suspect]:
-    """The suspect that a robot is under another gravity [m/s^2]; none where the torques of no joint would show it."""
+    """The suspected mistake that gravity [m/s^2] is another one; empty if it would not be visible in any torque."""
     given = np.array(robot.model.gravity.linear)
     change = gravity_torque(robot, reading.motion.q, gravity - given)
     turns = tuple(j for j in joints if change[:, j].std() > _MATTERS * reading.tau[:, j].std())
@@ -95,10 +94,10 @@ def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float
 
 
 def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> Float[Array, " 3"]:
-    """The gravity, in whatever direction, that the varying torques of some joints feel [m/s^2].
+    """Gravity [m/s^2] in the axes of the base, estimated from the torques of some joints.
 
-    A least-squares fit of all of them with one gravity for the robot; what is not weight, friction and an offset have
-    a coefficient for each joint. A robot that stands askew feels its weight from elsewhere; a compensated one does not.
+    It is a least-squares fit of all these torques. Gravity is the same for all joints; each joint has coefficients of
+    its own for the other torque of its links, viscous and Coulomb friction, and an offset.
     """
     pulls = np.stack([gravity_torque(robot, reading.motion.q, axis) for axis in np.eye(3)], axis=2)
     moving = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
