@@ -12,7 +12,7 @@ from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.readings.suspects import slow_clock, usual_clock
-from identification.data.drives.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
+from identification.data.drives.compensation import before_low_pass, joints_without, put_back_sentences
 from identification.data.drives.joint_torque import (
     computed_from_references,
     drive_torque,
@@ -38,6 +38,7 @@ from identification.data.readers.read_table import Files, table_of
 from identification.data.recording import Recording, Table, time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques
 from phantom_dyn.array_types import Array, read_only
+from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import side_by_side
@@ -287,7 +288,7 @@ def recording(
             "turns: add the torque that the controller gave against gravity, and leave the entry out."
         )
     if tau is not None and weightless:
-        tau = read_only(tau + gravity_taken(robot, q, weightless))
+        tau = read_only(tau + gravity_torque(robot, q) * np.isin(joints, weightless))
     recording = Recording(
         file=table.file,
         joint_names=tuple(joints),

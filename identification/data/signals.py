@@ -17,7 +17,6 @@ from scipy.interpolate import CubicSpline
 from identification.data.derivatives import MOTION_BAND, differentiate, edges_of_readings, motion_edge
 from identification.data.drive_loop import delay_intervals
 from identification.data.drives.arrivals import between_readings
-from identification.data.drives.compensation import friction_taken
 from identification.data.drives.joint_torque import external_torque, voltage_bound
 from identification.data.floating.base_columns import filtered_base, sensors_of_base
 from identification.data.floating.swings import band_of_swings, touched_rows
@@ -25,7 +24,7 @@ from identification.data.log import Band, Log
 from identification.data.recording import Recording, time_text
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import active_friction, inverse_dynamics
 from phantom_dyn.effects.operation import References
 from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_step
 from phantom_dyn.errors import LogError
@@ -221,7 +220,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     if recording.velocity_gain is not None:
         tau = tau + recording.velocity_gain * (_on_grid(recording.t, differences(recording), t) - v)
     if recording.friction_taken:
-        tau = tau + friction_taken(robot, recording, v)
+        tau = tau + active_friction(robot, v) * np.isin(robot.joint_names, recording.friction_taken)
     temperature = None if recording.temperature is None else _on_grid(recording.t, recording.temperature, t)
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     references = None if q_ref is None else _references(recording, robot, t, q_ref, q, v)

@@ -25,7 +25,7 @@ from identification.data.checks.readings.plausible_fit import (
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects
-from identification.data.checks.torques.scaled_model import common_ratio, plain_left
+from identification.data.checks.torques.scaled_model import common_ratio, plain_unexplained
 from identification.data.checks.torques.torque_factors import factor_of_all, factor_suspects, unit_suspects
 from identification.data.checks.torques.torque_scales import OTHER_UNIT
 from phantom_dyn.array_types import Array, Bool, Float
@@ -266,7 +266,7 @@ def _pair_of_mistakes(
     worst = np.nanmin(before, axis=0, initial=np.inf, where=~np.isnan(before))
     if not (worst[np.isfinite(worst)] >= _FOR_TWO).any():
         return []
-    plain = plain_left(robot, reading)
+    plain = plain_unexplained(robot, reading)
     driven = _driven(robot, reading)
     signs = [one for one in other.sign_suspects(robot, np.flatnonzero(driven).tolist()) if one.outcome == "wrong"]
     firsts = [*other.degree_suspects(robot, reading), *_best_in_quick_fit(robot, reading, plain, signs, _FIRSTS)]
@@ -298,7 +298,7 @@ def _pair_of_mistakes(
 
 def _quick_gain(robot: Robot, plain: Float[Array, " nv"], read: Reading) -> float:
     """Sum over all joints of the gain of a reading by quick fits."""
-    return float(np.nansum(np.log((plain + ENOUGH) / (plain_left(robot, read) + ENOUGH))))
+    return float(np.nansum(np.log((plain + ENOUGH) / (plain_unexplained(robot, read) + ENOUGH))))
 
 
 def _best_in_quick_fit(
@@ -370,12 +370,12 @@ def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
 
 def _better_in_quick_fit(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
     """The mistakes whose correction improves a quick fit; at most `_FITTED_IN_FULL`."""
-    before = plain_left(robot, reading)
+    before = plain_unexplained(robot, reading)
     gains = np.full(len(suspects), -np.inf)
     for k, suspect in enumerate(suspects):
         joints = list(range(robot.nv)) if suspect.moves else list(suspect.joints)
         try:
-            after = plain_left(robot, suspect.read(reading))
+            after = plain_unexplained(robot, suspect.read(reading))
         except ChainError:
             continue
         gains[k] = float(np.nansum(np.log((before[joints] + ENOUGH) / (after[joints] + ENOUGH))))

@@ -32,7 +32,7 @@ from identification.data.checks.times_and_torques import check_clipping, check_f
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.torques.late_torques import late_torques
 from identification.data.checks.torques.taken_friction import check_friction_taken
-from identification.data.checks.torques.torque_lag import check_lag, lags_and_low_passes, worth_a_sentence
+from identification.data.checks.torques.torque_lag import check_lag, is_reported, lags_and_low_passes
 from identification.data.checks.torques.unsigned_torques import check_unsigned
 from identification.data.checks.torques.weight_and_friction import check_weights
 from identification.data.drives.joint_torque import external_torque
@@ -146,7 +146,7 @@ def _check_against_model(
     if found:
         return Checked(tuple(swapped))
     lags = lags_and_low_passes(robot, with_forces, smooth)
-    late = late_torques(with_forces, [lag for lag, _ in lags if lag is not None and worth_a_sentence(lag)], smooth.step)
+    late = late_torques(with_forces, [lag for lag, _ in lags if lag is not None and is_reported(lag)], smooth.step)
     if late is not None:
         return Checked((), (late,))
     return Checked(
@@ -155,7 +155,7 @@ def _check_against_model(
             *check_weights(recording.file, robot, smooth),
             *check_flipped(recording, data, model),
             *check_unsigned(recording, data, model),
-            *check_lag(with_forces, robot, smooth, lags, steep=filtered),
+            *check_lag(with_forces, robot, smooth, lags, higher_order=filtered),
             *check_friction_taken(recording, robot, smooth),
         )
     )

@@ -13,8 +13,8 @@ from scipy.optimize import fminbound, minimize
 from identification.data.checks.readings.plausible_fit import ENOUGH, misfit_as_modelled
 from identification.data.checks.readings.reading import Reading, with_positions_times
 from identification.data.checks.readings.suspects import Suspect, names
-from identification.data.checks.torques.scaled_model import quick_fit
-from identification.data.readers.map_entries import position_entries
+from identification.data.checks.torques.scaled_model import quick_unexplained
+from identification.data.readers.map_entries import joint_entries
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
@@ -72,7 +72,7 @@ def _best_ratios(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> Flo
     def misfit(ratios: Float[Array, " nv"]) -> float:
         """Sum of the logarithms of the unexplained shares of all joints' torques, with the penalty on their factors."""
         try:
-            left, factors = quick_fit(robot, with_positions_times(reading, 1 / ratios))
+            left, factors = quick_unexplained(robot, with_positions_times(reading, 1 / ratios))
         except ChainError:
             return np.inf
         unusual = np.minimum((np.log(np.maximum(factors, 1e-9)) / _USUAL_FACTOR) ** 2, _LARGEST_SQUARE)
@@ -129,8 +129,8 @@ def _suspect(robot: Robot, joints: tuple[int, ...], ratios: Float[Array, " nv"])
         "degrees" if not robot.prismatic[joints[0]] else "length",
         joints,
         f"the {be.format(names(robot, joints))} on the motor's side of {gear} of about {', '.join(said)}",
-        position_entries(
-            robot, {j: f"gear: {abs(ratios[j]):.3g}{', sign: -1' if ratios[j] < 0 else ''}" for j in joints}
+        joint_entries(
+            robot, "q", {j: f"gear: {abs(ratios[j]):.3g}{', sign: -1' if ratios[j] < 0 else ''}" for j in joints}
         ),
         lambda reading: with_positions_times(reading, 1 / ratios),
         moves=True,

@@ -1,1 +1,1 @@
-"""Drives: torque from currents and voltages, position loops that a log shows, and when references reach the drive."""
+"""Torques of drives: from currents and voltages, with compensation undone, and with references that arrive late."""

@@ -1,9 +1,9 @@
-"""Uncertainty of the torque between two readings of a drive's voltage, which a bus reads once per frame.
+"""Estimates the torque between two readings of a drive's voltage, which a bus reads once per frame.
 
-A drive holds each reference until the next one arrives. Its voltage jumps at that moment and then falls as the joint
-follows. The bus reads the voltage always at the same moment after a jump, so that a line through the readings is not
-the mean over the frame. The two differ by the gain times the change of the reference in at most half a frame, with
-either sign. The readings do not depend on when the reference arrives within the frame; only the motion shows it.
+A drive holds each reference until the next one arrives. Its voltage jumps when a reference arrives, and then falls as
+the joint follows. The bus reads the voltage always at the same time after a jump, so that a line through the readings
+is not the mean voltage over the frame. The two differ by at most the gain times the change of the reference in half a
+frame, with either sign. When in the frame a reference arrives cannot be seen in the readings, but only in the motion.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-# Points within a frame over which a voltage is averaged.
+# Number of points within a frame over which a voltage is averaged.
 _FINE = 16
-# Arrival of the reference in a frame, as a share of the frame from its middle.
+# Possible arrivals of the reference, from the middle of the frame, as a share of the frame.
 _PARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 
 
@@ -74,7 +74,7 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
 
 
 def _read_voltage(loop: DriveLoop, recording: Recording, t: Float[Array, " N"], j: int) -> Float[Array, " N"]:
-    """Voltage of a loop at the moments at which it is read, shape ``(N,)``."""
+    """Computed voltage at the times at which the bus reads it, shape ``(N,)``."""
     assert recording.q_ref is not None
     reference = np.interp(t - loop.delay, recording.t, recording.q_ref[:, j])
     return loop.output_at(reference - np.interp(t, recording.t, recording.q[:, j]))
@@ -83,7 +83,7 @@ def _read_voltage(loop: DriveLoop, recording: Recording, t: Float[Array, " N"], 
 def _mean_voltage(
     loop: DriveLoop, recording: Recording, t: Float[Array, " N"], j: int, part: float
 ) -> Float[Array, " N"]:
-    """Voltage of a loop along the recorded motion, averaged over the frame around each time, shape ``(N,)``.
+    """Computed voltage, averaged over the frame around each time, shape ``(N,)``.
 
     Args:
         loop: Control loop of the drive.
@@ -126,14 +126,15 @@ def arrival_notes(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Note
 
 
 def _drop_note(recording: Recording, robot: Robot, j: int, loop: DriveLoop) -> Note:
+    """Note on a drive that reduces its voltage beyond a position error."""
     numbers = {"file": recording.file, "beyond": loop.drops_beyond, "most": loop.drops_to, "share": loop.dropped}
     return Note(Code.DRIVE_DROPS, robot.joint_names[j], {**numbers, "unit": "m" if robot.prismatic[j] else "rad"})
 
 
 def with_unknown_arrivals(robot: Robot, logs: tuple[Log, ...]) -> Robot:
     """The robot with the names of the joints whose references arrive at an unknown time within a frame."""
-    left_open = [log.arrival.any(axis=0) for log in logs if log.arrival is not None]
-    if not left_open:
+    unknown = [log.arrival.any(axis=0) for log in logs if log.arrival is not None]
+    if not unknown:
         return robot
-    joints = zip(robot.joint_names, np.any(left_open, axis=0), strict=True)
+    joints = zip(robot.joint_names, np.any(unknown, axis=0), strict=True)
     return replace(robot, unknown_arrivals=tuple(joint for joint, own in joints if own))

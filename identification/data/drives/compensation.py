@@ -1,8 +1,9 @@
-"""Adds the model's gravity and friction to recorded torques from which a controller had subtracted its own.
+"""Undoes what a controller or recorder did to recorded torques, as the column map states it.
 
-The column map says which torques these are. A low pass of the torque is inverted first. Gravity needs only positions.
-Friction needs velocities, and at standstill these are noise whose sign changes at every sample. It is therefore added
-with the same velocities from which the model's friction is computed, so that the two cancel.
+From some torques a controller had subtracted gravity or friction: the model's is added. Gravity needs only positions.
+Friction needs velocities, and at standstill their sign changes with the noise at every sample. It is therefore added
+later (`identification.data.signals`), with the same velocities with which the model's friction is computed, so that the
+two cancel. Other torques went through a low pass, which is inverted first.
 """
 
 from __future__ import annotations
@@ -12,15 +13,19 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from identification.data.recording import Recording, Table
+from identification.data.recording import Table
 from phantom_dyn.array_types import Array, Float, read_only
-from phantom_dyn.dynamics.dynamics import active_friction, gravity_torque
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Robot
 
 
 def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:
-    """Joints from whose torque a controller had subtracted ``gravity`` or ``friction`` (`part`), in the robot's order.
+    """Joints from whose torque a controller had subtracted ``part``, in the robot's order.
+
+    Args:
+        table: Table with what the column map states.
+        robot: Gives the joints.
+        part: ``gravity`` or ``friction``.
 
     Raises:
         LogError: If the column map names a joint that the robot does not have.
@@ -42,7 +47,7 @@ def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str
 def before_low_pass(
     table: Table, robot: Robot, tau: Float[Array, "N nv"]
 ) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
-    r"""Torques before a low pass of first order, and a sentence that says which low passes were inverted.
+    r"""Torques before their first-order low passes, and a sentence that says which low passes were inverted.
 
     A low pass with time constant T turns :math:`\tau + T \dot\tau` into :math:`\tau`.
 
@@ -70,33 +75,8 @@ def before_low_pass(
     return read_only(out), (f"{table.file}: the low pass at {', '.join(said)} was taken back, as the column map says.",)
 
 
-def gravity_taken(robot: Robot, q: Float[Array, "N nv"], joints: tuple[str, ...]) -> Float[Array, "N nv"]:
-    """Gravity torque of some joints [N m or N], zero for the others, shape ``(N, nv)``.
-
-    Args:
-        robot: Its gravity torque is taken to be the controller's.
-        q: Joint positions [rad or m], shape ``(N, nv)``.
-        joints: Names of the joints whose gravity is wanted.
-
-    Raises:
-        ChainError: If a loop of a closed chain cannot be closed at a sample.
-    """
-    return gravity_torque(robot, q) * np.isin(robot.joint_names, joints)
-
-
-def friction_taken(robot: Robot, recording: Recording, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Friction torque that a controller had subtracted from a recording [N m or N], shape ``(N, nv)``.
-
-    Args:
-        robot: Its friction is taken to be the controller's.
-        recording: Names the joints whose friction was subtracted.
-        v: Velocities from which the model's friction is computed as well [rad/s or m/s], shape ``(N, nv)``.
-    """
-    return active_friction(robot, v) * np.isin(robot.joint_names, recording.friction_taken)
-
-
 def put_back_sentences(table: Table, robot: Robot) -> tuple[str, ...]:
-    """Sentences on gravity and friction that are added to torques, and on what these can no longer show."""
+    """Sentences on gravity and friction that are added to torques, which then hide errors of the model's own."""
     weightless, smooth = (joints_without(table, robot, part) for part in ("gravity", "friction"))
     rubbing = dict(zip(robot.joint_names, robot.viscous_friction + robot.coulomb_friction, strict=True))
     rough = tuple(joint for joint in smooth if rubbing[joint] > 0)

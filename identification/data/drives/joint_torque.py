@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Torque of every joint from the recorded torque, current or voltage of its drive, and from measured forces."""
+"""Computes the torque of every joint from the recorded torque, current or voltage of its drive."""
 
 from __future__ import annotations
 
@@ -20,20 +20,24 @@ from phantom_dyn.motion import side_by_side
 
 # Relative growth of copper's resistance per kelvin.
 _COPPER = 0.00393
-# Relative growth of the resistance below which nothing is reported: data sheets are not more precise.
-_SAID = 0.01
-# Largest share of the supply; a little more is rounding.
-_WHOLE = 1.0 + 1e-6
-# Samples in the middle of a long recording from which a loop is identified.
+# Smallest relative growth of the resistance that is reported: data sheets are not more precise.
+_REPORTED = 0.01
+# Largest duty cycle, with rounding.
+_LARGEST_DUTY = 1.0 + 1e-6
+# Number of samples from the middle of a long recording with which a position controller is estimated.
 _ROWS = 60000
 
 
 class NoTorqueError(LogError):
-    """No joint has a torque, or a current or voltage in its place."""
+    """No joint has a torque, nor a current or voltage from which it could be computed."""
 
 
 def _constant(table: Table, joint: str, actuator: Actuator, column: str) -> float:
-    """Torque on the joint side per ampere [N m/A]."""
+    """Torque on the joint side per ampere [N m/A].
+
+    Raises:
+        LogError: If the robot states no torque constant; the message names the column that needs it.
+    """
     if actuator.torque_constant is None:
         raise LogError(
             f"{table.file} has {column} but no tau.{joint}, and the robot states no torque_constant of {joint}: add "
@@ -51,10 +55,8 @@ def per_volt(actuator: Actuator) -> float:
 
 
 def per_speed(actuator: Actuator) -> float:
-    """Loss of torque on the joint side to back-EMF per speed [N m s/rad or N s/m]; zero if a constant is not stated."""
-    return (
-        0.0 if actuator.torque_constant is None else per_volt(actuator) * actuator.torque_constant * actuator.gear_ratio
-    )
+    """Decrease of the joint's torque per speed by back-EMF [N m s/rad or N s/m]; zero if a constant is not stated."""
+    return per_volt(actuator) * (actuator.torque_constant or 0.0) * actuator.gear_ratio
 
 
 def voltage_bound(actuator: Actuator) -> float:
@@ -63,21 +65,22 @@ def voltage_bound(actuator: Actuator) -> float:
 
 
 def warm_share(table: Table, joint: str) -> Float[Array, " N"] | float:
-    """Resistance of a motor when coldest in a recording over that at each time, shape ``(N,)``; one if not measured.
+    """Resistance of a motor at its lowest temperature over its resistance at each time, shape ``(N,)``.
 
-    At which temperature a stated resistance holds is not known: a data sheet gives it for a cold motor, a fit for the
-    motor as it ran. Only its change within a recording is certain.
+    It is 1 if no temperature was measured. The temperature to which a stated resistance belongs is not known: in a data
+    sheet it is that of a cold motor, in a fit that of the running motor. So the stated resistance is taken to hold at
+    the lowest temperature of the recording.
     """
     warm = table.columns.get(f"temp.{joint}")
     return 1.0 if warm is None else copper_share(warm)
 
 
 def copper_share(warm: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Resistance of copper at the lowest temperature over that at each temperature [deg C], shape ``(N,)``.
+    """Resistance of copper at the lowest temperature over its resistance at each temperature [deg C], shape ``(N,)``.
 
-    It is one throughout if no temperature was measured.
+    It is 1 throughout if no temperature was measured.
     """
-    # A register that nobody fills is zero throughout.
+    # A temperature of zero throughout was not measured.
     known = np.isfinite(warm)
     if not known.any() or not np.any(warm[known]):
         return np.ones(len(warm))
@@ -88,9 +91,8 @@ def copper_share(warm: Float[Array, " N"]) -> Float[Array, " N"]:
 def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"]:
     r"""Torque from the voltage of a motor that warms: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`.
 
-    Without a recorded velocity, positions are differentiated. They are mended first, as a dropout of one sample is no
-    motion. When positions are filtered later, the back-EMF is computed again from the filtered positions, see
-    `Recording.velocity_gain`.
+    Without a recorded velocity, positions are differentiated, after spikes and dropouts were removed. When positions
+    are filtered later, the back-EMF is computed again from the filtered positions, see `Recording.velocity_gain`.
     """
     _constant(table, joint, actuator, f"u.{joint}")
     if actuator.resistance is None:
@@ -105,26 +107,29 @@ def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array
 
 
 def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) -> Float[Array, " nv"] | None:
-    """Torque per speed of joints whose back-EMF was computed from differences of positions; None without such joints.
+    """Decrease of the torque per speed, for joints whose back-EMF was computed from differences of positions.
 
     Args:
         table: Columns under their standard names.
         robot: Gives the constants of its drives.
-        torque_from: For each joint, the quantity from which its torque was computed, as `torque_sources` says.
+        torque_from: For each joint, the quantity from which its torque was computed, see `torque_sources`.
+
+    Returns:
+        The decrease [N m s/rad or N s/m], ``(nv,)``, zero for other joints; None without such joints.
     """
     pairs = zip(robot.joint_names, robot.actuators, strict=True)
     differenced = [torque_from.get(joint) == "u" and f"v.{joint}" not in table.columns for joint in robot.joint_names]
     if not any(differenced):
         return None
-    # The mean resistance of a motor that warms is enough here: only what the filter removes from speeds is scaled.
+    # The mean resistance is accurate enough here: it multiplies only the part of the speed that a filter removes.
     warm = [float(np.mean(warm_share(table, joint))) for joint in robot.joint_names]
     return np.array([w * per_speed(a) if own else 0.0 for (_, a), own, w in zip(pairs, differenced, warm, strict=True)])
 
 
 def _warming(table: Table, joint: str, actuator: Actuator) -> tuple[str, ...]:
-    """A sentence on a motor whose resistance grows with its temperature, if it grows enough to matter."""
+    """A sentence on a motor whose resistance grows by `_REPORTED` or more with its temperature; else empty."""
     share, resistance = warm_share(table, joint), actuator.resistance
-    if resistance is None or np.max(np.abs(np.asarray(share) - 1.0)) < _SAID:
+    if resistance is None or np.max(np.abs(np.asarray(share) - 1.0)) < _REPORTED:
         return ()
     warm, grown = table.columns[f"temp.{joint}"], resistance / np.asarray(share)
     return (
@@ -142,7 +147,7 @@ def with_voltages(table: Table) -> Table:
     duties = {name.partition(".")[2]: values for name, values in table.columns.items() if name.startswith("duty.")}
     for joint, duty in duties.items():
         largest = float(np.max(np.abs(duty), initial=0.0))
-        if largest > _WHOLE:
+        if largest > _LARGEST_DUTY:
             raise LogError(
                 f"{table.file}: duty.{joint} reaches {largest:g}, wanted the share of the supply, -1 to 1: map it with "
                 f"its unit, as in duty.{joint}: {{from: duty.{joint}, unit: percent}}."
@@ -166,7 +171,7 @@ def torque_sources(table: Table, joints: Iterable[str]) -> dict[str, str]:
 
 
 def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"] | None:
-    """Torque of one joint; None if no column gives it, zeros if its drive is unknown or it has none."""
+    """Torque of one joint; None if there is no column for it, zeros if its drive is unknown or if it has no drive."""
     if not actuator.drive_known:
         return np.zeros(len(table.columns["t"]))
     if f"tau.{joint}" in table.columns:
@@ -179,6 +184,7 @@ def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N
 
 
 def _missing(table: Table, joints: list[str], all_missing: bool) -> str:
+    """Message of the error that joints have no torque."""
     what = "no torque: there is no column" if all_missing else "no torque of"
     names = ", ".join(f"tau.{joint}" for joint in joints) if all_missing else ", ".join(joints)
     instead = ", or the references q_ref.<joint> of its position controllers, so that motion alone can be judged"
@@ -253,7 +259,7 @@ def external_torque(
 
 
 def require_frames(robot: Robot, frames: Iterable[str], quantity: str = "f") -> None:
-    """Refuse a quantity measured at a frame that the robot does not have.
+    """Raise an error if a quantity was measured at a frame that the robot does not have.
 
     Args:
         robot: Gives the frames.
@@ -279,6 +285,7 @@ def loops_of(table: Table, joints: Iterable[str]) -> tuple[DriveLoop | None, ...
 
 
 def _loop_of(table: Table, joint: str) -> DriveLoop | None:
+    """Estimated position controller of one joint's drive; None without its output, reference or position."""
     columns = table.columns
     output = next((name for name in ("u", "i", "tau") if f"{name}.{joint}" in columns), None)
     if output is None or f"q_ref.{joint}" not in columns or f"q.{joint}" not in columns:
@@ -294,10 +301,10 @@ def _loop_of(table: Table, joint: str) -> DriveLoop | None:
 def computed_from_references(
     table: Table, robot: Robot, loops: tuple[DriveLoop | None, ...], torque_from: Mapping[str, str]
 ) -> tuple[Float[Array, " nv"] | None, Float[Array, " nv"] | None]:
-    """Gain and limit of torque of joints whose voltage was computed from the reference; None without such joints.
+    """Gain and torque limit of joints whose voltage was computed from the reference; None without such joints.
 
-    Only voltages count, as the drive itself computes them from the reference it holds. A torque that follows a law to
-    the last digit is a command, computed by something that knows the reference at that instant.
+    This concerns voltages only, which a drive computes from the reference that it holds. A torque that equals a control
+    law to the last digit is a command of a controller that knows the reference at once.
 
     Args:
         table: Columns under their standard names.
@@ -306,7 +313,7 @@ def computed_from_references(
         torque_from: For each joint, the quantity from which its torque was computed.
 
     Returns:
-        Torque per reference [N m/rad or N/m], and the torque at which it is clipped [N m or N], each ``(nv,)``.
+        Torque per reference [N m/rad or N/m], zero for other joints, and the largest torque [N m or N], each ``(nv,)``.
     """
     gain, limits = np.zeros(robot.nv), np.full(robot.nv, np.inf)
     for j, (joint, loop, actuator) in enumerate(zip(robot.joint_names, loops, robot.actuators, strict=True)):

@@ -1,1 +1,1 @@
-"""Robots that are not bolted down: readings of the sensors on the base, and when limbs are free of contact."""
+"""Recordings of robots with a floating base: sensors on the base, and times at which limbs are free of contact."""

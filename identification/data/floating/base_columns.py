@@ -1,7 +1,7 @@
-"""Columns of a floating base (gyroscope ``w.``, accelerometer ``sf.``, contacts ``contact.``), and its motion.
+"""Reads the columns of a floating base (gyroscope ``w.``, accelerometer ``sf.``, ``contact.``), and its motion.
 
-The motion goes through the same filter as the joints' positions. The effect of the sensors' white noise is found by
-drawing noise at random and filtering it in the same way.
+The readings go through the same low pass as the joints' positions. To find the effect of the sensors' white noise,
+random noise is drawn and goes through the same low pass.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.data.derivatives import zero_phase
 from identification.data.log import BaseSensors, Log
 from identification.data.recording import BaseReadings, Recording, Table
 from phantom_dyn.array_types import Array, Float, read_only
@@ -18,7 +19,6 @@ from phantom_dyn.dynamics.moving_base import base_motion, place_on_base
 from phantom_dyn.errors import LogError, RobotError, known_names, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion
-from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
 _CONTACT = "contact."
@@ -28,15 +28,15 @@ _SENSORS = {"w": "gyroscope, the angular velocity [rad/s]", "sf": "accelerometer
 def base_readings(
     table: Table, robot: Robot, sensors: Mapping[str, Mapping[str, Float[Array, "N 3"]]]
 ) -> tuple[BaseReadings | None, tuple[str, ...]]:
-    """Readings of the sensors on the base, and warnings about them; None for a robot that is bolted down.
+    """Readings of the sensors on the base, and warnings about them; None for a fixed base.
 
     Args:
         table: Columns under their standard names.
-        robot: Says whether its base floats, and where the frames are.
+        robot: States whether its base floats, and where the frames are.
         sensors: Readings [rad/s or m/s^2], shape ``(N, 3)``, by quantity (``w`` or ``sf``) and then by frame.
 
     Raises:
-        LogError: If a sensor is missing or on no frame of the base, or if a column of contacts cannot be used.
+        LogError: If a sensor is missing or not on the base, or if a column of contacts cannot be used.
     """
     contacts = {name.removeprefix(_CONTACT): x for name, x in table.columns.items() if name.startswith(_CONTACT)}
     if not robot.floating:
@@ -65,7 +65,7 @@ def base_readings(
 
 
 def _one_frame(table: Table, robot: Robot, quantity: str, found: Mapping[str, Array]) -> str:
-    """The frame on the base in whose axes a sensor measures."""
+    """The frame on the base in whose axes a sensor measures, after a check that there is exactly one."""
     if not found:
         raise LogError(
             f"{table.file} has no columns {quantity}.<frame>.x, .y and .z, and {robot.name} is not bolted down (base: "
@@ -82,6 +82,7 @@ def _one_frame(table: Table, robot: Robot, quantity: str, found: Mapping[str, Ar
 
 
 def _require_contacts(table: Table, robot: Robot, contacts: Mapping[str, Array]) -> None:
+    """Raise an error for a contact of an unknown frame, or a value that is neither 0 nor 1."""
     frames = [frame.name for frame in robot.model.frames if frame.parentJoint > 0]
     for frame, values in contacts.items():
         if frame not in frames:
@@ -101,9 +102,7 @@ def _uncovered_words(table: Table, robot: Robot, readings: BaseReadings) -> tupl
     """A sentence that names the joints for whose links there is no column of contacts."""
     if not readings.contacts:
         return ()
-    covered = np.zeros(robot.nv, dtype=bool)
-    for frame in readings.contacts:
-        covered |= carrying_joints(robot, frame)
+    covered = np.any([carrying_joints(robot, frame) for frame in readings.contacts], axis=0)
     free = [name for name, covered_row in zip(robot.joint_names, covered, strict=True) if not covered_row]
     if not free:
         return ()
@@ -114,9 +113,9 @@ def _uncovered_words(table: Table, robot: Robot, readings: BaseReadings) -> tupl
 
 
 def carrying_joints(robot: Robot, frame: str) -> np.ndarray:
-    """True for joints on which a force at a frame exerts a torque, shape ``(nv,)``.
+    """True for joints on which a force at a frame causes a torque, shape ``(nv,)``.
 
-    If a passive joint of a closed chain carries the frame, these are all joints, as loops transmit forces.
+    If a passive joint of a closed chain carries the frame, it is True for all joints, as closed chains transmit forces.
     """
     model = robot.model
     joint = model.frames[model.getFrameId(frame)].parentJoint
@@ -130,7 +129,7 @@ def carrying_joints(robot: Robot, frame: str) -> np.ndarray:
 
 
 def readings_at(base: BaseReadings | None, rows: slice) -> BaseReadings | None:
-    """The readings at some samples."""
+    """The readings of some rows; None for None."""
     if base is None:
         return None
     contacts = {frame: read_only(x[rows]) for frame, x in base.contacts.items()}
@@ -140,11 +139,13 @@ def readings_at(base: BaseReadings | None, rows: slice) -> BaseReadings | None:
 def filtered_base(
     recording: Recording, robot: Robot, t: Float[Array, " N"], rate_hz: float, cutoff_hz: float
 ) -> BaseMotion:
-    """Motion of the root on a uniform grid. A spline through the gyroscope's readings gives its angular acceleration.
+    """Motion of the base on a uniform grid.
+
+    Its angular acceleration is the derivative of a spline through the gyroscope's readings.
 
     Args:
-        recording: Recording of a base that is not bolted down.
-        robot: Says where its sensors are.
+        recording: Recording of a floating base.
+        robot: States where the sensors are.
         t: Times of the grid [s], shape ``(N,)``.
         rate_hz: Sample rate of the grid [Hz].
         cutoff_hz: Edge of the low pass [Hz].
@@ -160,16 +161,15 @@ def filtered_base(
 
 def _filtered(readings: Float[Array, "N 6"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
     """Angular velocity, its derivative, and specific force after a low pass, each of shape ``(N, 3)``."""
-    if cutoff_hz < 0.4 * rate_hz:
-        readings = low_passed(readings, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
+    readings = zero_phase(readings, rate_hz, cutoff_hz)
     w = readings[:, :3]
     return w, quintic_derivatives(w, rate_hz)[0], readings[:, 3:]
 
 
 def sensors_of_base(recording: Recording) -> BaseSensors | None:
-    """Frames of gyroscope and accelerometer with the white noise of each; None for a base that is bolted down.
+    """Frames of gyroscope and accelerometer, and the white noise of each; None for a fixed base.
 
-    The noise is estimated from third differences, in which motion cancels. Their median leaves impacts out.
+    The noise is estimated from third differences, in which motion nearly cancels. Their median ignores impacts.
     """
     base = recording.base
     if base is None:
@@ -179,7 +179,7 @@ def sensors_of_base(recording: Recording) -> BaseSensors | None:
 
 
 def with_redrawn_noise(log: Log, rng: np.random.Generator, cutoff_hz: float) -> BaseMotion | None:
-    """Motion of the base of a log, with more noise of its sensors drawn at random; None if the base is fixed."""
+    """Motion of the base with random noise of its sensors added; None if the base is fixed."""
     base, sensors = log.motion.base, log.base_sensors
     if base is None or sensors is None:
         return base

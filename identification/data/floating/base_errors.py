@@ -1,7 +1,7 @@
-"""Usual errors of sound sensors on a floating base, and the spurious torque from each of them.
+"""Usual errors of the sensors on a floating base, and the change of the modelled torque that each of them causes.
 
-Sizes are those of sensors of legged robots (Bosch BMI088 and similar): offsets of 20 mg and 1 deg/s, scales within 1 %,
-a board mounted to within a degree and a centimetre, and readings some milliseconds later than those of joints.
+The sizes are those of sensors of legged robots (Bosch BMI088 and similar): offsets of 20 mg and 1 deg/s, scales within
+1 %, a board mounted to within a degree and a centimetre, and readings some milliseconds later than those of joints.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ _SIZES = {
 }
 """Standard deviation of each error along one axis [m/s^2, 1, rad/s, 1, rad, m]."""
 _DELAY = "delay of the base's sensors"
-_LATE = 0.003
+_DELAY_STD = 0.003
 """Standard deviation of the delay, which may be negative [s]."""
 
 SENSOR_ERRORS: dict[str, float] = {f"{kind} {axis}": size for kind, size in _SIZES.items() for axis in "xyz"} | {
-    _DELAY: _LATE
+    _DELAY: _DELAY_STD
 }
-"""Standard deviation of every error. Offsets and scales are in the sensor's axes, turns and places in the root's."""
+"""Standard deviation of every error. Offsets and scales are in the sensor's axes, turns and places in the base's."""
 
 
 def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str, Float[Array, "N nv"]]:
-    """Change of the modelled torque if one unit of an error is removed from the readings, to first order, by error.
+    """For each error, the change of the modelled torque if one unit of it is removed from the readings (first order).
 
     Args:
         robot: The given model.
@@ -44,17 +44,18 @@ def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str
         motion: Motion of the log, or a part of it.
     """
     slopes = torque_of_base(robot, motion)
-    return {name: np.einsum("njk,nk->nj", slopes, more) for name, more in _corrections(robot, log, motion).items()}
+    changes = _corrections(robot, log, motion)
+    return {name: np.einsum("njk,nk->nj", slopes, change) for name, change in changes.items()}
 
 
 def torque_of_base_errors(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
     """Change of the modelled torque if several errors of given sizes are removed from the readings at once."""
-    more = _without(robot, log, log.motion, sizes)
-    return np.einsum("njk,nk->nj", torque_of_base(robot, log.motion), more)
+    change = _without(robot, log, log.motion, sizes)
+    return np.einsum("njk,nk->nj", torque_of_base(robot, log.motion), change)
 
 
 def base_without_errors(robot: Robot, log: Log, rows: slice, sizes: Iterable[tuple[str, float]]) -> BaseMotion | None:
-    """Motion of the base at some samples after errors of given sizes are removed; None for a fixed base."""
+    """Motion of the base in some rows after errors of given sizes were removed; None for a fixed base."""
     motion = log.motion.at(rows)
     if motion.base is None:
         return None
@@ -69,7 +70,7 @@ def _without(robot: Robot, log: Log, motion: Motion, sizes: Iterable[tuple[str, 
 
 
 def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Array, "N 9"]]:
-    """Change of `BaseMotion.columns` if one unit of an error is removed, by error."""
+    """For each error, the change of `BaseMotion.columns` if one unit of it is removed."""
     base, sensors = motion.base, log.base_sensors
     assert base is not None
     assert sensors is not None
@@ -78,12 +79,12 @@ def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Arra
     accelerometer, lever = placed.rotation, placed.translation
     w, dw = base.w, base.dw
     none = np.zeros_like(w)
-    felt = base.f + np.cross(dw, lever) + np.cross(w, np.cross(w, lever))
+    force = base.f + np.cross(dw, lever) + np.cross(w, np.cross(w, lever))
 
-    def root(w_more: Array, dw_more: Array, felt_more: Array) -> Array:
-        """Change of the root's motion, in its axes, if the sensors read more by the given amounts."""
-        carried = np.cross(w_more, np.cross(w, lever)) + np.cross(w, np.cross(w_more, lever))
-        return np.hstack([w_more, dw_more, felt_more - np.cross(dw_more, lever) - carried])
+    def base_change(w_change: Array, dw_change: Array, force_change: Array) -> Array:
+        """Change of the base's motion, in its axes, if the sensors' readings change by the given amounts."""
+        centripetal = np.cross(w_change, np.cross(w, lever)) + np.cross(w, np.cross(w_change, lever))
+        return np.hstack([w_change, dw_change, force_change - np.cross(dw_change, lever) - centripetal])
 
     out = {}
     for k, axis in enumerate("xyz"):
@@ -93,13 +94,14 @@ def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Arra
         def along(x: Array, direction: Array) -> Array:
             return (x @ direction[0])[:, None] * direction
 
-        out[f"accelerometer offset {axis}"] = root(none, none, accelerations)
-        out[f"accelerometer scale {axis}"] = root(none, none, along(felt, accelerations))
-        out[f"gyroscope offset {axis}"] = root(own, none, none)
-        out[f"gyroscope scale {axis}"] = root(along(w, own), along(dw, own), none)
-        out[f"turn of the base's sensors {axis}"] = root(np.cross(unit, w), np.cross(unit, dw), np.cross(unit, felt))
+        out[f"accelerometer offset {axis}"] = base_change(none, none, accelerations)
+        out[f"accelerometer scale {axis}"] = base_change(none, none, along(force, accelerations))
+        out[f"gyroscope offset {axis}"] = base_change(own, none, none)
+        out[f"gyroscope scale {axis}"] = base_change(along(w, own), along(dw, own), none)
+        turned = (np.cross(unit, x) for x in (w, dw, force))
+        out[f"turn of the base's sensors {axis}"] = base_change(*turned)
         out[f"place of the accelerometer {axis}"] = np.hstack(
             [none, none, -np.cross(dw, unit) - np.cross(w, np.cross(w, unit))]
         )
-    out[_DELAY] = root(*(np.gradient(x, motion.t, axis=0) for x in (w, dw, felt)))
+    out[_DELAY] = base_change(*(np.gradient(x, motion.t, axis=0) for x in (w, dw, force)))
     return out

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Detects contacts from torques if no column states them: a leg that carries weight needs more torque than modelled.
 
-A detector knows less than a switch in the foot, as the error of a wrong model looks like a light touch. Contacts are
-therefore extended a little beyond what is detected, and a sentence says that they were detected.
+The detection is less certain than a switch in the foot, as errors of the model look like a light contact. So detected
+contacts are extended a little in time, and a warning says that they were detected.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
-_STEPS_HZ = 20.0
-"""Edge of a low pass that keeps the difference between swing and stance [Hz]."""
+_LOW_PASS_HZ = 20.0
+"""Edge of a low pass after which swing and stance can still be distinguished [Hz]."""
 _MARGIN = 0.04
-"""Time by which a contact is extended at both ends, as the low pass blurs it [s]."""
-_APART = 4.0
-"""Least ratio of the high to the low level of a leg's torque at which it is taken to swing and stand in turn."""
+"""Time by which a contact is extended at both ends, as the low pass blurs them [s]."""
+_LEVEL_RATIO = 4.0
+"""Smallest ratio of the high to the low level of a leg's unmodelled torque with which it swings and stands in turn."""
 _LEVELS = (10.0, 90.0)
 """Percentiles that give the low and the high level."""
-_LEANS = 0.05
-"""Least torque of a leg that stands, as a share of the torque of the robot's weight on the stretched leg."""
+_STANDING_SHARE = 0.05
+"""Smallest unmodelled torque of a standing leg, as a share of the torque of the robot's weight on the stretched leg."""
 
 
-def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
-    """Uniform times [s], and how far torques are from those of the model without contacts [N m or N], not negative.
+def unmodelled_torque(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
+    """Uniform times [s], and the magnitude of the difference between torques and the model without contacts [N m or N].
 
     Args:
-        recording: Recording of a base that is not bolted down, with torques.
+        recording: Recording of a floating base, with torques.
         robot: The given model.
     """
     motion, tau = slow_motion(recording, robot)
@@ -46,21 +46,20 @@ def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"],
 
 
 def slow_motion(recording: Recording, robot: Robot) -> tuple[Motion, Float[Array, "N nv"]]:
-    """Motion and torque [N m or N] at uniform times after a low pass that keeps swings and stances apart.
+    """Motion and torque [N m or N] at uniform times after a low pass at `_LOW_PASS_HZ`.
 
     Args:
-        recording: Recording of a base that is not bolted down, with torques.
+        recording: Recording of a floating base, with torques.
         robot: The given model.
     """
     assert recording.tau is not None
     rate = (len(recording.t) - 1) / (recording.t[-1] - recording.t[0])
     t = np.linspace(recording.t[0], recording.t[-1], len(recording.t))
     both = interpolated(t, recording.t, np.hstack([recording.q, recording.tau]))
-    edge = min(_STEPS_HZ, 0.2 * rate)
+    edge = min(_LOW_PASS_HZ, 0.2 * rate)
     both = low_passed(both, edge, rate, order=4, padding=min(int(3 * rate / edge), len(t) - 1))
     q, tau = np.hsplit(both, 2)
-    there = filtered_base(recording, robot, t, rate, edge)
-    return Motion(t, q, *quintic_derivatives(q, rate), base=there), tau
+    return Motion(t, q, *quintic_derivatives(q, rate), base=filtered_base(recording, robot, t, rate, edge)), tau
 
 
 def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
@@ -78,13 +77,15 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
             f"{robot.name} is not bolted down (base: floating): add one for every foot, 1 while it touches something "
             "and 0 while it does not (0 throughout if the robot hangs)."
         )
-    t, rest = torque_rest(recording, robot)
-    rate, weight = (len(t) - 1) / (t[-1] - t[0]), _weight(robot)
+    t, rest = unmodelled_torque(recording, robot)
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    mass = sum(float(inertia.mass) for inertia in robot.model.inertias)  # of all bodies, with the base
+    weight = mass * float(np.linalg.norm(robot.model.gravity.linear))
     contacts = {}
     for frame, length in _legs(robot).items():
         largest = rest[:, carrying_joints(robot, frame)].max(axis=1)
         reach = 2 * max(1, round(_MARGIN * rate)) + 1
-        touches = ndimage.maximum_filter1d(_stands(largest, weight * length), reach, axis=0)
+        touches = ndimage.maximum_filter1d(_standing(largest, weight * length), reach, axis=0)
         contacts[frame] = read_only(np.interp(recording.t, t, touches) > 0.5, float)
     shares = ", ".join(f"{frame} {100 * x.mean():.0f} %" for frame, x in contacts.items())
     said = (
@@ -94,23 +95,17 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
     return replace(recording, base=replace(base, contacts=contacts), warnings=(*recording.warnings, said))
 
 
-def _stands(largest: Float[Array, " N"], torque: float) -> Bool[Array, " N"]:
+def _standing(largest: Float[Array, " N"], torque: float) -> Bool[Array, " N"]:
     """True while a leg stands.
 
     Args:
-        largest: Largest torque of its joints that the model does not predict [N m or N], shape ``(N,)``.
+        largest: Largest unmodelled torque of its joints [N m or N], shape ``(N,)``.
         torque: Torque of the robot's weight on the stretched leg [N m].
     """
     low, high = np.percentile(largest, _LEVELS)
-    if high > _APART * low and high > _LEANS * torque:
+    if high > _LEVEL_RATIO * low and high > _STANDING_SHARE * torque:
         return largest > np.sqrt(max(low, 1e-9) * high)
-    return np.full(len(largest), bool(np.median(largest) > _LEANS * torque))
-
-
-def _weight(robot: Robot) -> float:
-    """Weight of all bodies, the base included [N]."""
-    mass = sum(float(inertia.mass) for inertia in robot.model.inertias)
-    return mass * float(np.linalg.norm(robot.model.gravity.linear))
+    return np.full(len(largest), bool(np.median(largest) > _STANDING_SHARE * torque))
 
 
 def _legs(robot: Robot) -> dict[str, float]:

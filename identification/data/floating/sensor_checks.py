@@ -1,8 +1,9 @@
-"""Checks of the sensors on a base that is not bolted down, and of the columns that state contacts.
+"""Checks the sensors on a floating base, and the columns that state contacts.
 
-Three facts are used. Over a second the base gains hardly any speed, so that the mean specific force is as large as
-gravity. Gravity keeps its direction in the world, so that in the axes of the base it turns as the gyroscope says. A
-leg in the air is free of contact forces, so that the model predicts its torques better than on the ground.
+Three facts are used. Over a second the base gains hardly any speed, so that the mean specific force equals gravity in
+size. Gravity keeps its direction in the world, so that in the axes of the base it turns with the angular velocity of
+the gyroscope. A leg in the air is free of contact forces, so that the model predicts its torques better than on the
+ground.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from itertools import permutations, product
 import numpy as np
 
 from identification.data.floating.base_columns import carrying_joints
-from identification.data.floating.detected_contacts import torque_rest
+from identification.data.floating.detected_contacts import unmodelled_torque
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import BaseReadings, Fault, Recording
 from phantom_dyn.array_types import Array
@@ -21,7 +22,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import low_passed
 
 _SECOND = 1.0
-"""Time over which a base gains no speed that matters, and turns by little [s]."""
+"""Time over which a base gains hardly any speed, and turns by little [s]."""
 _OFF = 0.1
 """Largest difference between the mean specific force and gravity, as a share of gravity."""
 _NONE = 0.3
@@ -29,45 +30,44 @@ _NONE = 0.3
 _SLOW_HZ = 1.0
 """Edge of a low pass below which the direction of the specific force is that of gravity [Hz]."""
 _TURNS = 0.05
-"""Least angular speed of that direction, root mean square, at which the gyroscope can be checked [rad/s]."""
+"""Smallest angular speed of that direction (root mean square) with which the gyroscope can be checked [rad/s]."""
 _BETTER, _GOOD = 0.5, 0.8
-"""Other axes or units explain the turning if they leave at most these shares: of the squares that the given ones leave,
-and of all squares."""
-_ONE = 0.05
-"""Other axes are named only if the second best leave more by this share: turning about one axis determines two only."""
+"""Other axes or units are correct if their squared residual is at most the first share of that of the given ones, and
+at most the second share of the squared turning."""
+_DISTINCT = 0.05
+"""Other axes are named only if the second best ones leave this share of the squares more: turning about a single axis
+determines only two of the axes."""
 _FASTER = 2.0
-"""If the specific force turns this many times faster than the gyroscope says, the base accelerates."""
+"""If the specific force turns this many times faster than the gyroscope, the base accelerates."""
 _SPINS, _FAR = 0.5, 0.05
-"""The gyroscope is in deg/s if it differs from the turning of gravity by more than the first [rad/s], and degrees leave
-less than the second of the squares that any axes and signs leave: an accelerometer shows it if a robot spins."""
+"""For robots that spin: the gyroscope is in deg/s if its residual (root mean square) is above the first number [rad/s],
+and if degrees leave less than the second share of the squares that any axes and signs leave."""
 _PER_G = 9.80665
 _DEGREE = np.pi / 180
 _WORSE = 1.5
-"""Flags are exchanged if the torque that the model does not predict is this many times larger where they say air."""
+"""A contact is inverted if the unmodelled torque is this many times larger while the column states no contact."""
 _FEWEST = 100
-"""Least number of samples for a check."""
+"""Smallest number of samples for a check."""
 
 
 def check_base(recording: Recording, robot: Robot) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
-    """Sentences on what may be wrong with the sensors of the base and with contacts, and certain faults."""
+    """Warnings on the sensors of the base and on contacts, and certain faults; only those of the first that fails."""
     base = recording.base
     if base is None:
         return (), ()
     rate = (len(recording.t) - 1) / (recording.t[-1] - recording.t[0])
-    gravity = float(np.linalg.norm(robot.model.gravity.linear))
-    said, wrong = _specific_force(recording, base, robot, rate, gravity)
-    if said or wrong:
-        return said, wrong
-    said, wrong = _gyroscope(recording, base, robot, rate)
-    if said or wrong:
-        return said, wrong
+    for check in (_specific_force, _gyroscope):
+        warnings, wrong = check(recording, base, robot, rate)
+        if warnings or wrong:
+            return warnings, wrong
     return _contacts(recording, base, robot), ()
 
 
 def _specific_force(
-    recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float, gravity: float
+    recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float
 ) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
-    """Checks that the mean specific force over a second is as large as gravity and points upwards."""
+    """Warnings and faults if the mean specific force over a second is not as large as gravity, or points downwards."""
+    gravity = float(np.linalg.norm(robot.model.gravity.linear))
     size = max(1, round(_SECOND * rate_hz))
     parts = base.sf[: len(base.sf) // size * size].reshape(-1, size, 3)
     if not len(parts):
@@ -99,7 +99,7 @@ def _specific_force(
 def _gyroscope(
     recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float
 ) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
-    """Checks that the direction of gravity turns as the gyroscope says."""
+    """Warnings and faults if the direction of gravity does not turn with the angular velocity of the gyroscope."""
     turns = [place_on_base(robot, frame).rotation for frame in (base.gyroscope, base.accelerometer)]
     both = np.hstack([base.w @ turns[0].T, base.sf @ turns[1].T])
     if len(both) < _FEWEST or 0.2 * rate_hz < _SLOW_HZ:
@@ -126,7 +126,7 @@ def _gyroscope(
     accelerated = whole > _FASTER**2 * np.mean(np.sum(w**2, axis=1))
     if whole < _TURNS**2 or accelerated or best > min(_GOOD, _BETTER * given):
         return (), ()
-    alone = others[1][0] > best + _ONE
+    alone = others[1][0] > best + _DISTINCT
     read = f", but only {100 * best:.0f} % {_axes_words(matrix)}" if alone else ""
     return (
         f"{recording.file}: {column} and sf.{base.accelerometer} do not turn alike: {why}{read}: correct the axes or "
@@ -135,7 +135,7 @@ def _gyroscope(
 
 
 def _other_axes() -> list[Array]:
-    """The 47 matrices that give axes another order or other signs."""
+    """The 47 matrices that change the order or the signs of axes."""
     out = []
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
@@ -152,10 +152,10 @@ def _axes_words(matrix: list[list[float]]) -> str:
 
 
 def _contacts(recording: Recording, base: BaseReadings, robot: Robot) -> tuple[str, ...]:
-    """Sentences on frames whose contact flag contradicts the torques."""
+    """Warnings on frames whose column of contacts contradicts the torques."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
-    t, rest = torque_rest(recording, robot)
+    t, rest = unmodelled_torque(recording, robot)
     out = []
     for frame, values in base.contacts.items():
         touches = np.interp(t, recording.t, values) > 0.5

@@ -1,7 +1,7 @@
-"""Equations that samples in stance would add, with the unknown forces of points in contact projected out.
+"""Counts the equations that samples in stance would add, after the unknown contact forces are eliminated.
 
-No diagnosis uses them. They need the inertia of the base and the place of every contact, and an error of either looks
-like an error of a joint.
+`phantom-dyn check` reports them, but no diagnosis uses them: they need the inertia of the base and the place of every
+contact, and an error of either looks like an error of a joint.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _MARGIN = 0.04
 
 
 def stance_words(recording: Recording, robot: Robot) -> str:
-    """A sentence on how many equations stance adds to those of swings, and how well the given model meets them."""
+    """A sentence on the number of equations that stance adds, and on how well the given model satisfies them."""
     base, file = recording.base, recording.file
     if base is None or recording.tau is None or robot.chain is not None:
         return f"{file}: stance adds nothing, as it needs base: floating, torques, and a robot without closed loops."

@@ -1,4 +1,4 @@
-"""Samples at which a joint of a robot that is not bolted down can be judged: nothing touches the links it carries."""
+"""Finds the samples at which joints of a floating robot can be judged, as nothing touches the links they carry."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 _MARGIN = 0.02
-"""Time left out before a contact begins and after it ends [s]: a threshold on a force is crossed late."""
+"""Time left out before a contact begins and after it ends [s], as thresholds on forces detect it late."""
 _IMPACT = 0.01
 """Time left out for all joints around a change of any contact [s]: the impact shakes the sensors of the base."""
 _PERIODS = 6.0
 """Periods of the band's edge in a typical swing: the filter of the band takes four of them."""
-_SHARE, _LEAST, _MOST = 0.1, 20.0, 50.0
-"""Limits of the edge: highest share of the sample rate, lowest edge for slow swings and highest for short ones [Hz]."""
+_RATE_SHARE, _LOWEST, _HIGHEST = 0.1, 20.0, 50.0
+"""Limits of the band's edge: largest share of the sample rate, smallest edge and largest edge [Hz]."""
 
 
 def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> Bool[Array, "N nv"] | None:
-    """True where contact forces act on a joint, or may act, shape ``(N, nv)``; None for a base that is bolted down.
+    """True where contact forces act on a joint, or may act, shape ``(N, nv)``; None for a fixed base.
 
     Args:
-        recording: Says which frames touch something.
-        robot: Says which joints carry them.
+        recording: States which frames touch something.
+        robot: States which joints carry these frames.
         t: Uniform times [s], shape ``(N,)``.
     """
     if recording.base is None:
@@ -37,28 +37,28 @@ def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> B
     rate = (len(t) - 1) / (t[-1] - t[0])
     out = np.zeros((len(t), robot.nv), dtype=bool)
     for frame, values in recording.base.contacts.items():
-        # A contact may begin or end anywhere between two samples.
+        # A contact may begin or end at any time between two samples.
         touches = np.interp(t, recording.t, values) > 0
         changes = np.diff(touches, prepend=touches[0])
-        out |= _about(changes, _IMPACT * rate)[:, None]
-        out |= _about(touches, _MARGIN * rate)[:, None] & carrying_joints(robot, frame)
+        out |= _extended(changes, _IMPACT * rate)[:, None]
+        out |= _extended(touches, _MARGIN * rate)[:, None] & carrying_joints(robot, frame)
     return out
 
 
-def _about(true: Bool[Array, " N"], reach: float) -> Bool[Array, " N"]:
-    """True within `reach` samples of a true one."""
+def _extended(true: Bool[Array, " N"], reach: float) -> Bool[Array, " N"]:
+    """True within ``reach`` samples of a True."""
     return ndimage.maximum_filter1d(true, 2 * max(1, round(reach)) + 1, axis=0)
 
 
 def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: float) -> float | None:
-    """Edge [Hz] of a band whose filter is two thirds as long as a typical swing; None if nothing is ever touched.
+    """Edge [Hz] of a band whose filter is two thirds as long as a typical swing; None without any contact.
 
-    Feet that hit the ground shake the whole robot, so that spectra do not show how fast swings are.
+    Impacts of feet shake the whole robot, so that the spectra do not show how fast the swings are.
 
     Args:
-        recordings: Say which frames touch something.
-        robot: Says which joints carry them.
-        moving_hz: Edge of the band by the spectra [Hz].
+        recordings: State which frames touch something.
+        robot: States which joints carry these frames.
+        moving_hz: Edge of the band that was chosen from the spectra [Hz].
     """
     lengths, rate = [], np.inf
     for recording in recordings:
@@ -72,17 +72,17 @@ def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: flo
             lengths += (step * np.diff(edges)[::2]).tolist()
     if not lengths:
         return None
-    # Each swing is weighted by its length: a flickering contact leaves many useless short ones.
+    # Each swing is weighted by its length, because a flickering contact makes many very short ones.
     ordered = np.sort(lengths)
     usual = ordered[np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())]
-    return float(min(max(_PERIODS / usual, min(moving_hz, _LEAST)), _SHARE * rate, _MOST))
+    return float(min(max(_PERIODS / usual, min(moving_hz, _LOWEST)), _RATE_SHARE * rate, _HIGHEST))
 
 
 def require_swings(logs: Sequence[Log]) -> None:
-    """Refuse recordings in which no joint is ever free of contact for long enough.
+    """Raise an error if no joint is ever free of contact for long enough.
 
     Raises:
-        LogError: If there is no such swing. The message says how long one has to be.
+        LogError: The message says how long a joint has to be free of contact.
     """
     if any(log.touched is None or (log.untouched_in_band & log.valid_in_band[:, None]).any() for log in logs):
         return

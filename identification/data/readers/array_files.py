@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Readers of files that hold arrays by name: NPZ (one 1-D array per column) and Parquet."""
+"""Reads files that hold named arrays: NPZ and Parquet."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.libraries import is_installed, missing_library
 
 MOST_IN_LIST = 256
-"""Largest length of a list in a column; a longer one is an image or a point cloud, not joints of a robot."""
+"""Largest length of a list in a column; a longer list is an image or a point cloud, and not of joints."""
 _NAMES = ("joint_names", "joints", "joint_sequence", "names")
-"""Arrays of texts that name the joints."""
+"""Names of arrays of texts that hold the names of the joints."""
 _SECONDS = "write seconds as floats"
 
 
 def numbered(name: str, values: Array) -> dict[str, Array]:
-    """Columns of an array ``(N, n)``, one for each index, such as ``q[0]``; a single column of an array ``(N,)``."""
+    """The columns of an array ``(N, n)``, named as ``q[0]``; of an array ``(N,)``, the array under its own name."""
     if values.ndim == 1:
         return {name: values}
     return {f"{name}[{k}]": values[:, k] for k in range(values.shape[1])}
 
 
 def _problem(file: str, name: str, array: Array) -> str | None:
-    """Why an array cannot be a column or several, or None if it can."""
+    """The reason why an array cannot be used as columns; None if it can."""
     if array.ndim != 1 and not (array.ndim == 2 and array.shape[1] <= MOST_IN_LIST and column_of(name) is None):
         return (
             f"{file}: array {shortened(name)} has the shape {array.shape}: write one 1-D array per column, "
@@ -51,10 +51,10 @@ def read_npz(path: Path) -> RawTable:
         path: The file, written by ``numpy.savez`` or ``numpy.savez_compressed``.
 
     Returns:
-        Its columns; arrays that are no columns of numbers are listed under ``problems``.
+        Columns of the file; arrays that cannot be used as columns are listed under ``problems``.
 
     Raises:
-        LogError: If it holds no arrays, or Python objects (those are never loaded).
+        LogError: If it holds no arrays. Python objects are never loaded; they are listed under ``problems``.
     """
     # The file is opened here because NumPy does not close a file that it cannot read.
     with path.open("rb") as file:
@@ -63,7 +63,7 @@ def read_npz(path: Path) -> RawTable:
 
 
 def _arrays(path: Path, file: BinaryIO) -> RawTable:
-    """Columns of an open NPZ file that is known to be of a reasonable size."""
+    """Columns of an open NPZ file, whose size has been checked."""
     columns, problems = {}, {}
     names: tuple[str, ...] = ()
     with np.load(file, allow_pickle=False) as archive:
@@ -93,9 +93,9 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
 
 
 def _read_only_view(array: Array) -> Array:
-    """The array as read-only, so that no later stage has to copy it.
+    """The array made read-only, so that no later stage has to copy it.
 
-    An array that NumPy has read may be a view of a whole other array. Then that array is made read-only.
+    An array that NumPy has read may be a view of another array of the same shape. Then that one is made read-only.
     """
     original = array.base
     if (
@@ -117,21 +117,21 @@ def _require_unique(path: Path, names: Iterable[str]) -> None:
 
 
 def _holds_numbers(kind: Any) -> bool:
-    """True for a type of Arrow that becomes floats."""
+    """True for an Arrow type that can be converted to floats."""
     import pyarrow as pa
 
     return pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
 
 
 def _wanted(kind: Any) -> str:
-    """What to write in the place of a type of Arrow that holds no numbers."""
+    """Advice on what to write instead of values of an Arrow type that are no numbers."""
     import pyarrow as pa
 
     return _SECONDS if pa.types.is_temporal(kind) else "write floats"
 
 
 def _holds_lists(kind: Any) -> bool:
-    """True for a type of Arrow that becomes a list of floats."""
+    """True for an Arrow type that can be converted to lists of floats."""
     import pyarrow as pa
 
     lists = pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
@@ -142,13 +142,13 @@ def _floats(chunks: Any) -> Array:
     """A column of numbers as floats; a missing value becomes NaN."""
     import pyarrow as pa
 
-    # Arrow's own `to_numpy` imports pandas, which takes longer than the reading and swallows a Ctrl-C.
+    # Arrow's own `to_numpy` imports pandas, which takes longer than reading the file, and ignores Ctrl-C.
     values = chunks.cast(pa.float64()).fill_null(float("nan"))
     return np.concatenate([np.empty(0), *map(np.from_dlpack, values.chunks)])
 
 
 def _list_column(file: str, name: str, chunks: Any) -> Array | str:
-    """A column of lists as an array ``(N, n)``, or the sentence on why it cannot be one."""
+    """A column of lists as an array ``(N, n)``, or the reason why it cannot be used."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -166,7 +166,7 @@ def _list_column(file: str, name: str, chunks: Any) -> Array | str:
 
 
 def parquet_columns(file: str, table: Any) -> tuple[dict[str, Array], dict[str, str]]:
-    """Columns of an Arrow table, lists as one column for each index, and the problem of each that has no numbers."""
+    """Columns of an Arrow table, with lists as one column per index, and for unusable columns the reason."""
     columns: dict[str, Array] = {}
     problems: dict[str, str] = {}
     for name, kind in zip(table.schema.names, table.schema.types, strict=True):
@@ -182,7 +182,7 @@ def open_parquet(path: Path) -> Any:
     """An open Parquet file, after its declared sizes have been checked.
 
     Raises:
-        LogError: If it declares more, a column name is there twice, or the library is not installed.
+        LogError: If it declares too large sizes, repeats a column name, or the library is not installed.
     """
     if not is_installed("pyarrow"):
         raise LogError(f"{path.name} is Parquet. {missing_library('pyarrow')}")
@@ -201,14 +201,14 @@ def read_parquet(path: Path) -> RawTable:
         path: The file.
 
     Returns:
-        Its columns; those that hold no numbers are listed under ``problems``.
+        Columns of the file; those that hold no numbers are listed under ``problems``.
 
     Raises:
-        LogError: If a column name is there twice, or the library for Parquet is not installed.
+        LogError: As `open_parquet`.
     """
     file = open_parquet(path)
     kinds = dict(zip(file.schema_arrow.names, file.schema_arrow.types, strict=True))
-    # Nothing but numbers is read: texts may be of any size.
+    # Only columns of numbers are read, as texts may be of any size.
     wanted = [name for name, kind in kinds.items() if _holds_numbers(kind) or _holds_lists(kind)]
     columns, problems = parquet_columns(path.name, file.read(columns=wanted))
     problems |= {

@@ -1,4 +1,4 @@
-"""Column maps: YAML that says which column of a file is which of the standard ones, in which unit and with which sign.
+"""Reads column maps: YAML files that state the standard name, unit and sign of each column of a log.
 
 ```yaml
 t: {from: time_ms, unit: ms}
@@ -8,10 +8,10 @@ tau.j1: {from: load1, unit: Nmm, sign: -1}
 v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
 x: "enc[{number}]"                   # enc[0], enc[1], ...: the joints in the robot's order
 tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
-tau: {compensated: gravity}          # a controller took gravity out of the torques: the model's is put back
-tau.j3: {compensated: [gravity, friction]}  # of one joint, and its friction too
-tau.j4: {low_pass: 20}               # it went through a low pass of first order at 20 Hz, which is taken back
-rate: 100                            # [Hz] rows come at this rate: the time of a log that has none
+tau: {compensated: gravity}          # a controller subtracted gravity from the torques: the model's is added
+tau.j3: {compensated: [gravity, friction]}  # gravity and friction of one joint
+tau.j4: {low_pass: 20}               # the torque went through a first-order low pass at 20 Hz, which is inverted
+rate: 100                            # rows per second [Hz], for a log without a column of time
 ignore: [q.gripper]                  # columns that are left out
 ```
 """
@@ -35,21 +35,21 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.files.settings_file import describe, read_settings
 
-_PLACE = "{joint}"
+_JOINT = "{joint}"
 _NUMBER = "{number}"
 _COMPENSATED = "compensated"
-# What a controller may take out of a torque.
+# Parts of a torque that a controller may have subtracted.
 _PARTS = ("gravity", "friction")
 _LOW_PASS = "low_pass"
-# Of gears, counts and cut-offs; beyond, a product of two leaves the floats.
-_LEAST, _MOST = 1e-6, 1e12
+# Limits of gear ratios, counts and cut-offs, so that products of two of them are finite floats.
+_SMALLEST, _LARGEST_NUMBER = 1e-6, 1e12
 WHOLE_KEYS = ("rate", "ignore")
-"""Keys of a map that are no column."""
+"""Keys of a map that are not columns."""
 ENTRY_KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear", "offset")
-# A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
-_THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
-# What has a zero that is a convention.
-_FROM_ZERO: tuple[Quantity, ...] = ("q", "q_ref", "x")
+# Quantities that a gear ratio multiplies from the motor's to the joint's side; it divides positions and speeds.
+_TORQUES: tuple[Quantity, ...] = ("tau",)
+# Quantities whose zero is a convention, so that they may have an offset.
+_WITH_OFFSET: tuple[Quantity, ...] = ("q", "q_ref", "x")
 
 
 class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -65,9 +65,12 @@ class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Source:
-    """Column of the file that an entry takes, the factor to SI, and what is added to a position after that [rad or m].
+    """Column of the file for one entry of a map.
 
-    ``{joint}`` in the name stands for the name of any joint, ``{number}`` for the number of any joint.
+    Attributes:
+        name: Name of the column; ``{joint}`` stands for the name of any joint, ``{number}`` for any joint's number.
+        factor: Factor to SI units on the joint's side.
+        offset: Offset of a position [rad or m], added after the factor.
     """
 
     name: str
@@ -77,16 +80,15 @@ class Source:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A column map, validated.
+    """A column map after validation.
 
     Attributes:
         file: Name of the map, for messages.
-        sources: By standard name (or bare quantity, where the source has a ``{joint}`` in it).
+        sources: Sources by standard name, or by quantity alone if the source has a ``{joint}`` or ``{number}``.
         ignored: Columns of the log to leave out.
-        compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
-            is all joints.
-        low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through; ``""`` as above.
-        rate: Rows a second of a log without time [Hz]; None where it has one.
+        compensated: As in `identification.data.recording.RawTable`.
+        low_pass: As in `identification.data.recording.RawTable`.
+        rate: Rows per second of a log without a column of time [Hz]; None if it has one.
     """
 
     file: str
@@ -98,22 +100,22 @@ class ColumnMap:
 
 
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
-    """Factor to SI on the joint's side."""
+    """Factor to SI units on the joint's side."""
     if source.sign not in (1, -1):
         raise LogError(f"{where}.sign is {shortened(str(source.sign))}, wanted 1 or -1.")
-    if not _LEAST <= source.gear <= _MOST:
+    if not _SMALLEST <= source.gear <= _LARGEST_NUMBER:
         raise LogError(f"{where}.gear is {source.gear:g}, wanted the ratio of the gear, above 0 (1e-6 to 1e12).")
-    if source.gear != 1 and quantity not in (*_THROUGH_GEAR, *COUNTED):
-        wanted = listed((*_THROUGH_GEAR, *COUNTED))
+    if source.gear != 1 and quantity not in (*_TORQUES, *COUNTED):
+        wanted = listed((*_TORQUES, *COUNTED))
         raise LogError(f"{where}.gear is for what has a motor's side ({wanted}): leave it out.")
-    through = source.gear if quantity in _THROUGH_GEAR else 1 / source.gear
+    through = source.gear if quantity in _TORQUES else 1 / source.gear
     return through * _plain_factor(where, quantity, source)
 
 
 def _offset(where: str, quantity: Quantity, source: _Source) -> float:
-    """What is added to a position [rad or m]: it is stated in the unit of its entry, on the joint's side."""
-    if source.offset and quantity not in _FROM_ZERO:
-        raise LogError(f"{where}.offset is for positions ({listed(_FROM_ZERO)}): leave it out.")
+    """Offset of a position [rad or m]; the entry states it in its own unit, on the joint's side."""
+    if source.offset and quantity not in _WITH_OFFSET:
+        raise LogError(f"{where}.offset is for positions ({listed(_WITH_OFFSET)}): leave it out.")
     offset = source.offset * abs(_plain_factor(where, quantity, source))
     if not abs(offset) <= LARGEST[quantity]:
         raise LogError(f"{where}.offset is {source.offset:g}, wanted the position at which the log has zero.")
@@ -125,13 +127,13 @@ def _source(where: str, quantity: Quantity, source: _Source) -> Source:
 
 
 def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
-    """Factor to SI on the side of the gear that the column is on."""
+    """Factor to SI units, without the gear ratio."""
     if source.counts is not None:
         if source.unit is not None:
             raise LogError(f"{where} has both unit and counts: give one of them.")
         if quantity not in COUNTED:
             raise LogError(f"{where}.counts is for positions and speeds ({', '.join(COUNTED)}): give a unit instead.")
-        if not _LEAST <= source.counts <= _MOST:
+        if not _SMALLEST <= source.counts <= _LARGEST_NUMBER:
             raise LogError(f"{where}.counts is {source.counts:g}, wanted the counts per revolution, above 0, to 1e12.")
         return source.sign * 2 * math.pi / source.counts
     if source.unit is None:
@@ -145,15 +147,15 @@ def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
 
 
 def source_of(file: str, key: str, value: Any) -> Source:
-    """The column that an entry of a map takes.
+    """The source that an entry of a map states.
 
     Args:
         file: Name of the map, for messages.
         key: Standard name, or a quantity for all joints.
-        value: The entry as it was written.
+        value: The entry as the user wrote it.
 
     Raises:
-        LogError: If it means nothing; one sentence says why.
+        LogError: If the entry is not valid; one sentence says why.
     """
     where = f"{file}: {shortened(key)}"
     given = {"from": value} if isinstance(value, str) else value
@@ -172,9 +174,9 @@ def source_of(file: str, key: str, value: Any) -> Source:
         raise LogError(f"{where}: {reason}: correct it, as in {{from: NAME, unit: UNIT}}.") from error
     column = column_of(key)
     if column is None and key in JOINT_QUANTITIES:
-        if source.name.count(_PLACE) + source.name.count(_NUMBER) != 1:
+        if source.name.count(_JOINT) + source.name.count(_NUMBER) != 1:
             raise LogError(
-                f"{where} is meant for every joint, but from is {shortened(source.name)!r}: put {_PLACE} into it once, "
+                f"{where} is meant for every joint, but from is {shortened(source.name)!r}: put {_JOINT} into it once, "
                 f"or {_NUMBER}, or write {key}.<joint>."
             )
         return _source(where, cast("Quantity", key), source)
@@ -194,7 +196,7 @@ def read_column_map(path: str | Path) -> ColumnMap:
         path: The file.
 
     Raises:
-        LogError: If it cannot be read, or a key, unit, sign or count in it means nothing; one sentence says which.
+        LogError: If it cannot be read, or a key, unit, sign or count is not valid; one sentence says which.
     """
     path = Path(path)
     content = read_settings(path, LogError)
@@ -214,7 +216,7 @@ def read_column_map(path: str | Path) -> ColumnMap:
 
 
 def _require_own_columns(file: str, sources: Mapping[str, Source]) -> None:
-    """Refuse a column that is taken twice, as a slip of the pen is; joints may share a position or a supply."""
+    """Raise an error if two entries take the same column; several positions, or other values, may share one."""
     first: dict[str, str] = {}
     for key, source in sources.items():
         quantity = key.partition(".")[0]
@@ -227,10 +229,10 @@ def _require_own_columns(file: str, sources: Mapping[str, Source]) -> None:
 
 
 def _rate(file: str, given: Any, content: Mapping[Any, Any]) -> float | None:
-    """Rows a second that a map states [Hz]; None where it states none."""
+    """Rows per second that a map states [Hz]; None if it states none."""
     if given is None:
         return None
-    if not isinstance(given, int | float) or isinstance(given, bool) or not _LEAST <= given <= _MOST:
+    if not isinstance(given, int | float) or isinstance(given, bool) or not _SMALLEST <= given <= _LARGEST_NUMBER:
         raise LogError(f"{file}: rate is {describe(given)}, wanted the rows a second of a log without time [Hz].")
     if "t" in content:
         raise LogError(f"{file}: both rate and t are given: leave rate out where the log has a time.")
@@ -238,14 +240,14 @@ def _rate(file: str, given: Any, content: Mapping[Any, Any]) -> float | None:
 
 
 def require_joints(columns: ColumnMap, joints: Sequence[str]) -> None:
-    """Refuse an entry of a joint that the robot does not have; a temperature may be of something else.
+    """Raise an error for an entry of a joint that the robot does not have; a temperature may be of something else.
 
     Args:
         columns: A map that a user wrote.
-        joints: All that the robot has: active, passive and held ones.
+        joints: All joints of the robot: active, passive and locked ones.
 
     Raises:
-        LogError: The sentence lists the joints and suggests the nearest.
+        LogError: The message lists the joints and suggests the nearest one.
     """
     for key in columns.sources:
         column = column_of(key)
@@ -259,7 +261,7 @@ def require_joints(columns: ColumnMap, joints: Sequence[str]) -> None:
 
 
 def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[str, ...]]:
-    """An entry without what it says of a compensation, and that; an entry may say nothing else."""
+    """An entry without its key ``compensated``, and the parts that this key lists."""
     if not isinstance(value, dict) or _COMPENSATED not in value:
         return value, ()
     where = f"{file}: {shortened(key)}.{_COMPENSATED}"
@@ -273,13 +275,13 @@ def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[s
 
 
 def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | None]:
-    """An entry without what it says of a low pass, and the cut-off of that [Hz]; an entry may say nothing else."""
+    """An entry without its key ``low_pass``, and the cut-off that this key states [Hz]."""
     if not isinstance(value, dict) or _LOW_PASS not in value:
         return value, None
     where, hertz = f"{file}: {shortened(key)}.{_LOW_PASS}", value[_LOW_PASS]
     if key.partition(".")[0] != "tau":
         raise LogError(f"{where} is for torques: write tau: {{{_LOW_PASS}: 20}}, or tau.<joint>.")
-    if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not _LEAST <= hertz <= _MOST:
+    if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not _SMALLEST <= hertz <= _LARGEST_NUMBER:
         raise LogError(f"{where} is {describe(hertz)}, wanted the cut-off in Hz, above 0 (1e-6 to 1e12).")
     return {name: entry for name, entry in value.items() if name != _LOW_PASS}, float(hertz)
 
@@ -295,7 +297,7 @@ def _times(raw: RawTable, columns: ColumnMap, rate: float, out: Mapping[str, Arr
 
 def matching(name: str, names: Sequence[str]) -> dict[str, str]:
     """Columns that a name with ``{joint}`` or ``{number}`` in it means, by what stands in that place."""
-    place, inside = (_NUMBER, "([0-9]{1,4})") if _NUMBER in name else (_PLACE, "(.+)")
+    place, inside = (_NUMBER, "([0-9]{1,4})") if _NUMBER in name else (_JOINT, "(.+)")
     before, after = name.split(place)
     pattern = re.compile(re.escape(before) + inside + re.escape(after))
     return {m.group(1): m.group(0) for column in names if (m := pattern.fullmatch(column))}
@@ -304,7 +306,7 @@ def matching(name: str, names: Sequence[str]) -> dict[str, str]:
 def _expanded(
     columns: ColumnMap, raw: RawTable, joints: Sequence[str] | None
 ) -> tuple[dict[str, Source], tuple[str, ...]]:
-    """Sources with every placeholder replaced by its matches, and notes on these; explicit entries have priority."""
+    """Sources with every placeholder replaced by its matches, and warnings; entries of single joints have priority."""
     out: dict[str, Source] = {}
     numbered: dict[str, dict[int, str]] = {}
     for key, source in columns.sources.items():
@@ -342,15 +344,15 @@ def _expanded(
 
 
 def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = None) -> RawTable:
-    """The columns of a file under their standard names and in SI units; columns that the map does not name stay.
+    """The columns of a file under their standard names and in SI units; other columns are kept as they are.
 
     Args:
-        raw: Columns as the file names them.
-        columns: What they are.
-        joints: Joint names of the robot, in the order in which a file may number them; None where there is no robot.
+        raw: Columns under the names of the file.
+        columns: The column map.
+        joints: Joint names of the robot, in the order in which a file may number them; None without a robot.
 
     Raises:
-        LogError: If the map names a column that the file does not have, or one that holds no numbers.
+        LogError: If the map names a column that the file does not have, or a column without numbers.
     """
     sources, number_warnings = _expanded(columns, raw, joints)
     for name in [*(source.name for source in sources.values()), *columns.ignored]:
@@ -359,7 +361,7 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
                 f"{columns.file}: {raw.file} has no column {shortened(name)}: {known_names(name, raw.names, 'columns')}"
             )
     gone = {source.name for source in sources.values()} | set(columns.ignored)
-    # Numbers that are no joint of the robot are left out with the others.
+    # Columns with a number to which no joint of the robot belongs are left out with the others.
     for source in columns.sources.values():
         if _NUMBER in source.name:
             gone |= set(matching(source.name, raw.names).values())
@@ -370,16 +372,14 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
         out[key] = raw.columns[source.name] * source.factor + source.offset
     if columns.rate is not None:
         out = {"t": _times(raw, columns, columns.rate, out), **out}
-    problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
-    warnings = (*raw.warnings, *number_warnings)
-    table = RawTable(
+    return RawTable(
         raw.file,
         out,
-        problems,
+        {name: text for name, text in raw.problems.items() if name not in gone and name not in sources},
         raw.place,
-        warnings,
+        (*raw.warnings, *number_warnings),
         columns.compensated,
         columns.low_pass,
+        named={key: source.name for key, source in sources.items()},
         references_held=raw.references_held,
     )
-    return replace(table, named={key: source.name for key, source in sources.items()})

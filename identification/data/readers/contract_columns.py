@@ -1,7 +1,7 @@
-"""The standard columns (``t``, ``q.<joint>``, ``p.<frame>.x``, ...): their names and units, and the check of a file.
+"""The standard columns of a log (``t``, ``q.<joint>``, ``p.<frame>.x``, ...): names, units, and the check of a file.
 
-`contract_table` takes what a file holds under these names, refuses what cannot be right (a missing column, a value that
-no sensor gives, a time that goes back) and names in a warning what it leaves out.
+`contract_table` takes the columns with these names from a file. It raises an error for what cannot be right (a missing
+column, a value that no sensor gives, a time that goes back), and warns of columns that it leaves out.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ Quantity = Literal[
 
 JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp")
 ALONE: tuple[Quantity, ...] = ("t", "supply")
-"""Columns of the whole robot, whose name is that of their quantity."""
+"""Columns of the whole robot, whose names have no joint or frame."""
 
 _XYZ = ("x", "y", "z")
 FRAME_AXES: dict[str, tuple[str, ...]] = {"f": _XYZ, "p": _XYZ, "o": ("qx", "qy", "qz", "qw"), "w": _XYZ, "sf": _XYZ}
-"""Parts of a force, position, orientation (quaternion), angular velocity and specific force of a frame."""
+"""Components of force, position, orientation (quaternion), angular velocity and specific force of a frame."""
 
 FRAME_FLAGS: tuple[Quantity, ...] = ("contact",)
-"""Columns of a frame that have no parts."""
+"""Quantities of a frame with a single column."""
 
 MEANT = {
     "f": "a force",
@@ -40,9 +40,10 @@ MEANT = {
     "w": "the angular velocity of a gyroscope",
     "sf": "the specific force of an accelerometer",
 }
-"""Name of a quantity of a frame, for messages."""
+"""Names of the quantities of a frame, for messages."""
 
-# Larger than anything a sensor gives, in SI units: such a value is a broken sample or a wrong unit.
+# Largest value of each quantity, in SI units, far above what any sensor gives: a larger value is an error or has
+# another unit.
 LARGEST: dict[Quantity, float] = {
     "t": 1e11,
     "q": 1e6,
@@ -92,20 +93,20 @@ UNITS: dict[Quantity, dict[str, float]] = {
     "contact": {"1": 1.0},
 }
 
-# A count is a position; a speed in counts is per second.
+# Quantities that may be in encoder counts; a speed is then in counts per second.
 COUNTED: tuple[Quantity, ...] = ("q", "q_ref", "x", "v", "v_ref")
 
 FEWEST_ROWS = 50
 FEWEST_POSES = 20
-"""Rows of a file without torque that holds measured poses of a frame: a laser tracker gives one in a few seconds."""
+"""Smallest number of rows of a file of measured poses without torque: a laser tracker needs seconds for each pose."""
 
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 1e9
-"""Median time between two samples [s]: no robot is recorded faster, and no motion shows at less."""
+"""Limits of the median time between two samples [s]."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """Contents of a standard column: quantity, joint or frame, and the part of what belongs to a frame."""
+    """Meaning of a standard column: its quantity, its joint or frame, and its component if it is of a frame."""
 
     quantity: Quantity
     of: str = ""
@@ -126,12 +127,12 @@ def column_of(name: str) -> Column | None:
 
 
 def name_problem(name: str) -> str | None:
-    """Message on a name that begins like a standard one but is none; None for any other name."""
+    """Message on a name that looks like a misspelt standard one; None for any other name."""
     prefix, dot, _ = name.partition(".")
     folded = prefix.lower()
     if column_of(name) is not None:
         return None
-    # Of what only robots have that are not bolted down, other names may stand in the logs of all others.
+    # Names like w.<...> are not checked: in logs of robots with a fixed base they may mean something else.
     if prefix in ("f", "p", "o") and dot:
         *first, last = [f"{prefix}.<frame>.{axis}" for axis in FRAME_AXES[prefix]]
         written = f"{', '.join(first)} or {last}"
@@ -144,7 +145,7 @@ def name_problem(name: str) -> str | None:
 
 
 def _contract_names(raw: RawTable) -> tuple[dict[str, Column], tuple[str, ...]]:
-    """The standard columns in the file and the names of the others."""
+    """The standard columns in the file, and the names of the other columns."""
     wanted = {name: column for name in raw.names if (column := column_of(name)) is not None}
     for name in raw.names:
         sentence = None if name in wanted else name_problem(name)
@@ -156,7 +157,7 @@ def _contract_names(raw: RawTable) -> tuple[dict[str, Column], tuple[str, ...]]:
 
 
 class UnknownNamesError(LogError):
-    """None of a file's columns has the name of a needed one; ``names`` are those that it has."""
+    """A needed column is missing, perhaps because it has another name; ``names`` are the file's column names."""
 
     def __init__(self, message: str, names: tuple[str, ...] = ()):
         super().__init__(message)
@@ -164,6 +165,7 @@ class UnknownNamesError(LogError):
 
 
 def _require_columns(raw: RawTable, wanted: Mapping[str, Column], others: tuple[str, ...]) -> None:
+    """Raise an error if there is no time or no position."""
     own = listed(raw.named.get(name, name) for name in raw.names)
     if not wanted:
         raise UnknownNamesError(
@@ -186,6 +188,7 @@ def _require_columns(raw: RawTable, wanted: Mapping[str, Column], others: tuple[
 
 
 def _readable(raw: RawTable, wanted: Mapping[str, Column]) -> dict[str, Array]:
+    """The standard columns, after a check that they hold numbers and have the same length."""
     for name in wanted:
         if name in raw.problems:
             raise LogError(raw.problems[name])
@@ -203,7 +206,7 @@ def _readable(raw: RawTable, wanted: Mapping[str, Column]) -> dict[str, Array]:
 
 
 def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mapping[str, Column]) -> None:
-    """Refuse the first value that is not finite or that no sensor gives."""
+    """Raise an error for the first value that is not finite, or larger than any sensor gives."""
     for name, values in columns.items():
         largest = LARGEST[wanted[name].quantity]
         with np.errstate(invalid="ignore"):
@@ -229,7 +232,11 @@ def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mappi
 
 
 def _kept_rows(raw: RawTable, columns: Mapping[str, Array]) -> Array:
-    """Rows without the identical repetitions; refuses a time that does not increase."""
+    """True for rows that differ from the row before.
+
+    Raises:
+        LogError: If the time of such a row does not increase.
+    """
     t = columns["t"]
     same = np.ones(len(t) - 1, dtype=bool)
     for values in columns.values():
@@ -253,7 +260,7 @@ def _kept_rows(raw: RawTable, columns: Mapping[str, Array]) -> Array:
 
 
 def _require_rate(raw: RawTable, t: Array) -> None:
-    """Refuse times whose unit must be another one: at that rate nobody samples."""
+    """Raise an error for a sample rate that no recorder has, as the unit of time must then be another one."""
     step = float(np.median(np.diff(t)))
     if not SHORTEST_STEP * (1 - 1e-6) <= step <= LONGEST_STEP:
         raise LogError(
@@ -263,12 +270,13 @@ def _require_rate(raw: RawTable, t: Array) -> None:
 
 
 def _poses_alone(wanted: Mapping[str, Column]) -> bool:
-    """True for measured poses of a frame without any torque or reference: they may be minutes apart."""
+    """True for measured poses without torques and references; their times may be minutes apart."""
     quantities = {column.quantity for column in wanted.values()}
     return "p" in quantities and not quantities & {"tau", "i", "u", "q_ref"}
 
 
 def _require_rows(raw: RawTable, rows: int, poses_alone: bool) -> None:
+    """Raise an error for too few rows."""
     counted = "1 row" if rows == 1 else f"{rows} rows"
     if poses_alone and rows < FEWEST_POSES:
         raise LogError(
@@ -285,7 +293,7 @@ def _require_rows(raw: RawTable, rows: int, poses_alone: bool) -> None:
 def _read_once(
     raw: RawTable, columns: Mapping[str, Float[Array, " N"]], kept: Bool[Array, " N"]
 ) -> tuple[Bool[Array, " N"], tuple[str, ...]]:
-    """Rows to keep where a recorder wrote each reading of the robot several times, and the warning that says so."""
+    """True for rows to keep, and a warning, if a recorder wrote each reading of the robot several times."""
     once, each = rows_once_read({name: values[kept] for name, values in columns.items()})
     if once.all() or once.sum() < FEWEST_ROWS:
         return kept, ()
@@ -300,17 +308,17 @@ def _read_once(
 
 
 def contract_table(raw: RawTable) -> Table:
-    """The standard columns of a file, checked.
+    """The standard columns of a file, after all checks.
 
     Args:
-        raw: Columns as the file names them, or as a column map renamed them.
+        raw: Columns under the names of the file, or renamed by a column map.
 
     Returns:
-        One read-only column each in SI units, identical repeated rows dropped; warnings count those and name the
-        columns that were left out.
+        Read-only columns in SI units, without repeated rows. Warnings state the number of these rows, and the columns
+        that were left out.
 
     Raises:
-        LogError: If a column is missing, misnamed, no numbers or of another length, a value is impossible, the time
+        LogError: If a column is missing or misnamed, has no numbers or another length, a value is impossible, the time
             does not increase, or there are too few rows.
     """
     wanted, others = _contract_names(raw)

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""CSV and its relatives: separated by comma, semicolon, tab or spaces, with comment lines and a byte-order mark.
+"""Reads CSV and similar text: separated by comma, semicolon, tab or spaces, with comment lines and a byte-order mark.
 
-Reading is quick (NumPy parses all columns as numbers at once); only after a failure are the lines walked one by one, to
-name line, column and value.
+NumPy reads all columns as numbers at once, which is fast. Only if that fails, the lines are read one by one, so that
+the message can name line, column and value.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from identification.data.recording import RawTable
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, listed, shortened
 
-# A list in a cell; what holds no number is found where its parts are read.
+# A list in a cell; its parts may still be no numbers.
 _LIST = re.compile(r"\[([^\[\]]*)\]", re.DOTALL)
 _SKIPPED = re.compile(rb"(?m)^[ \t\r]*(?:#[^\n]*)?\n")
 
 
 def _text(path: Path) -> bytes:
-    """Content with lines that end in a line feed; refuses what cannot be text."""
+    """Content of the file with lines that end in a line feed, after a check that it is text."""
     data = path.read_bytes()
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise LogError(f"{path.name} is UTF-16 text: save it as UTF-8.")
@@ -47,7 +47,7 @@ def _text(path: Path) -> bytes:
 
 
 def _separator(header: str) -> str:
-    """The separator of a header line; a space stands for any white space."""
+    """The separator in a header line; a space means any white space."""
     counts = {mark: header.count(mark) for mark in ("\t", ";", ",")}
     best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else " "
@@ -71,7 +71,7 @@ def _number(cell: str) -> float | None:
 
 
 def _decoded(line: bytes) -> str:
-    """A line as text: UTF-8, or what Windows programs of western Europe write where that is none."""
+    """A line as text: decoded as UTF-8, or if that fails, as Windows code page 1252."""
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError:
@@ -79,7 +79,7 @@ def _decoded(line: bytes) -> str:
 
 
 def _data_lines(data: bytes):
-    """Number (from 1, as an editor shows it) and text of each line that is neither blank nor a comment."""
+    """Number (from 1) and text of each line that is neither blank nor a comment."""
     for number, line in enumerate(data.split(b"\n"), start=1):
         stripped = line.strip()
         if stripped and not stripped.startswith(b"#"):
@@ -87,13 +87,13 @@ def _data_lines(data: bytes):
 
 
 def _last_comment_before(data: bytes, line_number: int) -> str:
-    """Last comment line before a line, without its mark: some programs write the column names there."""
+    """Last comment before a line, without its ``#``: some programs write the column names there."""
     comments = [line.strip() for line in data.split(b"\n")[: line_number - 1] if line.strip().startswith(b"#")]
     return _decoded(comments[-1].lstrip(b"# ")).strip() if comments else ""
 
 
 def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
-    """Column names, separator, and whether the names stand on a line of their own (not in a comment)."""
+    """Column names, separator, and whether the names are on a line of their own (and not in a comment)."""
     first = next(_data_lines(data), None)
     if first is None:
         raise LogError(f"{file} has only comments: a log needs a line of column names and rows of numbers; add them.")
@@ -112,10 +112,11 @@ def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
 
 
 def _require_unique(file: str, names: list[str]) -> None:
+    """Raise an error for a column without name, or two columns with the same name."""
     seen: set[str] = set()
     for column, name in enumerate(names, start=1):
         if not name and column == 1:
-            # It may be an index, see `_without_index`.
+            # It may be the index of a pandas table, see `_without_index`.
             continue
         if not name:
             raise LogError(f"{file}: column {column} has no name: name every column in the first line.")
@@ -125,10 +126,10 @@ def _require_unique(file: str, names: list[str]) -> None:
 
 
 def _without_index(file: str, columns: dict[str, Array], names: list[str]) -> tuple[str, ...]:
-    """Takes away a first column that has no name and counts the rows, as pandas writes it; a warning says so.
+    """Remove a first column without name that counts the rows, as pandas writes it; returns a warning.
 
     Raises:
-        LogError: If it holds anything else.
+        LogError: If a first column without name holds anything else.
     """
     if names[0]:
         return ()
@@ -142,7 +143,7 @@ def _without_index(file: str, columns: dict[str, Array], names: list[str]) -> tu
 
 
 def _raise_uneven(file: str, data: bytes, names: list[str], separator: str, own_line: bool) -> None:
-    """Raise the sentence about the first line whose number of values is not the number of names."""
+    """Raise an error for the first line whose number of values differs from the number of names."""
     looks_like_log = any(column_of(name) is not None for name in names)
     for number, line in islice(_data_lines(data), 1 if own_line else 0, None):
         cells = _cells(line, separator)
@@ -161,7 +162,7 @@ def _raise_uneven(file: str, data: bytes, names: list[str], separator: str, own_
 
 
 def _as_numbers(body: bytes, names: list[str], separator: str) -> list[Array] | None:
-    """All columns as float arrays, or None if a value is no number or a row is uneven."""
+    """All columns as float arrays; None if a value is no number, or rows differ in length."""
     lines = body.decode("latin-1").splitlines()
     try:
         table = np.loadtxt(lines, delimiter=separator, comments=None, quotechar='"', ndmin=2)
@@ -171,7 +172,7 @@ def _as_numbers(body: bytes, names: list[str], separator: str) -> list[Array] | 
 
 
 def _column_or_problem(file: str, name: str, cells: list[str], lines: list[int]) -> Array | str:
-    """Numbers of a column, or the sentence about its first value that is none."""
+    """Numbers of a column, or a message on its first value that is no number."""
     values = np.empty(len(cells))
     for k, cell in enumerate(cells):
         value = _number(cell)
@@ -188,7 +189,7 @@ def _column_or_problem(file: str, name: str, cells: list[str], lines: list[int])
 def _line_by_line(
     file: str, data: bytes, names: list[str], separator: str, own_line: bool
 ) -> tuple[dict[str, Array], dict[str, str]]:
-    """Columns that hold numbers, and a sentence for each that does not."""
+    """Columns that hold numbers, and a message for each other column."""
     _raise_uneven(file, data, names, separator, own_line)
     numbered = list(islice(_data_lines(data), 1 if own_line else 0, None))
     lines = [number for number, _ in numbered]
@@ -206,13 +207,13 @@ def _line_by_line(
 
 
 def _own_column(file: str, name: str, cells: list[str], lines: list[int]) -> dict[str, Array] | str:
-    """A column of numbers under its own name, or the sentence about its first value that is no number."""
+    """A column of numbers under its own name, or a message on its first value that is no number."""
     result = _column_or_problem(file, name, cells, lines)
     return result if isinstance(result, str) else {name: result}
 
 
 def _list_columns(file: str, name: str, cells: list[str], lines: list[int]) -> dict[str, Array] | str:
-    """One column per place of lists such as ``[0.1, 0.2]``, as ``q[0]``, or the sentence about the first bad one."""
+    """Columns ``q[0]``, ``q[1]``, ... of lists such as ``[0.1, 0.2]``, or a message on the first wrong list."""
     rows: list[list[float]] = []
     for k, cell in enumerate(cells):
         inside = _LIST.fullmatch(cell)
@@ -226,6 +227,7 @@ def _list_columns(file: str, name: str, cells: list[str], lines: list[int]) -> d
 
 
 def _line_of(data: bytes, own_line: bool, row: int) -> str:
+    """Words for the line of a row (from 0)."""
     numbered = next(islice(_data_lines(data), row + (1 if own_line else 0), None), None)
     return f"line {numbered[0]}" if numbered else f"row {row + 1}"
 
@@ -234,13 +236,14 @@ def read_delimited(path: Path) -> RawTable:
     """Columns of a text table under the file's own names.
 
     Args:
-        path: The file; the first line that is no comment names the columns (or the last comment before the numbers).
+        path: The file. Its first line without a comment holds the column names, or the last comment before numbers.
 
     Returns:
-        Its columns; a column that holds anything but numbers is listed under ``problems``.
+        Columns of the file; a column that holds anything but numbers is listed under ``problems``.
 
     Raises:
-        LogError: Empty, no text, no table, no names, a name twice, or rows of different length.
+        LogError: If the file is empty, no text, or no table, if it has no column names or repeats one, or if its rows
+            have different lengths.
     """
     data = _text(path)
     names, separator, own_line = _header(path.name, data)

@@ -1,8 +1,8 @@
-"""Rows that a recorder wrote again before the robot was read again: a bus of 50 Hz logged at 200 Hz.
+"""Finds rows that a recorder repeated until the robot was read again, as in a log at 200 Hz of a bus with 50 Hz.
 
-Each reading then stands in several rows, exactly, in all columns. Taken as samples, these rows make the robot stand and
-jump, and the noise seems slow. A joint that stands, or an encoder that counts slowly, repeats rows as well, but for
-times that differ: only repeats at one rate are dropped.
+Several rows then have exactly the same values in all columns. As samples, they would make the robot stop and jump.
+A robot at rest, or a coarse encoder, repeats rows as well, but for different times. So only repeats at a constant rate
+are dropped.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Least share of repeated rows that is worth dropping; and of readings that follow one another at one rate.
+# Smallest share of repeated rows that are dropped, and smallest share of readings at the constant rate.
 _LEAST_REPEATED, _AT_ONE_RATE = 0.3, 0.9
-# Fewest readings from which a rate is known.
+# Smallest number of readings with which a rate is determined.
 _FEWEST = 50
-# Readings that stay for more than so many of the usual times are a standstill, and say nothing about the rate.
+# A reading that is repeated for more than this number of median times is a standstill, and is not used for the rate.
 _STANDSTILL = 3.0
 
 
 def rows_once_read(columns: Mapping[str, Float[Array, " N"]]) -> tuple[Bool[Array, " N"], float]:
-    """Rows with a new reading, and the number of rows a reading; all rows and one where each row is a reading.
+    """True for rows with a new reading, and the number of rows per reading; all rows and 1 if no rows are repeated.
 
-    Of a standstill, in which readings do not change, one row per reading is kept.
+    In a standstill, in which readings do not change, one row per reading is kept.
 
     Args:
         columns: Columns of a log by name, with the time ``t``.

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""LeRobot datasets, formats v2.1 and v3: a folder with ``meta/info.json`` and Parquet files of whole episodes.
+"""Reads LeRobot datasets of formats v2.1 and v3: a folder with ``meta/info.json`` and Parquet files of episodes.
 
-An episode is a recording. Its path is the folder's path followed by ``episode_000003``. Such a file need not exist:
+An episode is a recording. Its path is the folder's path followed by ``episode_000003``, although there is no such file:
 v2.1 has one file for each episode, below ``data/chunk-000``, and v3 has several episodes in one file.
-``observation.state`` becomes the measured position and ``action`` the reference. No file states the unit of the joints,
-so the user is asked.
+``observation.state`` is read as the measured position and ``action`` as the reference. The dataset does not state the
+unit of its joints, so the user has to.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from phantom_dyn.errors import LogError, UsageError, listed, shortened
 from phantom_dyn.model.files.plain_file import require_plain_file
 
 _LARGEST_INFO = 5_000_000
-"""Largest size of ``meta/info.json`` [bytes]: a thousand times what a robot with many cameras needs."""
+"""Largest size of ``meta/info.json`` [bytes]: a thousand times the size for a robot with many cameras."""
 _MOST_EPISODES = 1_000_000
 _STATE, _ACTION = "observation.state", "action"
-# Suffixes of names in a feature, and the quantity that each one is in the state.
+# Quantity for each suffix of a name in the feature ``observation.state``.
 _KINDS = {"pos": "q", "vel": "v", "torque": "tau", "effort": "tau"}
 _OTHER_FEATURES = {"observation.velocity": "v", "observation.effort": "tau", "observation.torque": "tau"}
 
@@ -52,7 +52,7 @@ def read_info(folder: Path) -> Mapping[str, Any]:
 
 
 def episode_count(folder: Path) -> int:
-    """How many episodes a dataset has, by its ``meta/info.json``."""
+    """Number of episodes in a dataset, from its ``meta/info.json``."""
     count = read_info(folder).get("total_episodes")
     if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= _MOST_EPISODES:
         raise LogError(
@@ -67,7 +67,7 @@ def with_episodes(logs: Sequence[str], episodes: str | None) -> list[str]:
 
     Args:
         logs: Paths as they were given.
-        episodes: Which episodes, as in ``0:5`` (the end is left out) or ``3``; None: all.
+        episodes: Episodes to read, as ``0:5`` (without the end) or ``3``; None for all.
 
     Raises:
         UsageError: If the choice is not valid, or there is no dataset to choose from.
@@ -85,6 +85,7 @@ def with_episodes(logs: Sequence[str], episodes: str | None) -> list[str]:
 
 
 def _chosen(log: str, episodes: str | None, count: int) -> range:
+    """Numbers of the chosen episodes of a dataset with ``count`` episodes."""
     if episodes is None:
         return range(count)
     if not (found := re.fullmatch(r"(\d{1,7})(?::(\d{1,7}))?", episodes)):
@@ -100,7 +101,7 @@ def read_dataset(folder: Path) -> RawTable:
     """The only episode of a dataset.
 
     Raises:
-        LogError: If it has several; the sentence says how to choose.
+        LogError: If it has several; the message says how to choose one.
     """
     count = episode_count(folder)
     if count > 1:
@@ -112,7 +113,7 @@ def read_dataset(folder: Path) -> RawTable:
 
 
 def read_episode(folder: Path, episode: int) -> RawTable:
-    """One episode of a dataset: a column per joint and feature, as ``observation.state.elbow_flex.pos``.
+    """One episode of a dataset, with columns such as ``observation.state.elbow_flex.pos``.
 
     Raises:
         LogError: If the dataset has no such episode or no joint states, or a file of it cannot be used.
@@ -136,12 +137,12 @@ def read_episode(folder: Path, episode: int) -> RawTable:
             or f"{folder}: {name} has no {_STATE} (measured positions), its columns are {listed(columns)}: "
             "record the state of the robot."
         )
-    # Actions are sent once a frame, and the servos hold the last one.
+    # An action is sent once per frame, and the servos hold it until the next one.
     return RawTable(name, _named(columns, info["features"]), problems, asks_units=True, references_held=True)
 
 
 def _files(folder: Path, episode: int) -> list[Path]:
-    """Parquet files that may hold an episode: its own, else all that hold several."""
+    """Parquet files that may hold an episode: its own file, or all files with several episodes."""
     own = sorted(folder.glob(f"data/chunk-*/{EPISODE.format(episode)}.parquet"))
     files = own[:1] or sorted(folder.glob("data/chunk-*/file-*.parquet"))
     for path in files:
@@ -150,7 +151,7 @@ def _files(folder: Path, episode: int) -> list[Path]:
 
 
 def _rows_of(path: Path, episode: int) -> tuple[dict[str, Array], dict[str, str]] | None:
-    """Columns of the joints in the rows of an episode; None where a file has no such rows."""
+    """Columns of the joints in the rows of an episode; None if a file has no such rows."""
     file = open_parquet(path)
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -182,7 +183,7 @@ def _rows_of(path: Path, episode: int) -> tuple[dict[str, Array], dict[str, str]
 
 
 def _may_hold(group: Any, episode: int) -> bool:
-    """False where the statistics of a row group say that an episode is not in it."""
+    """False if the statistics of a row group exclude an episode."""
     for k in range(group.num_columns):
         column = group.column(k)
         if column.path_in_schema == "episode_index":
@@ -192,7 +193,7 @@ def _may_hold(group: Any, episode: int) -> bool:
 
 
 def _named(columns: Mapping[str, Array], features: Mapping[str, Any]) -> dict[str, Array]:
-    """Columns such as ``action[0]``, renamed as ``meta/info.json`` names them if it does."""
+    """Columns such as ``action[0]``, renamed if ``meta/info.json`` states their names."""
     out: dict[str, Array] = {}
     for column, values in columns.items():
         feature, bracket, place = column.partition("[")
@@ -207,7 +208,7 @@ def _named(columns: Mapping[str, Array], features: Mapping[str, Any]) -> dict[st
 
 
 def _names(feature: Any) -> list[str]:
-    """Names in a feature: a list, or the one list of a mapping such as ``{"motors": [...]}``."""
+    """Names in a feature, which are a list, or a mapping with a list such as ``{"motors": [...]}``; else empty."""
     names = feature.get("names") if isinstance(feature, dict) else None
     if isinstance(names, dict):
         names = next((value for value in names.values() if isinstance(value, list)), None)
@@ -217,11 +218,11 @@ def _names(feature: Any) -> list[str]:
 
 
 def units_question(raw: RawTable, joints: Sequence[str] | None) -> str:
-    """The question for the unit of a dataset's joints, with a map to copy.
+    """The message that asks for the unit of a dataset's joints, with a column map to copy.
 
     Args:
         raw: An episode.
-        joints: Joint names of the robot; None where there is none.
+        joints: Joint names of the robot; None without a robot.
     """
     return (
         f"{raw.file}: a LeRobot dataset does not say the unit of its joints: save this map as columns.yaml, with unit: "
@@ -250,7 +251,7 @@ def _lines(names: Sequence[str], joints: Sequence[str] | None) -> list[str]:
 
 
 def _joint_and_kind(rest: str, quantity: str) -> tuple[str, str | None]:
-    """Joint and quantity of ``.elbow_flex.pos`` or ``[3]``; None if the action has no such quantity."""
+    """Joint and quantity of ``.elbow_flex.pos`` or ``[3]``; the quantity is None if it is not used of an action."""
     if rest.startswith("["):
         return rest[1:-1], quantity
     name = rest[1:]
@@ -264,6 +265,7 @@ def _joint_and_kind(rest: str, quantity: str) -> tuple[str, str | None]:
 
 
 def _line(kind: str, joint: str, name: str, joints: Sequence[str] | None) -> str:
+    """Entry of one column, as a comment if it needs an answer by the user."""
     quoted = json.dumps(name)
     unit = {"q": "deg", "q_ref": "deg", "v": "deg/s", "tau": "Nm"}[kind]
     entry = f"{kind}.{joint}: {{from: {quoted}, unit: {unit}}}"

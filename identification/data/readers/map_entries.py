@@ -1,6 +1,6 @@
-"""Entries of a column map that mend a recording, and the words of a message that asks for them.
+"""Writes the entries of a column map that correct a recording, and the advice to use them.
 
-A map takes columns by the file's own names. Where the recording was read through one, the entries say these.
+If the recording was read with a column map, the entries use the column names of the file.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from phantom_dyn.model.robot import Robot
 
 
 def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
-    """Advice, as in ``write t: {from: t, unit: ms} into a column map and give it with --columns``.
+    """Advice such as ``write t: {from: t, unit: ms} into a column map and give it with --columns``.
 
     Args:
-        recording: Says which columns of the file a map took.
-        entries: By key of a map its entry, with standard names in the place of the file's.
+        recording: States the columns of the file, if it was read with a column map.
+        entries: Entries of a column map by key, with standard names for the columns.
     """
     where = "into a column map and give it with --columns"
     if recording.named:
@@ -30,6 +30,7 @@ def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
 
 
 def _in_names_of_file(recording: Recording, entries: Mapping[str, str]) -> dict[str, str]:
+    """Entries with the column names of the file in place of standard names."""
     out: dict[str, str] = {}
     for key, value in entries.items():
         taken = next((quantity for quantity in JOINT_QUANTITIES if f'"{quantity}.{{joint}}"' in value), None)
@@ -45,14 +46,14 @@ def _in_names_of_file(recording: Recording, entries: Mapping[str, str]) -> dict[
 
 
 def _renamed(recording: Recording, value: str) -> str:
-    """An entry, a name alone or ``{from: NAME, ...}``, with the file's name of its column."""
+    """An entry, ``NAME`` or ``{from: NAME, ...}``, with the column name of the file."""
     before, after = ("{from: ", ", ") if value.startswith("{from: ") else ("", "")
     name, mark, rest = value.removeprefix(before).partition(after) if after else (value, "", "")
     return f"{before}{quoted(recording.named[name])}{mark}{rest}" if name in recording.named else value
 
 
 def left_out_words(table: Table, robot: Robot) -> str:
-    """Advice to leave out all columns of joints that a robot does not have, a sentence."""
+    """A sentence that says how to leave out all columns of joints that a robot does not have."""
     names = []
     for name in table.columns:
         column = column_of(name)
@@ -65,29 +66,27 @@ def left_out_words(table: Table, robot: Robot) -> str:
     return f"To leave it out, write ignore: [{', '.join(names)}] into a column map (--columns)."
 
 
-def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
-    """Entries for torques, one for all joints where they agree."""
-    return _of_joints(robot, "tau", by_joint)
+def joint_entries(robot: Robot, quantity: str, by_joint: dict[int, str]) -> dict[str, str]:
+    """Entries for a quantity of joints, a single one if the options of all joints are equal.
 
-
-def position_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
-    """Entries for positions, one for all joints where they agree."""
-    return _of_joints(robot, "q", by_joint)
-
-
-def _of_joints(robot: Robot, quantity: str, by_joint: dict[int, str]) -> dict[str, str]:
+    Args:
+        robot: Gives the names of the joints.
+        quantity: Quantity, such as ``tau``.
+        by_joint: Option of each joint by its index, such as ``gear: 100``.
+    """
     if len(set(by_joint.values())) == 1:
         return entries(robot, quantity, tuple(by_joint), next(iter(by_joint.values())))
     return {key: value for j, option in by_joint.items() for key, value in _entry(robot, quantity, j, option).items()}
 
 
 def entries(robot: Robot, quantity: str, joints: tuple[int, ...], option: str) -> dict[str, str]:
-    """Entries of a column map for a quantity of some joints, in one line where they are all joints."""
+    """Entries of a column map for a quantity of some joints, a single one if they are all joints."""
     if len(joints) == robot.nv > 1 and not robot.passive_names:
         return {quantity: f'{{from: "{quantity}.{{joint}}", {option}}}'}
     return {key: value for j in joints for key, value in _entry(robot, quantity, j, option).items()}
 
 
 def _entry(robot: Robot, quantity: str, j: int, option: str) -> dict[str, str]:
+    """The entry for a quantity of one joint."""
     column = f"{quantity}.{robot.joint_names[j]}"
     return {column: f"{{from: {column}, {option}}}"}

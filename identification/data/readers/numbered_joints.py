@@ -1,7 +1,7 @@
-"""Which joint each number of a format means: by the names that the file states, else in the robot's order.
+"""Assigns the robot's joints to numbered columns: by the names that the file states, or in the robot's order.
 
 UR's RTDE, libfranka, Unitree's LowState and arrays number their joints (``actual_q_0``, ``q[0]``). A warning states the
-order that was taken, as nothing in such a file shows that it is the robot's.
+assignment, as nothing in such a file confirms it.
 """
 
 from __future__ import annotations
@@ -17,16 +17,15 @@ from phantom_dyn.errors import LogError, listed, shortened
 def joints_of_numbers(
     raw: RawTable, positions: Mapping[int, str], joints: Sequence[str] | None
 ) -> tuple[dict[int, str], tuple[str, ...]]:
-    """Joint of each number, and a note on the assignment.
+    """Joint of each number, and a warning on the assignment.
 
     Args:
         raw: The file.
         positions: Column of the position by number.
-        joints: Joint names of the robot, in its order; None where there is no robot: then numbers are names.
+        joints: Joint names of the robot, in its order; None without a robot: then the numbers are the names.
 
     Raises:
-        LogError: If there are more numbers than joints and all of them move, or fewer; one sentence with a map to begin
-            with.
+        LogError: If there are fewer numbers than joints, or more that move; the message has a column map to complete.
     """
     numbers = sorted(positions)
     if len(raw.joint_names) == len(numbers):
@@ -48,7 +47,7 @@ def joints_of_numbers(
 
 
 def _moves(raw: RawTable, column: str) -> bool:
-    """True for a column that is not always zero, as those of motors that are not there are."""
+    """False for a column that is always zero, as the columns of missing motors are."""
     values = raw.columns.get(column)
     return values is None or bool(np.any(values))
 

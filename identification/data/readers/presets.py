@@ -1,8 +1,8 @@
-"""Column maps that are shipped, by name: ``--columns ur_rtde``. They are the YAML files in the folder ``presets``.
+"""Built-in column maps (presets), as in ``--columns ur_rtde``: the YAML files in the folder ``presets``.
 
-They are column maps with three extensions: a list of entries has alternatives, of which the first that the file has is
-used; an entry that the file lacks is ignored (time and position are required); and a name may contain ``{topic}`` for
-any text. ``{only}`` in a key is the only joint of the robot.
+They are column maps with four extensions. A list of entries has alternatives; the first one for which the file has a
+column is used. An entry without a column in the file is ignored, except for time and position. ``{topic}`` in a name
+stands for any text. ``{only}`` in a key stands for the only joint of the robot.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phantom_dyn.model.files.settings_file import read_settings
 
 _FOLDER = Path(__file__).parent / "presets"
 PRESETS = tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
-"""Names of the shipped maps."""
+"""Names of the presets."""
 _TOPIC, _ONLY = "{topic}", "{only}"
 _PLACES = {_TOPIC: "(.*)", "{joint}": "[^/]+", "{number}": "[0-9]{1,4}"}
 _ORDERS = {"lowstate": MOTOR_ORDERS}
@@ -29,7 +29,7 @@ _ORDERS = {"lowstate": MOTOR_ORDERS}
 
 @dataclass(frozen=True)
 class Preset:
-    """A shipped column map.
+    """A built-in column map.
 
     Attributes:
         name: Name for ``--columns``.
@@ -43,10 +43,10 @@ class Preset:
 
 
 def preset_of(columns: str | Path) -> Preset | None:
-    """The preset that ``--columns`` names; None where it names a file.
+    """The preset that ``--columns`` names; None if it names a file.
 
     Raises:
-        LogError: If it is a plain word that names neither; the sentence lists the presets.
+        LogError: If it is a word that names neither a preset nor a file; the message lists the presets.
     """
     word = str(columns)
     if Path(word).exists() or Path(word).suffix or Path(word).name != word:
@@ -62,10 +62,10 @@ def preset_of(columns: str | Path) -> Preset | None:
 
 
 def usable_columns(columns: str | Path) -> str | Path:
-    """The value of ``--columns``, checked, and with an absolute path so that it is valid in any working folder.
+    """The value of ``--columns`` after a check; a path is made absolute, so that it is valid in any working folder.
 
     Raises:
-        LogError: If it is neither a preset nor the file of a column map that can be used.
+        LogError: If it is neither a preset nor a usable column map.
     """
     if preset_of(columns) is not None:
         return str(columns)
@@ -96,7 +96,7 @@ def map_of(preset: Preset, raw: RawTable, joints: Sequence[str] | None) -> Colum
         joints: Joints of the robot; None without a robot.
 
     Raises:
-        LogError: If the file has no time or no position as the preset names them, or several topics fit.
+        LogError: If the file has no column that the preset names for time or position, or if several topics fit.
     """
     label = f"--columns {preset.name}"
     sources: dict[str, Source] = {}
@@ -133,7 +133,7 @@ def _key(label: str, key: str, joints: Sequence[str] | None) -> str:
 
 
 def _found(label: str, raw: RawTable, quantity: str, value: Any) -> Source | None:
-    """The column of a file that an entry refers to, or name and position in it; None where the file lacks it."""
+    """The source of an entry; None if the file has no such column."""
     name = _name(value)
     if _TOPIC in name:
         topics = _topics(name, raw.names)
@@ -153,7 +153,7 @@ def _found(label: str, raw: RawTable, quantity: str, value: Any) -> Source | Non
 
 
 def _topics(name: str, names: Sequence[str]) -> list[str]:
-    """Texts with which ``{topic}`` in a name fits the columns of a file."""
+    """Texts that ``{topic}`` in a name may stand for, so that a column of the file has this name."""
     parts = re.split(r"(\{\w+\})", name)
     pattern = re.compile("".join(_PLACES.get(part, re.escape(part)) for part in parts))
     return list(dict.fromkeys(m.group(1) for column in names if (m := pattern.fullmatch(column))))

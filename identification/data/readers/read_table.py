@@ -1,8 +1,8 @@
-"""Tables with the standard columns from one or several files of any known format, recognised by its first bytes.
+"""Reads a table of standard columns from one or several files of any known format.
 
-The libraries behind the formats (pyarrow, rosbags) are imported in the functions that need them: a recording waits for
-those of its own format alone. Several files of one recording, such as positions in one and torques in another, are
-joined row by row.
+The format is recognised by the first bytes of the file. The libraries behind the formats (pyarrow, rosbags) are
+imported only in the functions that need them, as they take long to load. Several files of one recording, such as
+positions in one and torques in another, are joined row by row.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from phantom_dyn.model.robot import Robot
 Files = str | Path | Sequence[str | Path]
 """A file, or several of one recording."""
 _TIME = "t"
-# Of the median step: by so much times of one row may differ between files.
-_APART = 0.01
+# Largest difference between the times of a row in two files, as a share of the median time step.
+_TIME_TOLERANCE = 0.01
 
 
 def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
-    """The reader that fits the content."""
+    """Table of a file, read by the reader for its content."""
     episode = lerobot_episode(path)
     if episode is not None:
         _require_no_topic(path, topic, ref_topic)
@@ -72,7 +72,7 @@ def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
 
 
 def _require_no_topic(path: Path, topic: str | None, ref_topic: str | None) -> None:
-    """Refuse a topic of a file that has none: passed over, it would seem to have been read."""
+    """Raise an error if a topic was named for a file without topics."""
     for option, name in (("--topic", topic), ("--ref-topic", ref_topic)):
         if name is not None:
             raise LogError(f"{path.name} is no bag, so it has no topic {shortened(name)}: leave {option} out.")
@@ -84,10 +84,7 @@ def read_raw(path: str | Path, *, topic: str | None = None, ref_topic: str | Non
     Args:
         path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP; recognised by its content, not by its ending.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of a bag that has the references of the position controllers, where another one has them.
-
-    Returns:
-        Columns as they stand in the file.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
 
     Raises:
         LogError: If the file is missing, empty, damaged or no log.
@@ -102,7 +99,7 @@ def read_raw(path: str | Path, *, topic: str | None = None, ref_topic: str | Non
         if error.errno is not None:
             raise LogError(f"{path} cannot be read ({error.strerror}): give {LOG_FORMATS}.") from error
         raise LogError(_damaged(path, error)) from error
-    # The libraries behind the formats raise whatever they please on damaged bytes, MemoryError included.
+    # The libraries behind the formats raise exceptions of any type on damaged bytes, MemoryError included.
     except Exception as error:
         raise LogError(_damaged(path, error)) from error
 
@@ -121,25 +118,25 @@ def read_table(
     joints: Sequence[str] | None = None,
     other_joints: Sequence[str] = (),
 ) -> Table:
-    """Columns of a log under their standard names, checked and ready to use.
+    """Columns of a log under their standard names, after all checks.
 
     Args:
-        path: A file as `read_raw` takes it, or several of one recording; topics are of the first.
-        columns: Column map (YAML), see `identification.data.readers.column_map`, or the name of one that is shipped,
-            see `identification.data.readers.presets`.
+        path: A file for `read_raw`, or several files of one recording; the topics are those of the first.
+        columns: Column map (YAML), see `identification.data.readers.column_map`, or the name of a built-in one, see
+            `identification.data.readers.presets`.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of a bag that has the references of the position controllers, where another one has them.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
         joints: Joint names of the robot in its order, for files that number the joints; None without a robot.
-        other_joints: Further ones of the robot, which a map may name: passive ones, and those that are held.
+        other_joints: Passive and locked joints of the robot, which a column map may name as well.
 
     Returns:
-        The standard columns; other columns are named in the warnings.
+        The standard columns; the warnings name the other columns.
 
     Raises:
-        LogError: If file or map cannot be used, or one of the standard columns cannot be right.
+        LogError: If a file or the column map cannot be used, or if a standard column cannot be right.
     """
     preset = None if columns is None else preset_of(columns)
-    # A map that cannot be used is refused before a long recording is read.
+    # The column map is checked before a long recording is read.
     own_map = None if columns is None or preset is not None else read_column_map(columns)
     if own_map is not None and joints is not None:
         require_joints(own_map, (*joints, *other_joints))
@@ -147,7 +144,7 @@ def read_table(
     path, *others = (path,) if isinstance(path, str | Path) else path
     raw = read_raw(path, topic=topic, ref_topic=ref_topic)
     if others:
-        raw = side_by_side(raw, [read_raw(one) for one in others])
+        raw = columns_joined(raw, [read_raw(one) for one in others])
     if preset is not None:
         raw = with_neighbours(Path(path), raw) if preset.name == "sage" else raw
         raw = replace(raw, motor_orders=raw.motor_orders or preset.motor_orders)
@@ -161,23 +158,24 @@ def read_table(
 
 
 def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:
-    """The map of columns that are numbered under the standard names, as ``q[0]``; None where there are none."""
+    """The column map for numbered columns with standard names, such as ``q[0]``; None without such columns."""
     found = {name: f"{name}[{{number}}]" for name in JOINT_QUANTITIES}
     sources = {name: Source(place, 1.0) for name, place in found.items() if matching(place, raw.names)}
     return ColumnMap(raw.file, sources) if sources else None
 
 
-def side_by_side(first: RawTable, others: Sequence[RawTable]) -> RawTable:
-    """One table of the columns of several files; a name that several have gets that of its file before it.
+def columns_joined(first: RawTable, others: Sequence[RawTable]) -> RawTable:
+    """One table with the columns of several files.
 
-    So ``joint1`` of ``pos.csv`` and of ``tau.csv`` are ``pos/joint1`` and ``tau/joint1``, which a column map can take.
+    Columns with the same name get the name of their file in front: ``joint1`` of ``pos.csv`` and of ``tau.csv`` become
+    ``pos/joint1`` and ``tau/joint1``, which a column map can name. The time is that of the first file that has one.
 
     Args:
-        first: Its time counts, or that of the first file that has one.
-        others: Of as many rows.
+        first: Table of the first file.
+        others: Tables of the other files, with the same number of rows.
 
     Raises:
-        LogError: If rows do not belong together.
+        LogError: If the files differ in their number of rows or in their times.
     """
     counts = Counter(name for raw in (first, *others) for name in raw.names)
     twice = {name for name, count in counts.items() if count > 1 and name != _TIME}
@@ -216,7 +214,7 @@ def _require_same_times(first: RawTable, other: RawTable) -> None:
     if len(t) < 2:
         return
     apart = np.abs(t - own)
-    if not float(np.max(apart)) <= _APART * abs(float(np.median(np.diff(t)))):
+    if not float(np.max(apart)) <= _TIME_TOLERANCE * abs(float(np.median(np.diff(t)))):
         row = int(np.argmax(apart))
         raise LogError(
             f"{first.file} and {other.file} have different times, {t[row]:g} s and {own[row]:g} s in "
@@ -225,7 +223,11 @@ def _require_same_times(first: RawTable, other: RawTable) -> None:
 
 
 def table_of(path: Files, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None) -> Table:
-    """Columns of a file, see `read_table`; a known layout is read, and for other names the refusal shows a map."""
+    """Columns of a file, see `read_table`.
+
+    If the column names are not standard, the only preset that fits is used. If none fits, or several do, the message of
+    the error proposes a column map.
+    """
 
     def read(columns: str | Path | None) -> Table:
         others = (*robot.passive_names, *robot.locked)
@@ -245,10 +247,10 @@ def table_of(path: Files, robot: Robot, columns: str | Path | None, topic: str |
 
 
 def _recognised(table: Table, robot: Robot, preset: str) -> str:
-    """The sentence on a layout that was read without being named.
+    """The warning that a preset was used without being named.
 
     Raises:
-        LogError: If it has currents and the robot no torque constants; the sentence asks for them.
+        LogError: If the file has motor currents, and the robot states no torque constants; the message asks for them.
     """
     lacking = [
         joint
@@ -265,6 +267,6 @@ def _recognised(table: Table, robot: Robot, preset: str) -> str:
 
 
 def _advice(names: tuple[str, ...], robot: Robot) -> str:
-    """A map to begin with for columns of other names; empty where nothing helps."""
+    """A proposed column map with a sentence before it; empty if no column is recognised."""
     suggested = suggested_map(names, robot.joint_names)
     return f" A map to begin with, to be checked and saved as columns.yaml:\n{suggested}" if suggested else ""

@@ -1,4 +1,4 @@
-"""References of position controllers from another source than the states: each holds until the next one comes."""
+"""Adds references from another topic or file to the states; each reference holds until the next one."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class SentReferences:
 
     Attributes:
         source: Topic or file, for messages.
-        t: When each was sent [s], in the time of the states.
-        columns: Values by column of the table that they go to, such as ``q_ref.elbow``.
+        t: Time at which each was sent [s], on the clock of the states.
+        columns: Values by name of the column in the table, such as ``q_ref.elbow``.
     """
 
     source: str
@@ -28,14 +28,14 @@ class SentReferences:
 
 
 def with_references(table: RawTable, reference: SentReferences) -> RawTable:
-    """States with the reference that held at each of them; states before the first one are left out, and counted.
+    """The states with the reference that held at each of them; states before the first reference are left out.
 
     Args:
         table: States with a column ``t`` [s].
-        reference: References that were sent; columns that the table has already are replaced.
+        reference: References that were sent; they replace columns of the same name.
 
     Raises:
-        LogError: If no state is left.
+        LogError: If all states are before the first reference.
     """
     t = table.columns["t"]
     order = np.argsort(reference.t, kind="stable")

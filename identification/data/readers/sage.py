@@ -1,4 +1,4 @@
-"""Files beside SAGE's ``state_motor.csv``: the references in ``control.csv``, names in ``joint_list.txt``."""
+"""Reads the files beside SAGE's ``state_motor.csv``: references in ``control.csv``, names in ``joint_list.txt``."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 
 _CONTROL, _JOINTS = "control.csv", "joint_list.txt"
 _LARGEST = 1_000_000
-"""Of the list of joints [bytes]: a thousand times what a humanoid needs."""
+"""Largest size of the list of joints [bytes]: a thousand times the size for a humanoid."""
 
 
 def with_neighbours(path: Path, raw: RawTable) -> RawTable:
-    """The states of a motion with what lies beside them: ``control[0]`` and so on, in the time of the states.
+    """The states of a motion with the joint names and the references ``control[0]``, ... from the files beside it.
 
     Args:
-        path: The ``state_motor.csv``.
-        raw: What it holds.
+        path: The file ``state_motor.csv``.
+        raw: Columns of this file.
 
     Raises:
         LogError: If a file beside it cannot be used.
@@ -42,7 +42,7 @@ def with_neighbours(path: Path, raw: RawTable) -> RawTable:
 
 
 def _joint_names(path: Path) -> tuple[str, ...]:
-    """Names in SAGE's list of joints, one a line or between commas; empty where there is none."""
+    """Names in SAGE's list of joints, separated by lines or commas; empty without such a file."""
     if not path.exists():
         return ()
     require_plain_file(path, LogError, "SAGE's joint_list.txt")

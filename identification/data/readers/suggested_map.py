@@ -1,4 +1,4 @@
-"""A proposed column map for a file whose column names are not standard, guessed from words, numbers and units in them.
+"""Proposes a column map for a file with other column names, by guessing from words, numbers and units in the names.
 
 The proposal is shown to the user and never used to read a file, because a wrong guess would give a wrong recording.
 """
@@ -37,16 +37,16 @@ _UNITS |= {unit: unit for unit in "ms us ns deg rev mm um rpm".split()}
 
 
 def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
-    """Lines of a column map for these columns and the joints of a robot; empty where too little is recognised.
+    """A proposed column map for these columns and the joints of a robot; empty if too little is recognised.
 
     Args:
         names: Columns of the file.
-        joints: Joint names of the robot; numbered columns are assigned to them in order, and a comment lists those
-            beyond the last joint.
+        joints: Joint names of the robot; numbered columns are assigned to them in order.
 
     Returns:
-        YAML with one entry per line. Columns with a standard name need none. A comment asks for each joint whose
-        position no column seems to hold, and for torques where neither they nor references are recognised.
+        YAML with one entry per line. Columns with a standard name need no entry. Comments ask for each joint without a
+        recognised position, ask for torques if neither torques nor references are recognised, and list a numbered
+        column beyond the last joint.
     """
     found: dict[tuple[Quantity, str], str] = {}
     numbered: dict[Quantity, dict[int, str]] = {}
@@ -62,7 +62,7 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
             numbered.setdefault(quantity, {}).setdefault(numbers[0], name)
     beyond: list[str] = []
     for quantity, columns in numbered.items():
-        # A log of an arm may also hold its gripper; with more columns than that it is unknown which are the joints.
+        # A log of an arm may contain one more column for the gripper; with more, the assignment is not clear.
         if len(columns) - len(joints) in ((0, 1) if len(joints) > 1 else (0,)):
             in_order = [columns[number] for number in sorted(columns)]
             for joint, name in zip(joints, in_order, strict=False):
@@ -76,7 +76,7 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
 
 def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> list[str]:
     lines = [] if found["t", ""] == "t" else [f"t: {_source('t', found['t', ''])}"]
-    # Where torque is measured, current and voltage are not needed.
+    # If torques are recorded, currents and voltages are not needed.
     torque = next((one for one in ("tau", "i", "u") if any((one, joint) in found for joint in joints)), "tau")
     for quantity in cast("tuple[Quantity, ...]", ("q", torque, "q_ref")):
         for joint in joints:
@@ -97,7 +97,7 @@ def _source(quantity: Quantity, name: str) -> str:
 
 
 def quoted(name: str) -> str:
-    """A column's name in YAML, in quotes where it needs them."""
+    """A column's name in YAML, in quotes if YAML needs them."""
     if re.fullmatch(r"[A-Za-z_][\w.]*", name):
         return name
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
@@ -113,7 +113,7 @@ def _parts(name: str) -> list[str]:
 
 
 def _is_number(word: str) -> bool:
-    """True if a word may be the number of a joint: at most six ASCII digits (a longer one is a serial number)."""
+    """True if a word may be the number of a joint: at most six ASCII digits, as longer numbers are serial numbers."""
     return word.isascii() and word.isdigit() and len(word) < 7
 
 
@@ -131,15 +131,15 @@ def _without_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[s
 
 
 def _quantity(words: list[str], has_joint: bool) -> Quantity | None:
-    """Quantity of a column by the words of its name; None if they do not tell."""
-    said = {word for word in words if word not in _UNITS}
-    commanded = bool(said & _COMMANDED)
+    """Quantity of a column from the words of its name; None if it is not recognised."""
+    meaningful = {word for word in words if word not in _UNITS}
+    commanded = bool(meaningful & _COMMANDED)
     for quantity, own in _WORDS.items():
-        if said & own:
+        if meaningful & own:
             if quantity == "q":
                 return "q_ref" if commanded else "q"
             # A commanded torque or speed is not a measured one.
             return None if commanded else quantity
-    if has_joint and said <= _PLAIN | _COMMANDED:
+    if has_joint and meaningful <= _PLAIN | _COMMANDED:
         return "q_ref" if commanded else "q"
     return None

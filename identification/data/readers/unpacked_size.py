@@ -1,13 +1,14 @@
-"""Refusal of compressed logs that decompress to far more than a recording can hold (decompression bombs).
+"""Refuses compressed logs that decompress to far more data than a recording can have (decompression bombs).
 
-The libraries that read these formats decompress a chunk as a whole, whatever size it declares. So the declared sizes
-are added up first. Chunks whose compression may exceed the declared size are decompressed once in small steps, which
-are not kept.
+The libraries that read these formats decompress a whole chunk, whatever size it declares. So the declared sizes are
+added up first. Chunks that may decompress to more than they declare are decompressed once in small steps, and the
+result is not kept.
 """
 
 from __future__ import annotations
 
 import bz2
+import math
 import struct
 import sys
 import zipfile
@@ -35,11 +36,11 @@ class DamagedError(ValueError):
 
 
 def require_unpacked_size(path: Path, size: int) -> None:
-    """Refuse a log that decompresses to more than a log of its size can hold.
+    """Raise an error for a log that decompresses to more than a log of its size can.
 
     Args:
         path: The file.
-        size: Its decompressed size [bytes].
+        size: Size after decompression [bytes].
 
     Raises:
         LogError: If it is too large; the message states both sizes.
@@ -53,7 +54,7 @@ def require_unpacked_size(path: Path, size: int) -> None:
 
 
 def require_small_npz(path: Path, file: BinaryIO) -> None:
-    """Refuse an NPZ file whose arrays declare more numbers than a file of its size can hold."""
+    """Raise an error for an NPZ file whose arrays declare more numbers than a file of its size can hold."""
     with zipfile.ZipFile(file) as archive:
         numbers = 0
         for entry in archive.infolist():
@@ -66,32 +67,29 @@ def require_small_npz(path: Path, file: BinaryIO) -> None:
 
 
 def _declared_numbers(array: Any) -> int:
-    """Count of numbers that the header of an array file declares; 0 if it is not an array file."""
+    """Count of numbers that the header of an array file declares; 0 if it is no array file."""
     try:
         version = np.lib.format.read_magic(array)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, kind = read(array)
     except ValueError:
         return 0
-    count = 1
-    for length in shape:
-        count *= max(int(length), 0)
-    return count * max(1, kind.itemsize // _NUMBER_SIZE)
+    return math.prod(max(int(length), 0) for length in shape) * max(1, kind.itemsize // _NUMBER_SIZE)
 
 
 def require_small_parquet(path: Path, metadata: Any) -> None:
-    """Refuse a Parquet file that declares more numbers, or larger pages, than a file of its size can hold."""
+    """Raise an error for a Parquet file that declares more numbers or larger pages than a file of its size can hold."""
     require_unpacked_size(path, _NUMBER_SIZE * metadata.num_rows * max(1, metadata.num_columns))
     groups = (metadata.row_group(k) for k in range(metadata.num_row_groups))
     columns = [group.column(k) for group in groups for k in range(group.num_columns)]
     require_unpacked_size(path, sum(max(0, column.total_uncompressed_size) for column in columns))
-    # In columns of lists, a row may hold any count of numbers.
+    # In columns of lists, a row may hold any number of values.
     require_unpacked_size(path, _NUMBER_SIZE * sum(max(0, column.num_values) for column in columns))
 
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Compressed chunk of a bag: method of compression, place and length of its bytes, declared size."""
+    """Compressed chunk of a bag: method, first byte and length in the file, and declared size after decompression."""
 
     compression: str
     start: int
@@ -100,12 +98,12 @@ class _Chunk:
 
 
 def require_small_mcap(path: Path) -> None:
-    """Refuse an MCAP file whose chunks decompress to more than a file of its size can hold, or than they declare.
+    """Check the sizes of the chunks of an MCAP file.
 
     Raises:
-        LogError: If they do.
-        DamagedError: If its index points to something else than a chunk, or a record is longer than the file: a reader
-            allocates as much memory as it declares.
+        LogError: If they decompress to more than a file of this size can.
+        DamagedError: If a chunk decompresses to more than it declares, the index points to something else than a chunk,
+            or a record is longer than the file (a reader allocates the declared memory).
     """
     with path.open("rb") as file:
         file.seek(8)
@@ -129,7 +127,7 @@ def require_small_mcap(path: Path) -> None:
 
 
 def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
-    """Start, kind and length of every record; when one is yielded, the file is at the beginning of its content."""
+    """Start, kind and length of every record; the file position is then at the beginning of the record's content."""
     start = file.tell()
     while start + 9 <= size:
         file.seek(start)
@@ -145,10 +143,10 @@ def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
 
 
 def _indexed_chunk(record: bytes, size: int) -> int:
-    """Start of the chunk to which an entry of the index points; the size is that of the file."""
+    """Start of the chunk to which an entry of the index points; ``size`` is the size of the file."""
     (start,) = struct.unpack_from("<Q", record, 16)
     offset = 32
-    # Skips the offsets of messages, their length, and the name of the compression.
+    # This skips the offsets of messages, their length, and the name of the compression.
     offset += 4 + struct.unpack_from("<I", record, offset)[0] + 8
     offset += 4 + struct.unpack_from("<I", record, offset)[0]
     if struct.unpack_from("<Q", record, offset)[0] > size:
@@ -157,11 +155,12 @@ def _indexed_chunk(record: bytes, size: int) -> int:
 
 
 def require_small_bag(path: Path) -> None:
-    """Refuse a ROS 1 bag whose chunks decompress to more than a file of its size can hold, or than they declare.
+    """Check the sizes of the chunks of a ROS 1 bag.
 
     Raises:
-        LogError: If they do.
-        DamagedError: If its index points to something else than a chunk.
+        LogError: If they decompress to more than a file of this size can.
+        DamagedError: If a chunk decompresses to more than it declares, or the index points to something else than a
+            chunk.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -204,7 +203,7 @@ def _require_small_chunks(path: Path, file: BinaryIO, chunks: list[_Chunk]) -> N
 
 
 def _require_declared(data: bytes, chunk: _Chunk) -> None:
-    """Refuse a chunk that exceeds the size it declares; it is decompressed in small steps, which are not kept."""
+    """Raise an error for a chunk that decompresses to more than it declares; the decompressed data are not kept."""
     size = 0
     while data:
         decompressor = _DECOMPRESSORS[chunk.compression]()

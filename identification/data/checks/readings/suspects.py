@@ -21,7 +21,7 @@ from identification.data.checks.readings.reading import (
     with_time_times,
     with_torques_times,
 )
-from identification.data.readers.map_entries import entries, entries_words, gear_entries
+from identification.data.readers.map_entries import entries, entries_words, joint_entries
 from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import listed
@@ -125,7 +125,7 @@ def time_suspects(robot: Robot, step: float) -> list[Suspect]:
 
 
 def usual_clock(recording: Recording) -> float:
-    """Factor from the recorded times to seconds for the first unit with a usual sampling time; 1 without such a unit."""
+    """Factor from recorded times to seconds for the first unit with a usual sampling time; 1 without such a unit."""
     step = float(np.median(np.diff(recording.t)))
     return next((factor for factor in _TIMES.values() if _FASTEST <= step * factor <= _SLOWEST), 1.0)
 
@@ -186,7 +186,7 @@ def highest_speed(robot: Robot, reading: Reading) -> float:
 
 
 def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """The suspected mistake that positions of all linear joints are in mm; only if they travel farther than any axis."""
+    """The suspected mistake that positions of all linear joints are in mm, if they travel farther than any axis."""
     joints = tuple(np.flatnonzero(robot.prismatic).tolist())
     if not joints or np.ptp(reading.motion.q[:, joints], axis=0).max() < _FARTHEST:
         return []
@@ -205,7 +205,7 @@ def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
-    """The suspected wrong signs of torque, position or both of some joints; as rivals, other zeros of their positions."""
+    """The suspected wrong signs of torque, position or both of some joints; as rivals, other zeros of positions."""
     out = []
     for j in poor:
         factor = np.ones(robot.nv)
@@ -327,8 +327,10 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
     if np.any(np.abs(np.log(gears)) > _GEARED):
         stated = {j: f"gear: {gears[j]:.6g}" for j in every}
         inverse = {j: f"gear: {1 / gears[j]:.6g}" for j in every}
-        factors.append(("the torques are on the motor's side of the gears", gear_entries(robot, stated), gears))
-        factors.append(("the torques were taken through the gears twice", gear_entries(robot, inverse), 1 / gears))
+        factors.append(("the torques are on the motor's side of the gears", joint_entries(robot, "tau", stated), gears))
+        factors.append(
+            ("the torques were taken through the gears twice", joint_entries(robot, "tau", inverse), 1 / gears)
+        )
     return [
         Suspect("torque", every, what, mended, lambda reading, factor=factor: with_torques_times(reading, factor))
         for what, mended, factor in factors

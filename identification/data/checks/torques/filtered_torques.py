@@ -1,4 +1,4 @@
-"""Torques that were low-passed before they were recorded, although the positions were not."""
+"""Finds torques that were low-passed before they were recorded, although the positions were not."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import listed
 from phantom_dyn.signals.spectra import power_density
 
-# Two bands of frequencies, as shares of the rate, in which no robot moves. White noise of sensors has the same power in
-# both; behind a low pass it has far less in the upper one.
+# Two frequency bands, as shares of the sample rate, in which no robot moves. White sensor noise has the same power
+# density in both; after a low pass it has far less in the upper one.
 _LOWER, _UPPER = (0.12, 0.25), (0.35, 0.48)
-# Power of the upper band relative to the lower one [dB], below which a torque counts as filtered, and above which a
-# position counts as unfiltered. A torque that is averaged over each sample has -10, recorded ones without a filter have
-# -16 or more, and one behind a second-order low pass at a twentieth of the rate has -25 or less.
+# Power density in the upper band relative to the lower one [dB], below which a torque counts as filtered, and above
+# which a position counts as unfiltered. A torque that is averaged over each sample has -10, recorded torques without a
+# filter have -16 or more, and after a second-order low pass at a twentieth of the rate it is -25 or less.
 _FILTERED, _UNFILTERED = -20.0, -12.0
-# Smallest difference between these figures of the position and of the torque [dB] that shows different filters.
+# Smallest difference [dB] between position and torque that shows different filters.
 _DIFFERENCE = 15.0
 _FEWEST = 500  # smallest number of samples
 
 
 def roll_off(x: Float[Array, "N k"]) -> Float[Array, " k"]:
-    """Power in the upper of two bands above all motion, relative to the lower one [dB]: 0 for white noise.
+    """Power density in the band `_UPPER` relative to the band `_LOWER` [dB]; 0 for white noise.
 
     Args:
         x: Samples at a uniform rate, one series in each column.
     """
     if not x.shape[1]:
         return np.zeros(0)
-    # The spectrum is that of differences, and is corrected for it: low frequencies with much power must not leak into
-    # the bands.
+    # The spectrum is computed from differences, and corrected for that: so the large power of the motion at low
+    # frequencies does not leak into the bands.
     differences, length = np.diff(x, axis=0), min(512, len(x) // 4)
     f, power = power_density(differences, 1.0, length, window="blackmanharris", linear=True)
     power = power / np.maximum((2 * np.sin(np.pi * f)) ** 2, 1e-12)[:, None]

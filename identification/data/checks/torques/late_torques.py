@@ -1,7 +1,7 @@
-"""Torques that all come after their motion by the same time: the log has them late or filtered, as no drive can be.
+"""Finds recordings in which all torques are late against the motion by the same time.
 
-A drive that is slow has a torque that is early against its motion. A log in which the torques are late shows a
-coupling, other bodies or less friction where nothing is wrong.
+Then the torques were recorded late or filtered: a slow drive makes the commanded torque early against the motion, not
+late. In a diagnosis, late torques would look like a coupling of joints, other inertias or less friction.
 """
 
 from __future__ import annotations
@@ -12,27 +12,28 @@ from identification.data.checks.torques.torque_lag import Lag
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording
 
-# Least number of joints that agree, and how far apart their lags may be as a share of the middle one.
-_JOINTS, _APART = 2, 0.35
-# Least share of the squares left that goes when the torque of a middle joint is shifted: little else is wrong.
+# Smallest number of joints with a lag, and largest spread of their lags as a share of the median.
+_JOINTS, _LARGEST_SPREAD = 2, 0.35
+# Smallest share of the squared residual that a shift of the torque removes (median over the joints): if it removes
+# less, something else is wrong.
 _REMOVED = 0.75
 
 
 def late_torques(recording: Recording, lags: list[Lag], step: float) -> Fault | None:
-    """The fault of a log whose torques are all late against their motion; None where they are not, or other things are.
+    """The fault of a recording whose torques are all late by the same time; None if they are not.
 
     Args:
-        recording: Its entries so far.
-        lags: Of the torques of all joints that show one, each beyond its error.
+        recording: The recording.
+        lags: Significant lags of the torques.
         step: Time between two samples [s].
     """
     samples = np.array([lag.samples for lag in lags])
     if len(lags) < _JOINTS or samples.min() <= 0:
         return None
-    middle, removed = float(np.median(samples)), float(np.median([lag.removed for lag in lags]))
-    if np.ptp(samples) > _APART * middle or removed < _REMOVED:
+    median, removed = float(np.median(samples)), float(np.median([lag.removed for lag in lags]))
+    if np.ptp(samples) > _LARGEST_SPREAD * median or removed < _REMOVED:
         return None
-    seconds = middle * step
+    seconds = median * step
     return Fault(
         f"the torques are late against their motion by {1e3 * seconds:.3g} ms",
         f"on {', '.join(lag.joint for lag in lags)} a shift takes away {100 * removed:.0f} % of what the model leaves, "

@@ -1,4 +1,4 @@
-"""Torques of zero in every row, of joints that a drive moves: registers that nobody fills."""
+"""Finds joints with a drive whose torque is zero in every row: a quantity that was not recorded."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
-# A joint without a drive moves as its weight and inertia cancel: its model then needs less than this share of them.
+# In a joint without a drive, the torques of weight and inertia cancel: their sum is below this share of their size.
 _CANCELS = 0.3
-# Travel [rad or m] of a joint that moves.
+# Smallest travel [rad or m] of a joint that moves.
 _MOVES = 0.01
 
 
 def missing_torque(recording: Recording, robot: Robot, reading: Reading, needed: Float[Array, "N nv"]) -> Fault | None:
-    """The fault of driven joints whose torque is zero in every row, though their motion needs one.
+    """The fault of joints with a drive whose torque is zero in every row, although their motion needs a torque.
 
     Args:
         recording: Raw samples.
         robot: The given model.
-        reading: Some of the samples, smoothed.
+        reading: Smoothed samples of the recording.
         needed: Torque of the model without friction at the same samples [N m or N].
     """
     if recording.tau is None:

@@ -1,4 +1,4 @@
-"""How well a recording fits its model where each torque may have a factor, friction and an offset of its own."""
+"""Quick fits of each joint's torque by the model torque times a factor, friction and an offset."""
 
 from __future__ import annotations
 
@@ -11,44 +11,47 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 
-# Ridge on columns of length one: nearly equal ones share what they explain.
+# Ridge on columns of length one, so that the solution exists for equal columns.
 _RIDGE = 1e-9
 
 
-def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
-    """Share of each joint's torque variance that the model times a positive number, friction and an offset leave."""
+def plain_unexplained(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
+    """Unexplained share of each joint's torque variance, with a positive factor of the model torque and of friction.
+
+    It is NaN for torques that do not vary.
+    """
     needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    felt = reading.tau + reading.external
-    ones, low = np.ones(len(felt)), np.array([0.0, 0.0, 0.0, -np.inf])
-    out, vary = np.full(felt.shape[1], np.nan), varies(felt)
-    for j in range(felt.shape[1]):
-        variance = float(felt[:, j].var())
+    torque = reading.tau + reading.external
+    ones, low = np.ones(len(torque)), np.array([0.0, 0.0, 0.0, -np.inf])
+    out = np.full(torque.shape[1], np.nan)
+    for j in np.flatnonzero(varies(torque)):
         columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones])
         size = np.linalg.norm(columns, axis=0)
-        if vary[j]:
-            scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), felt[:, j]])
-            factor = np.asarray(np.linalg.qr(scaled, mode="r"))
-            x = lsq_linear(factor[:, :-1], factor[:, -1], (low, np.inf), method="bvls", tol=1e-14, max_iter=50).x
-            out[j] = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2)) / len(felt) / variance
+        scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), torque[:, j]])
+        factor = np.asarray(np.linalg.qr(scaled, mode="r"))
+        x = lsq_linear(factor[:, :-1], factor[:, -1], (low, np.inf), method="bvls", tol=1e-14, max_iter=50).x
+        squares = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2))
+        out[j] = squares / len(torque) / float(torque[:, j].var())
     return out
 
 
-def quick_fit(robot: Robot, reading: Reading) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-    """The same share with numbers of either sign, for searches through many readings, and the model's factor.
+def quick_unexplained(robot: Robot, reading: Reading) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Unexplained share of each torque's variance with friction of either sign, and the factor of the model torque.
 
-    A factor that is not positive counts as 0, and leaves what friction leaves. Torques that do not vary are left out.
+    It is faster than `plain_unexplained`, for searches over many readings. A factor that is not positive counts as 0:
+    then friction alone explains the torque. Torques that do not vary are left out.
     """
-    felt = reading.tau + reading.external
-    vary = varies(felt)
-    felt = felt[:, vary] - felt[:, vary].mean(axis=0)
+    torque = reading.tau + reading.external
+    vary = varies(torque)
+    torque = torque[:, vary] - torque[:, vary].mean(axis=0)
     needed = (inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion))[:, vary]
     columns = np.stack([needed, reading.motion.v[:, vary], reading.sign[:, vary]], axis=2).transpose(1, 0, 2)
     columns = columns - columns.mean(axis=1, keepdims=True)
     size = np.linalg.norm(columns, axis=1, keepdims=True)
     columns = columns / np.where(size > 0, size, 1.0)
     normal = columns.transpose(0, 2, 1) @ columns + _RIDGE * np.eye(3)
-    wanted = np.einsum("jnk,nj->jk", columns, felt)
-    whole = np.sum(felt**2, axis=0)
+    wanted = np.einsum("jnk,nj->jk", columns, torque)
+    whole = np.sum(torque**2, axis=0)
     both = np.linalg.solve(normal, wanted[:, :, None])[:, :, 0]
     friction = np.linalg.solve(normal[:, 1:, 1:], wanted[:, 1:, None])[:, :, 0]
     positive = both[:, 0] > 0
@@ -58,7 +61,7 @@ def quick_fit(robot: Robot, reading: Reading) -> tuple[Float[Array, " k"], Float
 
 
 def common_ratio(robot: Robot, reading: Reading) -> float | None:
-    """Measured over modelled torque, where at least two joints agree on it to a factor of two; else None."""
+    """Median ratio of measured to modelled torque, if those of two joints or more are within a factor of two of it."""
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     found = regress_joints(with_torques_plus(reading, reading.external), model)
     slopes = [
@@ -66,6 +69,6 @@ def common_ratio(robot: Robot, reading: Reading) -> float | None:
     ]
     if len(slopes) < 2:
         return None
-    middle = float(np.exp(np.median(np.log(slopes))))
-    agree = [slope for slope in slopes if 0.5 < slope / middle < 2.0]
-    return middle if len(agree) >= 2 else None
+    median = float(np.exp(np.median(np.log(slopes))))
+    agree = [slope for slope in slopes if 0.5 < slope / median < 2.0]
+    return median if len(agree) >= 2 else None

@@ -1,7 +1,7 @@
-"""Torques that lack the friction that the model states, as where a controller had taken it out of them.
+"""Finds torques without the friction that the model states, because a controller had subtracted it.
 
-The friction that a torque holds is fitted beside free rigid bodies, so that wrong inertias do not pass for it, and
-compared with the modelled friction: one says that the model's is there, zero that none is.
+Friction is fitted together with free inertial parameters, so that wrong inertias are not taken for friction. The ratio
+of fitted to modelled friction is 1 if the torque contains the modelled friction, and 0 if it contains none.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
 
 _ROWS = 400  # samples in the regression
-_BLOCKS = 8  # of the record, left out one at a time (jackknife) for the standard error
-# Independent samples (two per period of the cut-off) for each column.
+_BLOCKS = 8  # blocks of the record, each left out once (jackknife) for the standard error
+# Smallest number of independent samples (two per period of the cut-off) for each column.
 _PER_COLUMN = 2.0
-# The modelled friction is this many times what the fit leaves, noise and what is wrong with the law of friction.
+# Smallest ratio of modelled friction to the residual of the fit, both root mean squares.
 _VISIBLE = 3.0
-# Share of the modelled friction that a compensated torque holds at most, either way: what controllers take out is
-# seldom right to a tenth; what a robot wears off or a warm gear saves is less than the rest.
-_LEFT = 0.3
-# Share of the torque that the links need, below which the joint is driven by something else: torque constants and
-# inertias from a half to twice leave a quarter.
+# Largest ratio of fitted to modelled friction of a compensated torque, with either sign: controllers seldom subtract
+# friction to within a tenth. Wear or a warm gear do not reduce friction that much.
+_LARGEST_SHARE = 0.3
+# Share of the torque that the links need, below which something else moves the joint. Inertias and torque constants
+# that are half or twice the stated ones make a factor of four at most.
 _DRIVEN = 0.25
 _SIGNIFICANT = 3.0  # standard errors
 
 
 @dataclass(frozen=True)
-class HeldFriction:
-    """How much of its modelled friction the torque of one joint holds.
+class FrictionShare:
+    """Ratio of fitted to modelled friction of one joint.
 
     Attributes:
-        joint: Its name.
-        share: Fitted over modelled friction, 1 where the model is right.
+        joint: Name of the joint.
+        share: Fitted over modelled friction, 1 if the model is right.
         std: Standard error of the share.
-        visible: Modelled friction over what the fit leaves, both root mean squares.
+        visible: Modelled friction over the residual of the fit, both root mean squares.
     """
 
     joint: str
@@ -51,12 +51,14 @@ class HeldFriction:
     visible: float
 
 
-def held_friction(robot: Robot, smooth: Smooth) -> tuple[HeldFriction, ...]:
-    """Friction in each torque that drives a joint which has some in the model and whose motion shows it.
+def friction_shares(robot: Robot, smooth: Smooth) -> tuple[FrictionShare, ...]:
+    """Ratio of fitted to modelled friction of each joint whose motion determines it.
+
+    Joints without modelled friction, and joints that something else moves, are left out.
 
     Args:
         robot: States the friction.
-        smooth: The smoothed copy, its torque with that of measured forces.
+        smooth: The smoothed copy; its torque includes that of measured forces.
     """
     rows = smooth.rows(_ROWS)
     if smooth.tau is None or len(rows) < _ROWS // 4:
@@ -72,45 +74,48 @@ def held_friction(robot: Robot, smooth: Smooth) -> tuple[HeldFriction, ...]:
             continue
         others = np.column_stack([bodies[:, j], smooth.a[rows, j], np.ones(len(rows))])
         friction = np.column_stack([v, sign])
-        share, left, rank = _share(others, friction, tau, modelled)
+        share, residual, rank = _share(others, friction, tau, modelled)
         if independent < _PER_COLUMN * rank:
             continue
         without = np.empty(_BLOCKS)
         for k, block in enumerate(np.array_split(np.arange(len(rows)), _BLOCKS)):
             kept = np.setdiff1d(np.arange(len(rows)), block)
             without[k] = _share(others[kept], friction[kept], tau[kept], modelled[kept])[0]
-        std = jackknife_error(without)
-        visible = float(np.sqrt(np.mean(modelled**2)) / max(left, 1e-300))
-        out.append(HeldFriction(joint, share, std, visible))
+        visible = float(np.sqrt(np.mean(modelled**2)) / max(residual, 1e-300))
+        out.append(FrictionShare(joint, share, jackknife_error(without), visible))
     return tuple(out)
 
 
 def _share(
     others: Float[Array, "n k"], friction: Float[Array, "n 2"], tau: Float[Array, " n"], modelled: Float[Array, " n"]
 ) -> tuple[float, float, int]:
-    """Fitted friction along the modelled one, root mean square that is left, and the number of independent columns."""
+    """Ratio of fitted to modelled friction, root mean square of the residual, and the number of independent columns."""
     columns = np.column_stack([others, friction])
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
     solved, _, rank, _ = np.linalg.lstsq(columns / size, tau, rcond=1e-6)
-    left = tau - (columns / size) @ solved
+    residual = tau - (columns / size) @ solved
     fitted = friction @ (solved / size)[-2:]
     share = float(fitted @ modelled) / max(float(modelled @ modelled), 1e-300)
-    return share, float(np.sqrt(np.mean(left**2))), int(rank)
+    return share, float(np.sqrt(np.mean(residual**2))), int(rank)
 
 
 def check_friction_taken(recording: Recording, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
-    """A sentence on torques that lack the friction that the model states, with the entry of a column map.
+    """A warning on torques that lack the friction that the model states, with the entry of a column map.
 
     Args:
         recording: Raw samples.
-        robot: States the friction; where it states none, nothing can be missing.
-        smooth: The smoothed copy, its torque with that of measured forces.
+        robot: States the friction.
+        smooth: The smoothed copy; its torque includes that of measured forces.
     """
     still = np.array(recording.joint_names)[still_joints(recording, robot.prismatic)]
-    told_already = {*recording.friction_taken, *still.tolist()}
-    held = [one for one in held_friction(robot, smooth) if one.joint not in told_already]
-    lacking = [one for one in held if abs(one.share) + _SIGNIFICANT * one.std < _LEFT and one.visible > _VISIBLE]
+    lacking = [
+        one
+        for one in friction_shares(robot, smooth)
+        if one.joint not in (*recording.friction_taken, *still)
+        and abs(one.share) + _SIGNIFICANT * one.std < _LARGEST_SHARE
+        and one.visible > _VISIBLE
+    ]
     if not lacking:
         return ()
     joints = [one.joint for one in lacking]

@@ -1,7 +1,8 @@
-"""Suspicions that torques are in another unit, before a gear, or motor currents, with one factor or one a joint.
+"""Lists suspected mistakes of torques by a factor: another unit, the motor's side of a gear, motor currents, voltages.
 
-Where the factors of the joints differ, either the drives do, or a load makes the torques of some joints larger: both
-are tried, and what a robot like the model leaves decides.
+The factor may be common to all joints or different for each. If the factors of the joints differ, either their drives
+differ, or a load increases the torques of some joints. Both are tried, and the better fit of a robot like the model
+decides.
 """
 
 from __future__ import annotations
@@ -16,25 +17,26 @@ from identification.data.checks.readings.plausible_fit import misfit_as_modelled
 from identification.data.checks.readings.reading import Reading, varies, with_torques_times
 from identification.data.checks.readings.suspects import TORQUE_UNITS, Suspect, names
 from identification.data.checks.torques.torque_scales import ONE_FACTOR, OTHER_UNIT, OWN_FACTOR, torque_scales
-from identification.data.readers.map_entries import gear_entries
+from identification.data.readers.map_entries import joint_entries
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
-# Largest distance of a factor from that of a unit or gear, as a logarithm: masses and torque constants may be wrong.
+# Logarithm of the largest ratio of a factor to that of a unit or gear: masses and torque constants may be wrong.
 _NEAR = float(np.log(1.5))
-# The same where only the standard deviations of torques are compared, as friction may be most of a torque.
+# As above, if only the standard deviations of torques are compared, as friction may be most of a torque.
 _SIZE = float(np.log(3.0))
-# A load makes the measured torques larger, and the factors smaller: that of all joints is sought from the smallest one
-# to so many times the largest, in as many steps.
-_LOADED, _STEPS = 6.0, 13
-# Share of a voltage that follows the speed, and what it grows with the speed over modelled viscous friction.
-_MOSTLY, _STEEP = 0.9, 10.0
+# A load makes the measured torques larger, and the factors smaller. So the common factor is looked for from the
+# smallest factor to `_LARGEST_LOAD` times the largest, in `_STEPS` steps.
+_LARGEST_LOAD, _STEPS = 6.0, 13
+# A torque is a motor voltage if its part that is proportional to the velocity has at least the first share of its
+# variance, and is at least the second number of times the modelled viscous friction.
+_VOLTAGE_SHARE, _VISCOUS_RATIO = 0.9, 10.0
 
 
 def unit_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """Suspicions that torques of some joints, but not of all, are in another unit, or before the stated gear.
+    """Suspects that torques of some joints, but not of all, are in another unit or on the motor's side of the gear.
 
     Args:
         robot: The given model.
@@ -53,7 +55,7 @@ def unit_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
         if not joints or len(joints) == robot.nv:
             continue
         factor = np.where(np.isin(np.arange(robot.nv), joints), factors, 1.0)
-        given = gear_entries(robot, {j: option or f"gear: {gears[j]:.6g}" for j in joints})
+        given = joint_entries(robot, "tau", {j: option or f"gear: {gears[j]:.6g}" for j in joints})
         be = "torques of {} are" if len(joints) > 1 else "torque of {} is"
         out.append(
             Suspect(
@@ -68,7 +70,10 @@ def unit_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def _sizes(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
-    """Size of the modelled torque, with friction, over that of the measured one; NaN where either is constant."""
+    """Standard deviation of the modelled torque, with friction, over that of the measured torque.
+
+    It is NaN if either torque is constant.
+    """
     needed = inverse_dynamics(robot, reading.motion).std(axis=0)
     size = (reading.tau + reading.external).std(axis=0)
     known = (needed > 0) & (size > 0)
@@ -78,14 +83,14 @@ def _sizes(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 def _joints_with(
     scales: Float[Array, " nv"], sizes: Float[Array, " nv"], factors: Float[Array, " nv"]
 ) -> tuple[int, ...]:
-    """Joints whose torque has one of the factors by weight and inertia; if there are any, also those by size alone."""
+    """Joints whose scale is near their factor; if there are any, also joints whose ratio of sizes is near it."""
     by_scale = np.nan_to_num(np.abs(np.log(scales / factors)), nan=np.inf) < _NEAR
     by_size = np.nan_to_num(np.abs(np.log(sizes / factors)), nan=np.inf) < _SIZE
     return tuple(np.flatnonzero(by_scale | by_size).tolist()) if by_scale.any() else ()
 
 
 def factor_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """The suspicions that all torques have one factor, and that each has its own; empty for usual factors.
+    """Suspects that all torques have a common wrong factor, or each torque its own; empty if the factors are usual.
 
     Args:
         robot: The given model.
@@ -97,25 +102,25 @@ def factor_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     far = np.nan_to_num(np.abs(logs)) > OTHER_UNIT
     if not far.any() or robot.nv == 1:
         return []
-    each = _of_each(robot, reading, scales, far)
-    voltage = _voltage(robot, each.read(reading), each)
+    each = _own_factors(robot, reading, scales, far)
+    voltage = _voltage_suspect(robot, each.read(reading), each)
     if voltage is not None:
         return [voltage]
     if known.sum() > 1 and np.ptp(logs[known]) < ONE_FACTOR:
         return [factor_of_all(robot, float(np.exp(logs[known].mean())))]
     one_way = known.sum() > 1 and (np.all(logs[known] > OWN_FACTOR) or np.all(logs[known] < -OWN_FACTOR))
-    return [*([_beside_a_load(robot, reading, scales)] if one_way else []), each]
+    return [*([_common_factor_with_load(robot, reading, scales)] if one_way else []), each]
 
 
-def _voltage(robot: Robot, reading: Reading, each: Suspect) -> Suspect | None:
-    """The suspicion of motor voltages, if the torques with their factors grow with the speed as no friction does.
+def _voltage_suspect(robot: Robot, reading: Reading, each: Suspect) -> Suspect | None:
+    """The suspect that torques are motor voltages, if they grow with the speed far more than friction does.
 
     Most of a motor's voltage is the back-EMF, which is proportional to its speed.
 
     Args:
         robot: The given model.
-        reading: The data with the factors of the torques.
-        each: The suspicion of these factors.
+        reading: The data with the factors of ``each``.
+        each: The suspect that each torque has a factor of its own.
     """
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     felt = reading.tau + reading.external
@@ -124,9 +129,9 @@ def _voltage(robot: Robot, reading: Reading, each: Suspect) -> Suspect | None:
         v = reading.motion.v[:, j]
         columns = np.column_stack([model[:, j], v, reading.sign[:, j], np.ones(len(v))])
         slope = least_squares(columns, felt[:, j])[0][1]
-        if slope > _STEEP * robot.viscous_friction[j]:
+        if slope > _VISCOUS_RATIO * robot.viscous_friction[j]:
             shares[j] = slope**2 * v.var() / felt[:, j].var()
-    joints = np.flatnonzero(shares >= _MOSTLY)
+    joints = np.flatnonzero(shares >= _VOLTAGE_SHARE)
     if not set(each.joints) <= set(joints.tolist()):
         return None
     every = names(robot, joints.tolist())
@@ -142,23 +147,22 @@ def _voltage(robot: Robot, reading: Reading, each: Suspect) -> Suspect | None:
     )
 
 
-def _beside_a_load(robot: Robot, reading: Reading, scales: Float[Array, " nv"]) -> Suspect:
-    """The suspicion of one factor of all torques with which a robot like the model, with a load, leaves least."""
+def _common_factor_with_load(robot: Robot, reading: Reading, scales: Float[Array, " nv"]) -> Suspect:
+    """The suspect of a common factor, estimated for a robot like the model that may carry a load."""
 
     def misfit(log: float) -> float:
         return misfit_as_modelled(robot, with_torques_times(reading, np.full(robot.nv, np.exp(log))))
 
     low = float(np.log(np.nanmin(scales)))
-    high = float(np.log(np.nanmax(scales) * _LOADED))
+    high = float(np.log(np.nanmax(scales) * _LARGEST_LOAD))
     tried = np.linspace(low, high, _STEPS)
-    about, step = tried[int(np.argmin([misfit(log) for log in tried]))], tried[1] - tried[0]
-    factor = float(np.exp(fminbound(misfit, about - step, about + step, xtol=0.01)))
-    found = factor_of_all(robot, factor)
+    best, step = tried[int(np.argmin([misfit(log) for log in tried]))], tried[1] - tried[0]
+    found = factor_of_all(robot, float(np.exp(fminbound(misfit, best - step, best + step, xtol=0.01))))
     return replace(found, what=f"{found.what}, less where the robot has no load, and more with a larger one", price=2)
 
 
 def factor_of_all(robot: Robot, factor: float) -> Suspect:
-    """The suspicion of one factor of all torques."""
+    """The suspect that all torques have the same wrong factor."""
     every = tuple(range(robot.nv))
     what = (
         f"the torques are on the motor's side of gears of about {factor:.3g}"
@@ -169,18 +173,25 @@ def factor_of_all(robot: Robot, factor: float) -> Suspect:
         "torque",
         every,
         f"{what}, or motor currents with about {factor:.2g} N m/A",
-        gear_entries(robot, {j: f"gear: {factor:.3g}" for j in every}),
+        joint_entries(robot, "tau", {j: f"gear: {factor:.3g}" for j in every}),
         lambda reading: with_torques_times(reading, np.full(robot.nv, factor)),
         price=1,
     )
 
 
-def _of_each(robot: Robot, reading: Reading, scales: Float[Array, " nv"], far: Bool[Array, " nv"]) -> Suspect:
-    """The suspicion of a factor of its own for each torque."""
-    # A joint whose motion does not determine its factor gets that of the others, if the sizes of its torques agree.
-    middle = np.full(robot.nv, np.exp(np.median(np.log(scales[far]))))
-    alike = np.isin(np.arange(robot.nv), _joints_with(scales, _sizes(robot, reading), middle))
-    scales = np.where(np.isnan(scales) & alike, middle, scales)
+def _own_factors(robot: Robot, reading: Reading, scales: Float[Array, " nv"], far: Bool[Array, " nv"]) -> Suspect:
+    """The suspect that each torque has a wrong factor of its own.
+
+    Args:
+        robot: The given model.
+        reading: The recorded data.
+        scales: Factor of each joint, NaN if its motion does not determine it.
+        far: True for joints whose factor is too large for a wrong torque constant or inertia.
+    """
+    # A joint whose motion does not determine its factor gets the median factor, if the sizes of its torques agree.
+    median = np.full(robot.nv, np.exp(np.median(np.log(scales[far]))))
+    alike = np.isin(np.arange(robot.nv), _joints_with(scales, _sizes(robot, reading), median))
+    scales = np.where(np.isnan(scales) & alike, median, scales)
     joints = tuple(np.flatnonzero(np.nan_to_num(np.abs(np.log(scales))) > OWN_FACTOR).tolist())
     factor = np.where(np.isin(np.arange(robot.nv), joints), scales, 1.0)
     units = ["N/A" if robot.prismatic[j] else "N m/A" for j in joints]
@@ -193,7 +204,7 @@ def _of_each(robot: Robot, reading: Reading, scales: Float[Array, " nv"], far: B
         joints,
         f"the {be.format(names(robot, joints))} like motor current, or like torque before the gear, and not like "
         f"torque at the joint, with a factor of about {listed(per)}{rest}",
-        gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints}),
+        joint_entries(robot, "tau", {j: f"gear: {scales[j]:.3g}" for j in joints}),
         lambda reading: with_torques_times(reading, factor),
         price=1,
     )

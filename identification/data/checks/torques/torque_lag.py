@@ -1,10 +1,11 @@
-"""The lag of the torque against the motion, a shift or a low pass of first order, read where friction cannot feign one.
+"""Estimates whether torques are late or early against the motion, by a shift or by a first-order low pass.
 
-The torque is shifted, or the low pass taken back, until a rigid body with free inertial parameters and free friction
-leaves the smallest residual; in a recording that is too short for these, the given model with any scale.
-Where a joint turns about or stands, dry friction jumps, and it jumps earlier or later than the velocity changes sign:
-the joint sticks, or bends before it slides. Such a jump would be taken for a torque that is late or early. So only
-samples count whose filter touches no reversal and no stop, and friction may be any function of the velocity.
+The torque is shifted, or the low pass inverted, until rigid bodies with free inertial parameters and free friction fit
+best. A recording that is too short for so many parameters is fitted with the given model, times any factor.
+
+At reversals and stops, dry friction jumps somewhat earlier or later than the velocity changes sign, because the joint
+sticks, or bends before it slides. Such a jump would look like a lag. So only samples are used whose filter covers no
+reversal and no stop, and friction may be any function of the velocity.
 """
 
 from __future__ import annotations
@@ -23,39 +24,39 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
-_ROWS = 400  # samples in the regression of a lag
-_FEWEST = 100  # without which nothing is said
-_BLOCKS = 8  # of the record, left out one at a time (jackknife) for the standard error of a lag
-# Lags up to this many samples, and up to a quarter of a period at the cut-off, are tried in half samples.
-_MOST_SAMPLES = 12
-# From this many samples on a lag is worth a sentence, if it stands this many standard errors above zero.
+_ROWS = 400  # largest number of samples in the regression
+_FEWEST = 100  # smallest number of samples with which a lag is estimated
+_BLOCKS = 8  # blocks of the record, each left out once (jackknife) for the standard error
+# Largest lag that is tried [samples]; it is also limited to a quarter of a period at the cut-off.
+_LARGEST_LAG = 12
+# Smallest lag that is reported [samples], and in standard errors.
 _SMALLEST, _SIGNIFICANT = 0.4, 5.0
-# The residual of rigid body and friction must be a small share of the torque's variance, and the shift must have
-# removed a good part of it: with a poor model every lag fits a little better than none.
+# Largest residual of the fit as a share of the torque's variance, and smallest share of the squared residual that the
+# shift removes: with a poor model, any lag fits a little better than none.
 _LARGEST_RESIDUAL, _REMOVED = 0.05, 0.4
-# A low pass is what is between where it leaves half of the squares that the best shift leaves, and a shift where it is
-# the other way round; a slow motion tells neither.
+# A low pass is certain if its squared residual is below this share of that of the best shift. A shift is certain if the
+# inverse holds. A slow motion does not distinguish the two.
 _CLEARLY = 0.5
-# Below this share of its top speed a joint creeps, and so it does this long [s] before and behind a reversal.
+# A joint creeps below the first share of its top speed, and during the second time [s] before and after a reversal.
 _CREEPING, _CREEPING_TIME = 0.05, 0.05
-# Half lengths of two filters, in periods of the cut-off. Hann's windows end, so that it is known what a sample has
-# touched; half of the amplitude is left at 3.3 and at 1.4 times the cut-off.
+# Half lengths of two filters, in periods of the cut-off. They are Hann windows, which have an end, so that it is known
+# which samples a filtered one depends on. Their gain is one half at 3.3 and at 1.4 times the cut-off.
 _FIRST, _SECOND = 0.15, 0.35
-_TAPS = 5  # of the second filter to either side: its samples lie as close as half the length of the first
-# Friction of either direction is a broken line in the speed through this many points.
+_TAPS = 5  # samples of the second filter to either side, at distances of half the length of the first or less
+# Number of points of the piecewise linear friction in each direction of motion.
 _KNOTS = 4
-# Independent samples (two per period of the cut-off) for each column: with fewer, columns that are noise fit any lag.
+# Smallest number of independent samples (two per period of the cut-off) per column: with fewer, noise fits any lag.
 _PER_COLUMN = 2.0
-_SAME = 1e-7  # singular value of columns of length one, from which on they are the same
+_DEPENDENT = 1e-7  # singular value of columns of length one up to which they count as linearly dependent
 
 
 @dataclass(frozen=True)
 class Lag:
-    """Lag of one joint's torque beyond the lag that the robot's configuration states.
+    """Lag of one joint's torque, in addition to the hold of the torque that the robot's configuration states.
 
     Attributes:
-        joint: Its name.
-        samples: Lag in samples, late is positive.
+        joint: Name of the joint.
+        samples: Lag in samples; positive if the torque is late.
         std: Standard error of the lag.
         removed: Share of the residual's sum of squares that the shift removes.
     """
@@ -68,14 +69,14 @@ class Lag:
 
 @dataclass(frozen=True)
 class LowPass:
-    """A low pass of first order that the torque of one joint went through and the positions did not.
+    """A first-order low pass of one joint's torque, through which the positions did not go.
 
     Attributes:
-        joint: Its name.
+        joint: Name of the joint.
         seconds: Time constant [s].
-        std: Its standard error.
-        removed: Share of the residual's sum of squares that goes when it is taken back.
-        beside_shift: What it leaves over what the best shift leaves, both sums of squares.
+        std: Standard error of the time constant.
+        removed: Share of the residual's sum of squares that is removed if the low pass is inverted.
+        beside_shift: Squared residual with the low pass inverted, over that of the best shift.
     """
 
     joint: str
@@ -86,17 +87,17 @@ class LowPass:
 
     @property
     def hertz(self) -> float:
-        """Its cut-off [Hz]."""
+        """Cut-off frequency [Hz]."""
         return 1 / (2 * np.pi * self.seconds)
 
 
 @dataclass(frozen=True)
-class _Clear:
-    """Samples of one joint's torque that touch no reversal and no stop.
+class _ClearSamples:
+    """Filtered samples of one joint's torque that do not depend on a reversal or stop.
 
     Attributes:
-        joint: Its name.
-        columns: Columns of its torque.
+        joint: Name of the joint.
+        columns: Regressor columns of its torque.
         shifted: Torque at each lag, ``(n, lags)``.
         tau, slope: Torque without a lag and its derivative [per s].
     """
@@ -111,28 +112,33 @@ class _Clear:
 def lags_and_low_passes(
     robot: Robot, recording: Recording, smooth: Smooth
 ) -> tuple[tuple[Lag | None, LowPass | None], ...]:
-    """Lag of each joint's torque against what a rigid body and friction need, and the low pass that fits it best.
+    """Lag of each joint's torque against the torque of rigid bodies and friction, and the low pass that fits best.
 
-    The inertial parameters and the friction are free, so that a wrong model does not pass for a lag. Standard errors
-    are those of a jackknife over blocks of the record. None is what these samples do not show.
+    The inertial parameters and the friction are free, so that a wrong model is not taken for a lag. Standard errors
+    are those of a jackknife over blocks of the record. A lag or low pass that the samples do not determine is None, and
+    joints with too few samples are left out.
 
     Args:
-        robot: Says how the torque was held.
-        recording: Raw samples; its torque holds that of measured forces.
-        smooth: Gives the uniform times, the cut-off and which samples count.
+        robot: States how the torque was held.
+        recording: Raw samples; its torque includes that of measured forces.
+        smooth: Gives the uniform times, the cut-off and the samples that are used.
     """
     lags = _lags(smooth)
-    return tuple((_lag(one, lags), _low_pass(one)) for one in _clear_torques(robot, recording, smooth, lags))
+    return tuple(
+        (_lag(one, lags), _low_pass(one)) for one in _samples_without_reversals(robot, recording, smooth, lags)
+    )
 
 
 def _lags(smooth: Smooth) -> Float[Array, " m"]:
-    """Lags that are tried [samples], none in the middle."""
-    most = max(2.0, min(_MOST_SAMPLES, np.floor(0.25 / (smooth.cutoff_hz * smooth.step))))
+    """Lags that are tried [samples], in steps of a half, with zero in the middle."""
+    most = max(2.0, min(_LARGEST_LAG, np.floor(0.25 / (smooth.cutoff_hz * smooth.step))))
     return np.arange(-most, most + 0.25, 0.5)
 
 
-def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Float[Array, " m"]) -> list[_Clear]:
-    """The clear samples of each joint that has enough of them."""
+def _samples_without_reversals(
+    robot: Robot, recording: Recording, smooth: Smooth, lags: Float[Array, " m"]
+) -> list[_ClearSamples]:
+    """The samples without reversals and stops, of each joint that has enough of them."""
     if recording.tau is None:
         return []
     half, reach = (max(1, round(part / (smooth.cutoff_hz * smooth.step))) for part in (_FIRST, _SECOND))
@@ -140,7 +146,7 @@ def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Flo
     offsets = np.unique(np.linspace(-reach, reach, 2 * min(_TAPS, reach) + 1).round().astype(int))
     weights = np.cos(0.5 * np.pi * offsets / (reach + 1)) ** 2
     weights /= weights.sum()
-    # A held torque acts half a sample later than its time stamp says: that is no error, if the robot states it.
+    # A held torque acts half a sample later than its time stamp; that is no lag if robot.yaml states the hold.
     stated = -0.5 if robot.torque_hold == "zoh" else 0.0
     out = []
     for j, joint in enumerate(recording.joint_names):
@@ -154,15 +160,18 @@ def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Flo
         independent = 2 * smooth.cutoff_hz * smooth.step * len(at)
         for columns_of in (_columns, _few_columns):
             columns = columns_of(robot, motion, needed.ravel(), j).reshape(*needed.shape, -1)
-            columns = _of_length_one(np.einsum("nmk,m->nk", columns, weights))
-            if independent >= _PER_COLUMN * np.linalg.matrix_rank(columns, tol=_SAME):
-                out.append(_Clear(joint, columns, shifted, measured(t) @ weights, measured(t, 1) @ weights))
+            columns = _normalised(np.einsum("nmk,m->nk", columns, weights))
+            if independent >= _PER_COLUMN * np.linalg.matrix_rank(columns, tol=_DEPENDENT):
+                out.append(_ClearSamples(joint, columns, shifted, measured(t) @ weights, measured(t, 1) @ weights))
                 break
     return out
 
 
-def _of_length_one(columns: Float[Array, "n k"]) -> Float[Array, "n c"]:
-    """Columns that are not zero, each over its length; squares of the smallest floats would be zero."""
+def _normalised(columns: Float[Array, "n k"]) -> Float[Array, "n c"]:
+    """Columns divided by their lengths, without columns of zero.
+
+    They are divided by their largest value first, as squares of the smallest floats would be zero.
+    """
     largest = np.max(np.abs(columns), axis=0, initial=0.0)
     scaled = columns[:, largest > 0] / largest[largest > 0]
     return scaled / np.linalg.norm(scaled, axis=0)
@@ -171,10 +180,10 @@ def _of_length_one(columns: Float[Array, "n k"]) -> Float[Array, "n c"]:
 def _lightly_smoothed(
     recording: Recording, tau: Float[Array, "N nv"], smooth: Smooth, half: int
 ) -> tuple[Motion, Float[Array, "M nv"]]:
-    """Motion and torque by a filter of ``half`` samples to either side, far wider than the band.
+    """Motion and torque after a filter of ``half`` samples to either side, whose cut-off is far above the band.
 
-    What the regressor makes of a motion that was smoothed to the edge of the band is not its smoothed torque; so the
-    regressor is smoothed the second time, together with the torque.
+    The regressor of a strongly smoothed motion is not the smoothed regressor. So the motion is smoothed only lightly,
+    and regressor and torque are then smoothed together, down to the band.
     """
     kernel = np.hanning(2 * half + 3)[1:-1]
     kernel /= kernel.sum()
@@ -191,14 +200,14 @@ def _lightly_smoothed(
 def _columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -> Float[Array, "n k"]:
     """Columns of one joint's torque: rigid bodies, its rotor and its friction."""
     part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
-    # Rotors are no part of the regressor: their inertia is that of the joint's own acceleration.
+    # The regressor does not contain rotors: their torque is proportional to the joint's own acceleration.
     return np.column_stack([rigid_body_regressor(robot, part)[:, j], part.a[:, j], friction_columns(part.v[:, j])])
 
 
 def _few_columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -> Float[Array, "n k"]:
-    """The same of the given model: its torque, of any scale, beside a rotor, friction and an offset.
+    """Columns of one joint's torque with fewer parameters: the model torque, rotor, two of friction, and an offset.
 
-    A slow motion that often turns about has few samples between its reversals.
+    They are for slow motions with many reversals, which have few samples in between.
     """
     part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
     bodies = (rigid_body_regressor(robot, part) @ standard_parameters(robot))[:, j]
@@ -207,13 +216,13 @@ def _few_columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -
 
 
 def clear_samples(v: Float[Array, " N"], inside: Bool[Array, " N"], half: int, step: float) -> Bool[Array, " N"]:
-    """True for samples of a joint whose filter touches no reversal, no stop and nothing that does not count.
+    """True for samples of a joint whose filter covers no reversal, no stop and no unused sample.
 
     Args:
         v: Velocity of the joint.
-        inside: False for samples that do not count.
-        half: Samples to either side that the filter reaches.
-        step: Between two samples [s].
+        inside: False for samples that are not used.
+        half: Number of samples to either side that the filter covers.
+        step: Time between two samples [s].
     """
     slow = np.abs(v) <= _CREEPING * np.percentile(np.abs(v), 99)
     slow[1:] |= np.sign(v[1:]) != np.sign(v[:-1])
@@ -222,9 +231,9 @@ def clear_samples(v: Float[Array, " N"], inside: Bool[Array, " N"], half: int, s
 
 
 def friction_columns(v: Float[Array, " n"]) -> Float[Array, "n k"]:
-    """Columns of a friction that is any broken line in the speed, another one in either direction."""
+    """Columns of a friction that is piecewise linear in the speed, with other coefficients in each direction."""
     columns = []
-    # The columns are the same in any unit of speed; over steps of the smallest floats nothing can be interpolated.
+    # The unit of speed does not matter; between knots that differ by the smallest floats, interpolation fails.
     v = v / np.max(np.abs(v), initial=np.finfo(float).tiny)
     for direction in (1.0, -1.0):
         going = direction * v > 0
@@ -234,71 +243,77 @@ def friction_columns(v: Float[Array, " n"]) -> Float[Array, "n k"]:
     return np.stack(columns, axis=1) if columns else np.zeros((len(v), 0))
 
 
-def _lag(clear: _Clear, lags: Float[Array, " m"]) -> Lag | None:
-    """The lag at which columns explain the torque best; None where no lag does so clearly."""
-    total = _costs(clear.columns, clear.shifted)
+def _lag(clear: _ClearSamples, lags: Float[Array, " m"]) -> Lag | None:
+    """The lag with the smallest squared residual; None if it is at the end of the range, or the residual is large."""
+    total = _squared_residuals(clear.columns, clear.shifted)
     best = int(np.argmin(total))
-    lag, fitted = _lowest(total, lags), clear.shifted[:, best]
+    lag, fitted = _minimum_place(total, lags), clear.shifted[:, best]
     if np.isnan(lag) or total[best] > _LARGEST_RESIDUAL * np.sum((fitted - fitted.mean()) ** 2):
         return None
-    without = np.array([_lowest(_costs(clear.columns[kept], clear.shifted[kept]), lags) for kept in _without(clear)])
+    without = np.array(
+        [_minimum_place(_squared_residuals(clear.columns[kept], clear.shifted[kept]), lags) for kept in _without(clear)]
+    )
     if np.isnan(without).any():
         return None
-    return Lag(clear.joint, lag, jackknife_error(without), 1 - _least(total, lags) / float(total[len(lags) // 2]))
+    return Lag(clear.joint, lag, jackknife_error(without), 1 - _minimum(total, lags) / float(total[len(lags) // 2]))
 
 
-def _low_pass(clear: _Clear) -> LowPass | None:
-    r"""The time constant T at which columns explain :math:`\tau + T \dot\tau` best; None where it is not positive.
+def _low_pass(clear: _ClearSamples) -> LowPass | None:
+    r"""The time constant T with which the columns fit :math:`\tau + T \dot\tau` best; None if it is not positive.
 
-    A low pass of first order gives :math:`\tau` for what it is fed, so that this is what it was fed.
+    A first-order low pass turns :math:`\tau + T \dot\tau` into :math:`\tau`.
     """
 
     def constant(kept: Int[Array, " n"]) -> tuple[float, float, float]:
-        """Time constant, and the sums of squares that are left with and without it."""
-        tau, slope = _left(clear.columns[kept], np.column_stack([clear.tau, clear.slope])[kept]).T
+        """Time constant, and the sums of squared residuals with and without it."""
+        tau, slope = _residuals(clear.columns[kept], np.column_stack([clear.tau, clear.slope])[kept]).T
         seconds = -float(tau @ slope) / max(float(slope @ slope), 1e-300)
         return seconds, float(np.sum((tau + seconds * slope) ** 2)), float(tau @ tau)
 
     seconds, left, before = constant(np.arange(len(clear.tau)))
-    fed = clear.tau + seconds * clear.slope
-    if seconds <= 0 or left > _LARGEST_RESIDUAL * np.sum((fed - fed.mean()) ** 2):
+    unfiltered = clear.tau + seconds * clear.slope
+    if seconds <= 0 or left > _LARGEST_RESIDUAL * np.sum((unfiltered - unfiltered.mean()) ** 2):
         return None
     std = jackknife_error(np.array([constant(kept)[0] for kept in _without(clear)]))
-    shift = max(float(_costs(clear.columns, clear.shifted).min()), 1e-300)
+    shift = max(float(_squared_residuals(clear.columns, clear.shifted).min()), 1e-300)
     return LowPass(clear.joint, seconds, std, 1 - left / before, left / shift)
 
 
-def _without(clear: _Clear) -> list[Int[Array, " n"]]:
-    """The samples without one block of them, for each block."""
+def _without(clear: _ClearSamples) -> list[Int[Array, " n"]]:
+    """For each block of samples, the indices of all other samples."""
     every = np.arange(len(clear.tau))
     return [np.setdiff1d(every, block) for block in np.array_split(every, _BLOCKS)]
 
 
 def jackknife_error(without: Float[Array, " b"]) -> float:
-    """Standard error of an estimate from those without one block each; that of a structured residual is in it."""
+    """Standard error of an estimate by the jackknife, which allows for a residual with structure.
+
+    Args:
+        without: Estimates, each with another block of samples left out.
+    """
     return float(np.sqrt((len(without) - 1) * np.mean((without - without.mean()) ** 2)))
 
 
-def _left(columns: Float[Array, "n k"], series: Float[Array, "n m"]) -> Float[Array, "n m"]:
-    """Residuals of several series after a least squares fit of the columns."""
+def _residuals(columns: Float[Array, "n k"], series: Float[Array, "n m"]) -> Float[Array, "n m"]:
+    """Residuals of several series after a least-squares fit of the columns."""
     basis, values, _ = np.linalg.svd(columns, full_matrices=False)
-    basis = basis[:, values > _SAME]
+    basis = basis[:, values > _DEPENDENT]
     return series - basis @ (basis.T @ series)
 
 
-def _costs(columns: Float[Array, "n k"], shifted: Float[Array, "n m"]) -> Float[Array, " m"]:
-    """Sum of squares that columns leave of each shifted torque."""
-    return np.sum(_left(columns, shifted) ** 2, axis=0)
+def _squared_residuals(columns: Float[Array, "n k"], shifted: Float[Array, "n m"]) -> Float[Array, " m"]:
+    """Sum of squared residuals of each shifted torque."""
+    return np.sum(_residuals(columns, shifted) ** 2, axis=0)
 
 
-def _least(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
-    """Smallest cost between the lags of a grid, by the parabola through the lowest three."""
+def _minimum(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
+    """Smallest cost between the lags of a grid, by the parabola through the three lowest points."""
     k = int(np.argmin(costs))
     near = slice(k - 1, k + 2)
-    return max(float(np.polyval(np.polyfit(lags[near], costs[near], 2), _lowest(costs, lags))), 0.0)
+    return max(float(np.polyval(np.polyfit(lags[near], costs[near], 2), _minimum_place(costs, lags))), 0.0)
 
 
-def _lowest(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
+def _minimum_place(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
     """Place of the minimum of ``costs`` over equally spaced ``lags``, refined by a parabola; NaN at either end."""
     k = int(np.argmin(costs))
     if k in (0, len(costs) - 1):
@@ -309,18 +324,18 @@ def _lowest(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
 
 
 class LagSentence(str):
-    """A sentence on a torque that is late or early.
+    """A sentence on a torque that is late or early; it carries what later stages need to know.
 
     Attributes:
-        joint: Its name.
-        early: True if the torque comes before its motion, as what a drive is asked for does where the drive is slow.
+        joint: Name of the joint.
+        early: True if the torque is early against the motion, as a commanded torque is if the drive is slow.
     """
 
     joint: str
     early: bool
 
     def __new__(cls, sentence: str, joint: str, *, early: bool) -> LagSentence:
-        """The sentence, and what it is about."""
+        """The sentence with its attributes."""
         out = super().__new__(cls, sentence)
         out.joint, out.early = joint, early
         return out
@@ -332,56 +347,57 @@ def check_lag(
     smooth: Smooth,
     found: tuple[tuple[Lag | None, LowPass | None], ...],
     *,
-    steep: tuple[str, ...] = (),
+    higher_order: tuple[str, ...] = (),
 ) -> tuple[str, ...]:
-    """Sentences about torques that are late or early by about half a sample or more.
+    """Warnings on torques that are late or early by about half a sample or more.
 
     Args:
         recording: Raw samples.
-        robot: Says how the torque was held.
+        robot: States how the torque was held.
         smooth: The smoothed copy.
         found: Result of `lags_and_low_passes`.
-        steep: Joints whose torque went through a low pass of higher order: one of first order would not take it back.
+        higher_order: Joints whose torque went through a low pass of higher order, which inverting a first-order one
+            would not undo.
     """
     out = []
     for each, filtered in found:
-        lag = each if each is not None and worth_a_sentence(each) else None
+        lag = each if each is not None and is_reported(each) else None
         if filtered is not None and (
-            filtered.joint in steep
-            or not _worth_a_sentence(filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed)
+            filtered.joint in higher_order
+            or not _is_reported(filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed)
         ):
             filtered = None
         if filtered is not None and (filtered.beside_shift < _CLEARLY or lag is None):
             out.append(
                 f"{recording.file}: the torque of {filtered.joint} went through a low pass of first order at "
-                f"{filtered.hertz:.3g} Hz that the positions did not go through: {_entry(filtered)}."
+                f"{filtered.hertz:.3g} Hz that the positions did not go through: {_low_pass_advice(filtered)}."
             )
         elif lag is not None:
             out.append(_lag_sentence(recording.file, robot, smooth, lag, filtered))
     return tuple(out)
 
 
-def worth_a_sentence(lag: Lag) -> bool:
-    """True for a lag of half a sample or more, far beyond its error, without which much less is left."""
-    return _worth_a_sentence(lag.samples, lag.std, lag.removed)
+def is_reported(lag: Lag) -> bool:
+    """True for a significant lag of about half a sample or more that explains much of the residual."""
+    return _is_reported(lag.samples, lag.std, lag.removed)
 
 
-def _worth_a_sentence(samples: float, std: float, removed: float) -> bool:
+def _is_reported(samples: float, std: float, removed: float) -> bool:
     return abs(samples) >= max(_SMALLEST, _SIGNIFICANT * std) and removed >= _REMOVED
 
 
-def _entry(filtered: LowPass) -> str:
-    """What takes a low pass back."""
+def _low_pass_advice(filtered: LowPass) -> str:
+    """Advice on how to invert a low pass."""
     return (
         f"write tau.{filtered.joint}: {{low_pass: {filtered.hertz:.3g}}} into a column map and give it with --columns"
     )
 
 
 def _lag_sentence(file: str, robot: Robot, smooth: Smooth, lag: Lag, filtered: LowPass | None) -> str:
-    """The sentence on a torque that is late or early; a low pass may be the reason why it is late."""
+    """The warning on a torque that is late or early; a low pass may be the cause of a late one."""
     hint = "shift it, or expect it to show as a delay"
     if filtered is not None and filtered.beside_shift < 1 / _CLEARLY:
-        hint = f"shift it, or, if it went through a low pass of first order, {_entry(filtered)}"
+        hint = f"shift it, or, if it went through a low pass of first order, {_low_pass_advice(filtered)}"
     if robot.torque_hold == "instant" and abs(lag.samples + 0.5) < max(0.25, 3 * lag.std):
         hint = "torque_hold: zoh in robot.yaml explains half a sample"
     word = "late" if lag.samples > 0 else "early"

@@ -11,7 +11,7 @@ import numpy as np
 from identification.data.checks.against_model import least_squares, regress_joints
 from identification.data.checks.readings.reading import Reading, with_torques_plus
 from identification.data.checks.readings.suspects import names
-from identification.data.readers.map_entries import gear_entries
+from identification.data.readers.map_entries import joint_entries
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
@@ -136,7 +136,7 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
     joints = tuple(np.flatnonzero(off).tolist())
     units = listed(sorted({"N/A" if robot.prismatic[j] else "N m/A" for j in joints}))
     which, are, alike = ("torque", "is", "") if len(joints) == 1 else ("torques", "are", ", all alike")
-    entries = gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints})
+    entries = joint_entries(robot, "tau", {j: f"gear: {scales[j]:.3g}" for j in joints})
     if scale is None:
         times, factors = listed([f"{1 / scales[j]:.2g}" for j in joints]), listed([f"{scales[j]:.2g}" for j in joints])
         return (

@@ -1,4 +1,4 @@
-"""Torques that are recorded without their sign, as some drives report the size of a current or a load."""
+"""Finds torques that were recorded without their sign, as some drives report only the magnitude of current or load."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import listed
 
-# The model needs both signs if each of them is strong for a tenth of the time: above so much of the usual torque.
-_STRONG, _OFTEN = 0.3, 0.1
-# Largest share of the variance that a magnitude leaves, and its largest ratio to what a signed torque leaves, with
-# which it is certain; and the largest ratio of shares with which it is only likely.
+# The model needs both signs if the torque of either sign is above the first share of its root mean square for at least
+# the second share of the time.
+_STRONG, _STRONG_SHARE = 0.3, 0.1
+# A torque is certainly a magnitude if the unexplained share of its variance is at most the first number, and its ratio
+# to that of a signed torque is at most the second. It is likely one if the ratio is at most the third.
 _RIGHT, _CERTAIN, _LIKELY = 0.15, 0.25, 0.8
 # Rounds in which signs and coefficients are fitted in turn.
 _ROUNDS = 10
 
 
 def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, "N nv"]) -> Fault | None:
-    """The fault of torques that are never negative, and are the size of what a model with friction needs.
+    """The fault of torques that are never negative, and equal the magnitude of the modelled torque with friction.
 
     Args:
         recording: Raw samples.
-        reading: Some of them, smoothed.
+        reading: Smoothed samples of the recording.
         needed: Torque of the model without friction at the same samples [N m or N].
     """
     if recording.tau is None:
@@ -33,7 +34,7 @@ def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, 
     for j in np.flatnonzero(_one_sign(recording, reading, needed) & varies(reading.tau)):
         columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(len(needed))])
         tau = np.abs(reading.tau[:, j])
-        signed = _left(columns, tau)
+        signed = _mean_square(columns, tau)
         x = np.linalg.lstsq(columns, tau * np.sign(needed[:, j]), rcond=1e-9)[0]
         for _ in range(_ROUNDS):
             x = np.linalg.lstsq(columns, tau * np.sign(columns @ x), rcond=1e-9)[0]
@@ -53,11 +54,11 @@ def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, 
 
 
 def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """Sentences on torques that are never negative although the model needs both signs.
+    """Warnings on torques that are never negative although the model needs both signs.
 
     Args:
         recording: Raw samples.
-        data: Some of them, smoothed.
+        data: Smoothed samples of the recording.
         model: Torque of the model without friction at the same samples [N m or N].
     """
     out = []
@@ -73,16 +74,16 @@ def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N n
 
 
 def _one_sign(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
-    """True for joints that turn about, and whose torque has one sign where the model needs both."""
+    """True for joints that reverse, and whose torque is never negative although the model needs both signs."""
     if recording.tau is None:
         return np.zeros(model.shape[1], dtype=bool)
     strong = _STRONG * np.sqrt(np.mean(model**2, axis=0))
-    both = np.minimum(np.mean(model > strong, axis=0), np.mean(model < -strong, axis=0)) > _OFTEN
+    both = np.minimum(np.mean(model > strong, axis=0), np.mean(model < -strong, axis=0)) > _STRONG_SHARE
     turns = np.ptp(np.sign(data.motion.v), axis=0) == 2
     positive = (recording.tau.min(axis=0) >= 0) & (recording.tau.max(axis=0) > 0)
     return both & turns & positive
 
 
-def _left(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> float:
+def _mean_square(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> float:
     """Mean squared residual of a least-squares fit."""
     return float(np.mean((target - columns @ np.linalg.lstsq(columns, target, rcond=1e-9)[0]) ** 2))

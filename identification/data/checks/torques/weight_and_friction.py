@@ -1,8 +1,8 @@
-"""Checks against weight: torques that were computed from a model of the weight, and joints that only lift.
+"""Checks for torques that were computed from a model of the weight, and for joints that only lift or only lower.
 
-Gravity compensation asks for the weight that its own model holds: recorded as torque, it shows that model and nothing
-of the robot. Friction of a gear grows with its load, and where the load is only lifted it has the sign of the weight
-everywhere: the two are one torque.
+The torque of a gravity compensation comes from the controller's own model of the weight: a recording of it says nothing
+about the robot. Friction of a gear grows with its load. If a joint only lifts its load, this friction is proportional
+to the weight, and the two cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Share of a torque that its best weight leaves, up to which it may have been computed from the position alone; and the
-# same as a share of what inertia and modelled friction need beside any weight. Measured torques leave 50 % and more of
-# either, a compensation that was recorded as torque 1 % and 9 %.
+# A torque was computed from the position if a fit of any weight leaves at most the first share of the torque, and at
+# most the second share of what inertia and modelled friction need. Measured torques have 50 % and more of either,
+# recorded compensations 1 % and 9 %.
 _OF_TORQUE, _OF_MOTION = 0.05, 0.3
-# Of the squared weight under which a joint moves, lifted less lowered: beyond it the motion is one way. Motions that go
-# up and down by the same places come to 0.1 to 0.35.
+# Smallest value of `lifted_less_lowered` of a joint that moves its weight in one direction only. Motions up and down
+# through the same positions have 0.1 to 0.35.
 _ONE_WAY = 0.7
-# Share of a joint's usual speed from which on it moves, and of its torque from which on its weight matters.
+# Share of a joint's rms speed above which it moves, and share of its torque above which its weight matters.
 _MOVES, _MATTERS = 0.1, 0.3
-_ROWS, _FEWEST = 2000, 100
-# Travel [rad or m] below which a joint is held: its drive bears what the other joints' motion needs.
+_ROWS, _FEWEST = 2000, 100  # largest and smallest number of samples
+# Travel [rad or m] below which a joint is held; its torque is then caused by the motion of the other joints.
 _HELD = 1e-3
 
 
 def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
-    """True for joints whose torque is a weight at each position, and holds nothing of inertia and friction.
+    """True for joints whose torque is a weight that depends on the positions, without any inertia or friction.
 
     Args:
         robot: The given model.
         motion: Samples of a recording.
-        tau: Its torque [N m or N].
+        tau: Recorded torque [N m or N].
     """
     rows = np.linspace(0, len(motion.t) - 1, min(len(motion.t), _ROWS)).astype(int)
     moved = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
@@ -48,21 +48,23 @@ def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]
         columns = np.column_stack([np.ones(len(rows)), weights[:, j]])
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         both = np.column_stack([tau[rows, j], needed[:, j]])
-        left = both - columns @ (np.linalg.lstsq(columns / size, both, rcond=1e-9)[0] / size[:, None])
-        rest, motion_alone = np.linalg.norm(left, axis=0)
+        residual = both - columns @ (np.linalg.lstsq(columns / size, both, rcond=1e-9)[0] / size[:, None])
+        of_torque, of_motion = np.linalg.norm(residual, axis=0)
         spread = np.linalg.norm(both[:, 0] - both[:, 0].mean())
         moves = np.ptp(motion.q[:, j]) > _HELD
-        out[j] = moves and rest < _OF_TORQUE * spread and rest < _OF_MOTION * motion_alone
+        out[j] = moves and of_torque < _OF_TORQUE * spread and of_torque < _OF_MOTION * of_motion
     return out
 
 
 def lifted_less_lowered(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Float[Array, " nv"]:
-    """Squared weight that each joint lifts, less that which it lowers, over both; 0 where its weight hardly matters.
+    """Sum of the squared weight that each joint lifts, minus the sum that it lowers, over both sums together.
+
+    It is 1 for a joint that only lifts and -1 for one that only lowers; 0 if the joint's weight hardly matters.
 
     Args:
         robot: The given model.
         motion: Samples of a recording.
-        tau: Its torque [N m or N].
+        tau: Recorded torque [N m or N].
     """
     weight = inverse_dynamics(robot, _at_rest(motion))
     moves = np.abs(motion.v) > _MOVES * np.sqrt(np.mean(motion.v**2, axis=0))
@@ -74,7 +76,7 @@ def lifted_less_lowered(robot: Robot, motion: Motion, tau: Float[Array, "N nv"])
 
 
 def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
-    """Sentences on torques that were computed from a weight, and on joints that only lift or only lower theirs."""
+    """Warnings on torques that were computed from a weight, and on joints that only lift or only lower their weight."""
     if smooth.tau is None or smooth.inside.sum() < _FEWEST:
         return ()
     motion, tau = smooth.motion(smooth.inside), smooth.tau[smooth.inside]
@@ -90,9 +92,9 @@ def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
     one_way = lifted_less_lowered(robot, motion, tau)
     for j in np.flatnonzero(np.abs(one_way) > _ONE_WAY):
         lifts = one_way[j] > 0
-        share = 50 * (1 + abs(one_way[j]))
         out.append(
-            f"{file}: {names[j]} {'lifts' if lifts else 'lowers'} its weight for {share:.0f} % of its motion under "
+            f"{file}: {names[j]} {'lifts' if lifts else 'lowers'} its weight for {50 * (1 + abs(one_way[j])):.0f} % of "
+            "its motion under "
             "load: friction that grows with load is weight there, and a load may come out too "
             f"{'large' if lifts else 'small'}, with the gear of a servo by half. Record a motion that lifts and lowers "
             "through the same places, such as a sum of two sines."
@@ -101,5 +103,6 @@ def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
 
 
 def _at_rest(motion: Motion) -> Motion:
+    """The same positions with zero velocities and accelerations."""
     none = np.zeros_like(motion.v)
     return Motion(motion.t, motion.q, none, none)

@@ -1,1 +1,1 @@
-"""Bags of ROS 1 and ROS 2 and MCAP: their topics, their messages, and what these say of joints."""
+"""Reads bags of ROS 1, ROS 2 and MCAP: topics, messages, and the values of joints in them."""

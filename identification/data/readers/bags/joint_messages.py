@@ -1,4 +1,4 @@
-"""Readers of one message of a bag: measured values of its joints, or references, under the names of quantities.
+"""Converts one message of a bag to values of its joints: measured values, or references.
 
 Measured values come from sensor_msgs/JointState, control_msgs/JointTrajectoryControllerState (with ``reference`` and
 ``feedback``, in older versions ``desired`` and ``actual``), control_msgs/DynamicJointState,
@@ -31,7 +31,7 @@ _INTERFACES = {
 }
 """Quantity of each interface of ros2_control, by the interface's name."""
 DOCUMENTED_ORDER = ("unitree_go/msg/LowState", "unitree_hg/msg/LowState", "unitree_legged_msgs/msg/LowState")
-"""Types that list motors without names, in an order that the maker documents."""
+"""Message types that list motors without names, in an order that the maker documents."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class JointValues:
 
     Attributes:
         names: Names of the joints; empty if the message lists its joints without names.
-        values: For each quantity one value per joint, NaN where the message has none; or an empty array.
-        stamp: Time stamp of the message [ns]; None if it has none.
-        is_tick: True if the stamp counts from the start of the device, and is not the time of day.
-        base: Values of the base's sensors, see `identification.data.readers.bags.unitree.base_of`; None without any.
+        values: For each quantity one value per joint, NaN for joints without a value; or an empty array.
+        stamp: Time stamp of the message [ns]; None if it has no time stamp.
+        is_tick: True if the stamp counts from the start of the device; False if it is the time of day.
+        base: Values of the base's sensors, see `identification.data.readers.bags.unitree.base_of`; None without them.
     """
 
     names: tuple[str, ...]
@@ -64,7 +64,7 @@ def _joint_state(message: Any) -> JointValues:
 
 
 def _point(message: Any, name: str, older: str) -> Any:
-    """A point of a controller's state, under its name in newer or, if that is missing or empty, in older versions."""
+    """A point of a controller's state, under its newer name, or if that is missing or empty, under its older name."""
     newer_point = getattr(message, name, None)
     older_point = getattr(message, older, None)
     if newer_point is None or (older_point is not None and not len(newer_point.positions)):
@@ -76,7 +76,7 @@ def _controller_state(message: Any) -> JointValues:
     reference, measured = _point(message, "reference", "desired"), _point(message, "feedback", "actual")
     values = {"q": measured.positions, "v": measured.velocities, "tau": measured.effort, "q_ref": reference.positions}
     output = getattr(message, "output", None)
-    # A controller that commands torques sends them to the drives: they are used where no torque is measured.
+    # The output of a controller that commands torques is used if no torque is measured.
     if not len(measured.effort) and output is not None:
         values["tau"] = output.effort
     return JointValues(tuple(message.joint_names), values, _stamp(message))
@@ -111,7 +111,7 @@ def _foxglove_states(message: Any) -> JointValues:
 
 
 def _optional(joint: Any, name: str) -> float:
-    """An optional number, which ROS has as a list of at most one."""
+    """An optional number, NaN if it is missing; ROS stores it as a list of at most one number."""
     value = np.atleast_1d(getattr(joint, name, np.nan))
     return float(value[0]) if len(value) else np.nan
 
@@ -120,7 +120,7 @@ def _low_state(message: Any) -> JointValues:
     motors = message.motor_state if hasattr(message, "motor_state") else message.motorState
     torque = "tau_est" if hasattr(motors[0], "tau_est") else "tauEst"
     values = {key: _of_motors(motors, name) for key, name in (("q", "q"), ("v", "dq"), ("tau", torque))}
-    # Newer motors have two temperatures; the second one is that of the winding.
+    # Newer motors have two temperatures; the second one is the winding's.
     values["temp"] = np.array([np.atleast_1d(motor.temperature)[-1] for motor in motors], dtype=float)
     tick = getattr(message, "tick", None)
     return JointValues((), values, None if not tick else int(tick) * 10**6, is_tick=True, base=base_of(message))
@@ -136,8 +136,7 @@ def _low_command(message: Any) -> JointValues:
 
 
 def _trajectory(message: Any) -> JointValues:
-    # A stream of references sends one point per message. A message with a whole trajectory gives no reference for its
-    # own time.
+    # References are sent as one point per message. A message with a whole trajectory has no reference for its own time.
     positions = message.points[0].positions if len(message.points) == 1 else np.empty(0)
     return JointValues(tuple(message.joint_names), {"q_ref": positions}, _stamp(message))
 
@@ -147,7 +146,7 @@ def _unnamed_references(message: Any) -> JointValues:
 
 
 def _as_reference(read: Callable[[Any], JointValues]) -> Callable[[Any], JointValues]:
-    """A reader that takes the positions of a joint state as references."""
+    """A reader that returns the positions of a joint state as references."""
 
     def reference(message: Any) -> JointValues:
         values = read(message)

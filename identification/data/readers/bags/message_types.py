@@ -1,4 +1,4 @@
-"""Definitions of messages: those in the bag, else the known layouts, as SQLite bags of older ROS 2 hold none."""
+"""Definitions of message types: from the bag, or built in, as SQLite bags of older ROS 2 versions hold none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from phantom_dyn.errors import LogError
 
 _MOST = 4096
-"""Of a fixed array in a definition; no joint message has a longer one, and a reader would make room for all of it."""
+"""Largest fixed array in a definition: no message about joints has a longer one, and a reader allocates all of it."""
 
 _CONTROLLER_STATE = """
 std_msgs/Header header
@@ -167,19 +167,20 @@ _KNOWN = {
     "unitree_hg/msg/LowState": _HG_STATE,
     "unitree_hg/msg/LowCmd": _HG_COMMAND,
 }
-"""Layouts as ROS 2 Humble and Unitree's own packages have them."""
+"""Definitions from ROS 2 Humble and from Unitree's own packages."""
 
 
 def register_types(file: str, store: Any, connections: Iterable[Any]) -> None:
-    """Make the types of some connections known to a store of rosbags.
+    """Add the message types of some connections to a type store of rosbags.
 
     Args:
         file: Name of the bag, for messages.
-        store: Knows the types of a distribution; gets what it does not know.
+        store: Type store; types that it has already are not changed.
         connections: Connections of the bag.
 
     Raises:
-        LogError: If the bag holds no definition of a type and its layout is not known, or a definition is hostile.
+        LogError: If there is neither a definition of a type in the bag nor a built-in one, or if a definition would
+            need very much memory.
     """
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
@@ -205,7 +206,7 @@ def register_types(file: str, store: Any, connections: Iterable[Any]) -> None:
 
 
 def _require_small(file: str, types: Any) -> None:
-    """Refuse definitions of which a message of few bytes would become millions of objects."""
+    """Raise an error for definitions with which a message of few bytes becomes millions of objects."""
     for name, (_, fields) in types.items():
         lengths = [kind[1][1] for _, kind in fields if isinstance(kind[1], tuple) and isinstance(kind[1][1], int)]
         if not fields or max(lengths, default=0) > _MOST:

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""ROS 1 and ROS 2 bags (folder or bare .db3 file) and MCAP: one topic of joint states, and one of references.
+"""Reads ROS 1 bags, ROS 2 bags (folder or .db3 file) and MCAP: one topic of joint states, and one of references.
 
-What the messages say, `identification.data.readers.bags.joint_messages` knows.
+The content of messages is read by `identification.data.readers.bags.joint_messages`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from phantom_dyn.libraries import is_installed, missing_library
 Readers = Mapping[str, Callable[[Any], JointValues]]
 
 # Fields of JointState, for messages about it.
-_WORDS = {
+_FIELD_NAMES = {
     "q": "position",
     "v": "velocity",
     "tau": "effort",
@@ -43,20 +43,20 @@ _WORDS = {
     "i": "current",
     "temp": "temperature",
 }
-_TICK = 0.02
-"""How much longer or shorter than by the times of receipt a recording may be by ticks, whose unit is not certain."""
+_TICK_TOLERANCE = 0.02
+"""Ticks are used as times if the recording is as long as by the times of receipt, to within this share."""
 
 
 @dataclass(frozen=True)
 class _Message:
-    """Values of one message, and the time at which it was received [ns]."""
+    """Values of the joints in one message, and the time at which it was received [ns]."""
 
     received: int
-    says: JointValues
+    joints: JointValues
 
     @property
     def names(self) -> tuple[str, ...]:
-        return self.says.names
+        return self.joints.names
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _topic(reader: Any, connections: list[Any], readers: Readers, decode: Callab
 
 
 def _require_rosbags(file: str) -> None:
-    """Refuse a bag where the library that reads it is not installed, in a sentence that says how to get it."""
+    """Raise an error if the library for bags is not installed; the message says how to install it."""
     if not is_installed("rosbags"):
         raise LogError(f"{file} is a bag. {missing_library('rosbags')}")
 
@@ -136,7 +136,7 @@ def _opened(
 
 
 def _require_ros(path: Path) -> None:
-    """Refuse an MCAP file whose head says that its messages are not those of ROS 2."""
+    """Raise an error for an MCAP file whose header states another profile than ROS 2."""
     with path.open("rb") as file:
         head = file.read(64)
     # Magic, kind and length of the record, then the length of the profile and the profile.
@@ -156,7 +156,7 @@ def _require_distinct(file: str, topic: _Topic) -> None:
 
 
 def _of_main_joints(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str, ...]]:
-    """Messages about the set of joints that most values belong to (an arm and its gripper may share a topic)."""
+    """Messages about the set of joints with most values, as an arm and its gripper may share a topic, and warnings."""
     _require_distinct(file, topic)
     counts = Counter(frozenset(message.names) for message in topic.messages)
     main = max(counts, key=lambda names: (counts[names] * len(names), sorted(names)))
@@ -169,7 +169,7 @@ def _of_main_joints(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str
 
 def _field(file: str, topic: _Topic, messages: list[_Message], quantity: str) -> Array | None:
     """Values of one quantity, shape ``(N, joints)``, in the order of the first message; None if it is always empty."""
-    values = [message.says.values.get(quantity, ()) for message in messages]
+    values = [message.joints.values.get(quantity, ()) for message in messages]
     lengths = np.array([len(one) for one in values])
     if not lengths.any():
         return None
@@ -178,8 +178,8 @@ def _field(file: str, topic: _Topic, messages: list[_Message], quantity: str) ->
     wrong = np.flatnonzero(lengths != wanted)
     if len(wrong):
         raise LogError(
-            f"{file}: message {wrong[0] + 1} of {topic.name} has {lengths[wrong[0]]} values of {_WORDS[quantity]} for "
-            f"{wanted} joints: every message must have one a joint, or all must have none."
+            f"{file}: message {wrong[0] + 1} of {topic.name} has {lengths[wrong[0]]} values of "
+            f"{_FIELD_NAMES[quantity]} for {wanted} joints: every message must have one a joint, or all must have none."
         )
     out = np.array(values, dtype=float)
     orders: dict[tuple[str, ...], list[int]] = {names: list(range(len(names)))}
@@ -191,17 +191,22 @@ def _field(file: str, topic: _Topic, messages: list[_Message], quantity: str) ->
 
 
 def _stamps(messages: list[_Message], same_as_before: Array) -> Array | None:
-    """Times of the messages themselves [ns]; None where they do not increase, or have another unit."""
-    if any(message.says.stamp is None for message in messages):
+    """Time stamps of the messages [ns]; None if they do not increase, or if the unit of ticks is another one.
+
+    Args:
+        messages: The messages.
+        same_as_before: True for each message with the same values as the message before it.
+    """
+    if any(message.joints.stamp is None for message in messages):
         return None
-    stamps = np.array([message.says.stamp for message in messages], dtype=np.int64)
+    stamps = np.array([message.joints.stamp for message in messages], dtype=np.int64)
     steps = np.diff(stamps)
-    # A message that was sent twice keeps its stamp; that is no reason to distrust the stamps.
+    # A message that was sent twice has the same stamp twice, which is no error.
     if not (np.all((steps > 0) | ((steps == 0) & same_as_before)) and np.any(steps > 0)):
         return None
-    if messages[0].says.is_tick:
+    if messages[0].joints.is_tick:
         received = messages[-1].received - messages[0].received
-        if abs(float(stamps[-1] - stamps[0]) - received) > _TICK * received:
+        if abs(float(stamps[-1] - stamps[0]) - received) > _TICK_TOLERANCE * received:
             return None
     return stamps
 
@@ -211,7 +216,7 @@ def _received(messages: Iterable[_Message]) -> Array:
 
 
 def _columns(names: tuple[str, ...], fields: Mapping[str, Array]) -> dict[str, Array]:
-    """One column a quantity and joint; those of which nothing was ever said are left out."""
+    """One column per quantity and joint; columns that are NaN throughout are left out."""
     out = {}
     for quantity, values in fields.items():
         for k in range(values.shape[1]):
@@ -221,6 +226,7 @@ def _columns(names: tuple[str, ...], fields: Mapping[str, Array]) -> dict[str, A
 
 
 def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
+    """The table of a topic of joint states, with the references of another topic if there is one."""
     topic = states.name
     if not states.messages:
         raise LogError(f"{file} has no messages on {topic}: record it while the robot moves.")
@@ -240,10 +246,10 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
     measured = np.hstack(list(fields.values()))
     stamps = _stamps(messages, np.all(measured[1:] == measured[:-1], axis=1))
     received = _received(messages)
-    if stamps is None and messages[0].says.stamp is not None:
-        which = "ticks" if messages[0].says.is_tick else "header stamps"
+    if stamps is None and messages[0].joints.stamp is not None:
+        which = "ticks" if messages[0].joints.is_tick else "header stamps"
         warnings += (f"{file}: the {which} of {topic} do not increase: the times of receipt were taken.",)
-    based = [message.says.base for message in messages if message.says.base is not None]
+    based = [message.joints.base for message in messages if message.joints.base is not None]
     base, said = base_columns(file, based) if len(based) == len(messages) else ({}, ())
     warnings += said
     times = received if stamps is None else stamps
@@ -257,7 +263,7 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
     )
     if asked is None:
         return table
-    own_clock = stamps is None or messages[0].says.is_tick
+    own_clock = stamps is None or messages[0].joints.is_tick
     return with_references(
         table, _reference(file, asked, names, None if own_clock else int(times[0]), received, table.columns["t"])
     )
@@ -266,17 +272,17 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
 def _reference(
     file: str, asked: _Topic, names: tuple[str, ...], start: int | None, received: Array, t: Array
 ) -> SentReferences:
-    """References of a topic, in the time of the states.
+    """References of a topic, with times on the clock of the states.
 
     Args:
-        file: The bag, for messages.
-        asked: The topic.
-        names: Names of the joints of the states, in whose order the references are numbered where they have no names.
-        start: Stamp of the first state [ns]; None where the states have none of a common clock.
+        file: Name of the bag, for messages.
+        asked: The topic of the references.
+        names: Joints of the states; references without names are in this order.
+        start: Stamp of the first state [ns]; None if the stamps of the states are from a clock of their own.
         received: When each state was received [ns].
         t: Time of each state [s].
     """
-    messages = [m for m in asked.messages if len(m.says.values["q_ref"])]
+    messages = [m for m in asked.messages if len(m.joints.values["q_ref"])]
     if not messages:
         raise LogError(f"{file}: the messages of {asked.name} hold no references of positions: name another topic.")
     messages, _ = _of_main_joints(file, replace(asked, messages=messages))
@@ -286,7 +292,7 @@ def _reference(
     if stamps is not None and start is not None:
         times = (stamps - start) * 1e-9
     else:
-        # Both clocks ran while the states were received: their usual distance is that of the two.
+        # Each state has a time on both clocks: the median difference is the offset between the clocks.
         times = (_received(messages) - received[0]) * 1e-9 - float(np.median((received - received[0]) * 1e-9 - t))
     names = messages[0].names or (names if len(names) == values.shape[1] else ())
     return SentReferences(asked.name, times, _columns(names, {"q_ref": values}))
@@ -297,15 +303,15 @@ def read_ros1_bag(path: Path, topic: str | None, ref_topic: str | None = None) -
 
     Args:
         path: The file.
-        topic: Which topic of joint states; None: that of sensor_msgs/JointState, else the only one.
-        ref_topic: Topic whose references are to be read beside them.
+        topic: Topic of joint states; None for the topic of sensor_msgs/JointState, or else the only topic.
+        ref_topic: Topic of references to read as well; None to read none.
 
     Returns:
-        Columns ``t`` (seconds since the first message), ``q.``, and what else was sent of ``v.``, ``tau.``, ``q_ref.``,
-        ``i.`` and ``temp.``; ``q[0]`` and so on where the messages number the joints.
+        Columns ``t`` (seconds since the first message), ``q.``, and of ``v.``, ``tau.``, ``q_ref.``, ``i.`` and
+        ``temp.`` those that were sent; ``q[0]`` and so on if the messages have no names of joints.
 
     Raises:
-        LogError: No such topic, several and none chosen, or messages that do not fit together.
+        LogError: If there is no such topic, or several and none is named, or if messages contradict each other.
     """
     _require_rosbags(path.name)
     from rosbags.rosbag1 import Reader

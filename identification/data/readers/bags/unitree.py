@@ -1,7 +1,7 @@
-"""Readings of the base in Unitree's ``LowState``: inertial sensor, and which feet are on the ground.
+"""Reads inertial sensor and foot contacts from Unitree's ``LowState``.
 
 The messages name no frames: the sensor is assumed to be at the link ``imu``, as in the maker's files of quadrupeds. The
-force of a foot is an integer without a unit. It has two levels, one in the air and one on the ground.
+force of a foot is an integer without a unit, with one level in the air and another one on the ground.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ MOTOR_ORDERS = (_LEGS, _G1)
 FEET = ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
 """Feet in the order of the maker's documentation."""
 _LEAST_SPREADS = 3.0
-"""Smallest distance of the two levels of a force, in standard deviations of the lower one."""
+"""Smallest difference between the two levels of a force, in standard deviations of the lower level."""
 _LEAST_COUNTS = 10.0
-"""Smallest distance of the two levels of a force."""
+"""Smallest difference between the two levels of a force."""
 _SENSED = tuple(f"{quantity}.imu.{axis}" for quantity in ("w", "sf") for axis in "xyz")
 
 
@@ -64,7 +64,7 @@ def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapp
 
 
 def threshold(force: Float[Array, " N"]) -> float | None:
-    """Force halfway between its two levels, which are the clusters of least spread; None if there are not two."""
+    """Force halfway between its two levels (two clusters with the smallest variance); None without two levels."""
     if not np.isfinite(force).all():
         return None
     ordered = np.sort(force)

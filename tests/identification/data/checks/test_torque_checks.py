@@ -12,7 +12,7 @@ from identification.data.checks.check_recording import check_recording
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_flat
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints, roll_off
-from identification.data.checks.torques.taken_friction import check_friction_taken, held_friction
+from identification.data.checks.torques.taken_friction import check_friction_taken, friction_shares
 from identification.data.checks.torques.torque_lag import clear_samples, friction_columns, lags_and_low_passes
 from identification.data.checks.torques.weight_and_friction import computed_from_weight, lifted_less_lowered
 from identification.data.recording import Recording
@@ -239,12 +239,12 @@ def taken(clean, arm, changed):
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 def test_the_share_of_the_modelled_friction_that_a_torque_holds(taken, arm, share):
-    held = held_friction(arm, smoothed(taken(share * EVERY)))
+    held = friction_shares(arm, smoothed(taken(share * EVERY)))
     assert [one.share for one in held] == pytest.approx([1 - share] * 3, abs=0.05)
 
 
 def test_the_error_of_a_share_covers_its_departure(taken, arm):
-    held = held_friction(arm, smoothed(taken(EVERY)))
+    held = friction_shares(arm, smoothed(taken(EVERY)))
     assert [abs(one.share) < 4 * one.std for one in held] == [True] * 3
 
 
@@ -270,7 +270,7 @@ def test_nothing_is_told_where_the_column_map_says_so(taken, arm):
 
 def test_a_robot_whose_model_states_no_friction_lacks_none(taken, arm):
     bare = replace(arm, viscous_friction=np.zeros(3), coulomb_friction=np.zeros(3))
-    assert held_friction(bare, smoothed(taken(EVERY))) == ()
+    assert friction_shares(bare, smoothed(taken(EVERY))) == ()
 
 
 def test_friction_below_what_the_fit_leaves_is_not_told(taken, arm, changed, rng):
@@ -284,7 +284,7 @@ def test_friction_below_what_the_fit_leaves_is_not_told(taken, arm, changed, rng
 def test_a_joint_that_its_drive_does_not_move_lacks_no_friction(taken, arm, changed):
     recording = taken(EVERY)
     idle = changed(recording, tau=recording.tau * [1.0, 0.1, 1.0])
-    assert [one.joint for one in held_friction(arm, smoothed(idle))] == ["turn", "slide"]
+    assert [one.joint for one in friction_shares(arm, smoothed(idle))] == ["turn", "slide"]
 
 
 def test_a_joint_that_never_moves_lacks_no_friction():
@@ -292,7 +292,7 @@ def test_a_joint_that_never_moves_lacks_no_friction():
     robot, rng, t = load_robot(ROBOTS / "pendulum.urdf"), np.random.default_rng(1), np.arange(2000) / 100.0
     q, tau = (rng.standard_normal((2000, 1)) * size + level for size, level in ((1e-5, 0.3), (0.01, 1.45)))
     still = Recording("still.csv", robot.joint_names, t, q, tau)
-    assert held_friction(robot, smoothed(still)) != ()
+    assert friction_shares(robot, smoothed(still)) != ()
     assert check_friction_taken(still, robot, smoothed(still)) == ()
 
 
