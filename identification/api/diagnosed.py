@@ -1,4 +1,4 @@
-"""Diagnoses from Python: of recordings of one robot, or of recordings whose differences are stated."""
+"""The diagnosis behind `phantom_dyn.diagnose`: of recordings alone, or with a file that states their differences."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def diagnosis_of_recordings(
     *,
     motion_only: bool,
 ) -> Diagnosis:
-    """The diagnosis from recorded torques; without them from torques of the controllers, or from positions at rest.
+    """The diagnosis from recorded torques, or without them, from the controllers' torques or from positions at rest.
 
     Args:
         robot: The model.
         recordings: Recordings for the fits.
         hold_out: Recordings that no fit sees; may be empty.
-        known: Effects that belong to the model already.
-        columns: Column map of recordings that are paths.
+        known: Effects that are already part of the model.
+        columns: Column map for recordings that are paths.
         progress: Called with each stage.
-        motion_only: True if a recorded torque must not be used.
+        motion_only: True if recorded torques must not be used.
 
     Raises:
-        UsageError: If an argument cannot be used with recordings at rest.
+        UsageError: If an argument cannot be used for recordings at rest.
         LogError: If a recording cannot be used.
     """
-    # A dataset is several recordings, so the held-out ones are counted after it has been expanded.
+    # A dataset holds several recordings, so it is expanded before the held-out recordings are counted.
     held = expanded(hold_out)
 
     def read(torque_needed: bool) -> tuple[Recording, ...]:
@@ -60,14 +60,14 @@ def diagnosis_of_changes(
     columns: str | Path | None,
     progress: Progress,
 ) -> Diagnosis:
-    """The diagnosis of recordings, given as paths, whose differences a ``recordings.yaml`` states.
+    """The diagnosis of recordings with a ``recordings.yaml`` that states how they differ.
 
     Args:
         robot: The model.
         recordings: Paths of recordings for the fits.
         hold_out: Paths of recordings that no fit sees; may be empty.
-        known: Effects that belong to the model already.
-        changes: The ``recordings.yaml``.
+        known: Effects that are already part of the model.
+        changes: Path of the ``recordings.yaml``.
         columns: Column map.
         progress: Called with each stage.
 
@@ -84,7 +84,7 @@ def diagnosis_of_changes(
 
 
 def paths_of(given: object, name: str) -> tuple[str | Path, ...]:
-    """The paths in an argument; anything else is refused.
+    """The paths in an argument, after a check that they are paths.
 
     Args:
         given: Value of the argument.

@@ -1,4 +1,4 @@
-"""A diagnosis for users of Python: it can be printed, tabled, plotted, saved and loaded."""
+"""The result of `phantom_dyn.diagnose`, with methods to print, plot, save and load it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Diagnosis:
 
     @property
     def minor(self) -> tuple[results.Finding, ...]:
-        """Effects that are seen and too small to matter."""
+        """Effects that were found, but are too small to matter."""
         return self.result.minor
 
     @property
@@ -80,7 +80,7 @@ class Diagnosis:
 
     @property
     def bounds(self) -> tuple[results.Bound, ...]:
-        """For each effect that was not found, the smallest size that would have been seen."""
+        """For each effect that was not found, the smallest size that would have been found."""
         return self.result.bounds
 
     @property
@@ -104,12 +104,12 @@ class Diagnosis:
     def __repr__(self) -> str:
         names = [effect_at_finding(finding) for finding in all_findings(self.result)]
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-        said = joined(names[:3], last=", " if more else " and ") + more
+        findings = joined(names[:3], last=", " if more else " and ") + more
         closed = "" if self.gap.closed is None else f", {percent_short_of_all(self.gap.closed)} of the gap closed"
-        # A file of an earlier version does not say of which robot it is.
+        # A file of an earlier version does not name its robot.
         name = self.result.robot if self.robot is None else self.robot.name
         about = f" of {name}" if name else ""
-        return f"Diagnosis{about}: {self.verdict.replace('_', ' ')}{closed}\nFindings: {said or 'none'}"
+        return f"Diagnosis{about}: {self.verdict.replace('_', ' ')}{closed}\nFindings: {findings or 'none'}"
 
     def _repr_html_(self) -> str:
         head, findings = repr(self).splitlines()
@@ -134,7 +134,7 @@ class Diagnosis:
         return "\n".join(parts)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row a finding, with its parameters and their deviations as columns such as ``torque``, ``torque_std``.
+        """One row per finding, with its parameters and their standard deviations, as ``torque`` and ``torque_std``.
 
         A value that is a list (the orders of a cogging torque) is a list in its cell; missing values are NaN.
         """
@@ -161,14 +161,14 @@ class Diagnosis:
         return pandas.DataFrame(rows, columns=list(dict.fromkeys([*fixed, *(name for row in rows for name in row)])))
 
     def residuals(self) -> xarray.DataArray:
-        """Measured less modelled torque [N m or N] in the judged band, over ``time``, ``joint`` and ``model``.
+        """Measured minus modelled torque [N m or N] in the judged band, over ``time``, ``joint`` and ``model``.
 
         ``model`` is ``before`` for the given model and ``after`` for the corrected one. Each sample is predicted by a
-        fit that has not seen it. It is NaN for joints whose links are in contact. Between two recordings there is a
-        gap in time.
+        fit that has not used it. Joints whose links are in contact have NaN. There is a gap in time between two
+        recordings.
 
         Raises:
-            UsageError: If the diagnosis was read from a file, which holds no samples, or xarray is missing.
+            UsageError: If the diagnosis was read from a file, which has no samples, or xarray is missing.
         """
         xarray = optional_library("xarray")
         evidence = self._evidence()
@@ -189,16 +189,16 @@ class Diagnosis:
 
     @takes(joints=or_none(NAMES))
     def plot(self, joints: str | list[str] | None = None) -> np.ndarray:
-        """Draw the residual before and after over time, one panel a joint.
+        """Plot the residual of the given and the corrected model over time, one panel per joint.
 
         Args:
-            joints: Names of the joints to draw, by default all.
+            joints: Names of the joints to plot, by default all.
 
         Returns:
-            Matplotlib's axes, one a joint; ``axes[0].figure`` is the figure.
+            Matplotlib's axes, one per joint; ``axes[0].figure`` is the figure.
 
         Raises:
-            UsageError: If there is no such joint, or the diagnosis was read from a file, which holds no samples.
+            UsageError: If there is no such joint, or the diagnosis was read from a file, which has no samples.
         """
         import matplotlib.pyplot as plt
 
@@ -220,23 +220,23 @@ class Diagnosis:
 
     @takes(effect=TEXT, joint=or_none(TEXT))
     def why(self, effect: str, joint: str | None = None) -> str:
-        """Why an effect was named, or was not: a sentence, and the gates that it met with their figures.
+        """Why an effect was named, or was not: a sentence, and the gates that it met, with their figures.
 
         Args:
-            effect: Its name in the catalogue, such as ``payload``.
+            effect: Name of the effect in the catalogue, such as ``payload``.
             joint: Name of a joint; by default all joints on which the diagnosis considered it.
 
         Raises:
-            UsageError: If this diagnosis did not look at such an effect, or not on that joint.
+            UsageError: If the diagnosis did not consider this effect, or not on this joint.
         """
         return listed(why(self.result, effect, joint))
 
     @takes(folder=FOLDER)
     def save(self, folder: str | Path) -> tuple[Path, ...]:
-        """Write ``report.html``, ``diagnosis.json`` and the corrected model into a folder; the files written.
+        """Write ``report.html``, ``diagnosis.json`` and the corrected model into a folder; returns their paths.
 
         Raises:
-            UsageError: If a file cannot be written, or the diagnosis was read from a file, which holds no samples.
+            UsageError: If a file cannot be written, or the diagnosis was read from a file, which has no samples.
         """
         from identification.reporting.stored.diagnosis_files import write_outputs
 
@@ -254,10 +254,10 @@ class Diagnosis:
     @classmethod
     @takes(file=path_of("the path of a diagnosis.json or of its folder"))
     def load(cls, file: str | Path) -> Diagnosis:
-        """A diagnosis from its ``diagnosis.json`` or the folder of it; it can be printed, tabled and compared.
+        """A diagnosis from its ``diagnosis.json`` or the folder of this file; it can be printed and compared.
 
         Raises:
-            LogError: If there is no such file or it is no diagnosis.
+            LogError: If there is no such file, or if it is no diagnosis.
         """
         return cls(read_diagnosis(file))
 
@@ -268,7 +268,7 @@ class Diagnosis:
 
     def _draw(self, panel: Axes, joint: str, left: xarray.DataArray) -> None:
         gap = next(gap for gap in self.joints if gap.joint == joint)
-        # A line over the gap between two recordings would show motion that nobody recorded.
+        # NaN interrupts the lines in the gap between two recordings.
         t = left.time.to_numpy()
         steps = np.diff(t)
         breaks = np.flatnonzero(steps > 20 * np.median(steps)) + 1 if len(steps) else []

@@ -1,4 +1,4 @@
-"""The functions of ``import phantom_dyn as dyn``: what the commands do, for paths or objects, one or several."""
+"""The functions of ``import phantom_dyn as dyn``, which do the same as the commands, for paths or objects."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ if TYPE_CHECKING:
 
 Paths = str | Path | Iterable[str | Path]
 EffectLike = tuple[str | Effect | type[Effect], str | None, Mapping[str, float | Sequence[float]]]
-"""Effect of the catalogue or your own, joint (None: the whole robot) and parameters, as in ``("coulomb_friction", "j1",
-{"torque": 0.3})``."""
+"""An effect of the catalogue or your own, its joint (None for the whole robot) and its parameters, as in
+``("coulomb_friction", "j1", {"torque": 0.3})``."""
 
 
 @takes(
@@ -92,22 +92,22 @@ def read_recording(
     torque_needed: bool = True,
     anyway: bool = False,
 ) -> Recording:
-    """A recording of a robot from a file, checked; its ``warnings`` say what may be wrong with it.
+    """A checked recording of a robot from a file; its ``warnings`` say what may be wrong with it.
 
     Args:
         path: CSV, Parquet, NPZ, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset, as in
             ``dataset/episode_000003``.
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
-        columns: Column map (YAML) or the name of one that is shipped, such as ``ur_rtde``, where the columns have other
-            names or units.
-        topic: Topic of a bag that has several.
-        ref_topic: Topic of a bag that has the references, where another one has them.
-        exclude: Stretches of time [s] to leave out of every fit, as in ``[(0, 1.5)]``.
-        torque_needed: False for work on motion alone.
-        anyway: Let it be judged although it is certainly wrong.
+        columns: Column map (YAML) or the name of a built-in one, such as ``ur_rtde``, if the columns have other names
+            or units.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
+        exclude: Intervals of time [s] to leave out of every fit, as in ``[(0, 1.5)]``.
+        torque_needed: False if only the motion is used.
+        anyway: True to judge it in spite of certain faults.
 
     Raises:
-        LogError: If the file cannot be used; one sentence says which column and row, and what to do.
+        LogError: If the file cannot be used; one sentence names the column and row, and says what to do.
     """
     if not isinstance(path, str | Path):
         raise UsageError(f"{described(path)} was given as a recording, wanted the path of a log, then the robot.")
@@ -148,20 +148,20 @@ def diagnose(
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
-        recordings: Path or recording, or several; they are judged on blocks that no fit has seen.
-        hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
-        known: ``corrected.yaml`` of earlier diagnoses, whose findings belong to the model already.
-        changes: ``recordings.yaml`` that says what was different between the recordings, which are then paths.
-        columns: Column map (YAML) of recordings that are paths.
-        effects: Effects of your own beside the catalogue: a Python file, classes or instances, see
+        recordings: Path or recording, or several; they are judged on blocks that no fit has used.
+        hold_out: Recordings that no fit uses; if there are any, all figures are computed on them.
+        known: ``corrected.yaml`` of earlier diagnoses, whose findings are already part of the model.
+        changes: ``recordings.yaml`` that states how the recordings differ; the recordings are then paths.
+        columns: Column map (YAML) for recordings that are paths.
+        effects: Effects of your own in addition to the catalogue: a Python file, classes or instances, see
             `docs/how_to/own_effects.md`.
-        motion_only: True if a torque that was recorded is not to be used, but that which the controllers ask for;
-            where none was recorded it is so anyway.
-        progress: Told in words what is being done, as in ``progress=print``.
+        motion_only: True to use the torques that the controllers ask for instead of recorded ones; recordings without
+            torques are used so in any case.
+        progress: Called with words on each stage, as in ``progress=print``.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
-        LogError: If a recording cannot be used, or is certainly wrong.
+        LogError: If a recording cannot be used, or has a certain fault.
         RobotError: If the robot cannot be loaded.
         EffectError: If an effect of your own cannot be used.
     """
@@ -186,21 +186,22 @@ def identify(
     columns: str | Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
-    """Estimate base parameters, friction and drives of a robot, judged on data that no fit has seen.
+    """Estimate base parameters, friction and drives of a robot, judged on data that no fit has used.
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
-        recordings: Path or recording, or several; of one its last fifth is held out, of several the last one.
-        hold_out: Recordings to judge on instead.
+        recordings: Path or recording, or several. The last fifth of a single recording is held out; of several
+            recordings the last one is held out.
+        hold_out: Recordings that are held out instead.
         estimator: ``ols``, ``wls``, ``irls``, ``consistent``; with references and controllers ``iv``, ``didim``.
-        friction: Terms of every joint: ``viscous``, ``coulomb``, ``offset``, ``direction_dependent``, or ``none``.
-        rotors: True if rotor inertias are unknowns, too.
-        columns: Column map (YAML) of recordings that are paths.
-        progress: Told in words what is being done.
+        friction: Friction of every joint: ``viscous``, ``coulomb``, ``offset``, ``direction_dependent``, or ``none``.
+        rotors: True to estimate rotor inertias as well.
+        columns: Column map (YAML) for recordings that are paths.
+        progress: Called with words on each stage.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
-        LogError: If a recording cannot be used, or is certainly wrong.
+        LogError: If a recording cannot be used, or has a certain fault.
         IdentifiabilityError: If the recordings excite too little.
     """
     estimator_named(estimator)
@@ -229,19 +230,19 @@ def excite(
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Reference:
-    """A motion from rest to rest that makes the inertial parameters of a robot visible, within its limits.
+    """A motion from rest to rest, within the robot's limits, from which its inertial parameters can be identified.
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
         duration: Length [s].
         rate: Rows per second.
         harmonics: Number of harmonics of the Fourier series that it consists of.
-        share: Part of the velocity and torque limits to use.
+        share: Share of the velocity and torque limits to use.
         seed: Seed of the random motions from which the search starts.
-        progress: Told in words what is being done.
+        progress: Called with words on each stage.
 
     Raises:
-        ParameterError: If no motion keeps the limits; the sentence names the one that is broken most.
+        ParameterError: If no motion keeps the limits; the message names the limit that is exceeded most.
     """
     from identification.excitation.collisions import collisions_of
 
@@ -267,18 +268,18 @@ def check(
     topic: str | None = None,
     ref_topic: str | None = None,
 ) -> CheckedRecording:
-    """Say what is wrong with a recording: what certainly is, and what may be; ``print`` shows it.
+    """Certain faults and possible errors of a recording; ``print`` shows them.
 
     Args:
         robot: The robot that was recorded. It may be left out, as in ``check("log.csv")``: then less is checked.
         recording: A path, or what `read_recording` returned.
-        columns: Column map (YAML) or the name of one that is shipped, where the columns have other names or units.
-        topic: Topic of a bag that has several.
-        ref_topic: Topic of a bag that has the references, where another one has them.
+        columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
-        LogError: If the file is no recording at all.
+        LogError: If the file cannot be read as a recording.
     """
     alone = recording is None
     given = robot if alone else recording
@@ -291,7 +292,7 @@ def check(
 
 
 def compare(*diagnoses: Diagnosis | str | Path) -> comparison.Comparison:
-    """Say what changed between two diagnoses or more: verdicts, findings, sizes with their 95 % intervals.
+    """What changed between two or more diagnoses: verdicts, findings, and sizes with their 95 % intervals.
 
     Args:
         diagnoses: Results of `diagnose`, or paths of ``diagnosis.json`` or of its folder.
@@ -324,22 +325,22 @@ def simulate(
     kp: Float[Array, " nv"] | Sequence[float] | float | None = None,
     kd: Float[Array, " nv"] | Sequence[float] | float | None = None,
 ) -> SimulatedRecording:
-    """Move a robot that has effects which its model lacks along a reference, and record it.
+    """Simulate a robot along a reference, with effects that its model lacks.
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
         reference: Result of `excite`, a motion, or a table with ``t`` and ``q_ref.<joint>``.
-        effects: What the robot has beside its model: triples of effect, joint and parameters, a diagnosis, or its
-            ``corrected.yaml``.
-        own_effects: Effects of your own that ``effects`` names: a Python file, classes or instances. A triple may hold
-            the class itself in the place of the name.
-        kp: Position gains [N m/rad or N/m]; None: those of ``robot.yaml``, else such that errors of the model's own
-            inertia die out at 5 Hz, critically damped, beside the torque that the model needs for the reference.
-        kd: Velocity gains; None: as ``kp``.
+        effects: Effects that the robot has in addition to its model: tuples of effect, joint and parameters, a
+            diagnosis, or its ``corrected.yaml``.
+        own_effects: Effects of your own that ``effects`` names: a Python file, classes or instances. A tuple may also
+            contain the class instead of the name.
+        kp: Position gains [N m/rad or N/m]. By default those of ``robot.yaml``; without them a bandwidth of 5 Hz with
+            critical damping for the model's inertia, and the torque that the model needs for the reference.
+        kd: Velocity gains, with the same default.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
-        ParameterError: If an effect or gain cannot be, or the motion leaves all bounds.
+        ParameterError: If an effect or gain is impossible, or the motion diverges.
         EffectError: If an effect of your own cannot be used.
     """
     named = effects if isinstance(effects, str | Path | Diagnosis) else listed(effects)
@@ -370,16 +371,17 @@ def map_workspace(
     stiffness: Float[Array, " nv"] | Sequence[float] | None = None,
     jobs: int | Literal[1] | None = None,
 ) -> xarray.Dataset:
-    """Inertia and forces that a hand feels at the tip of a robot over its workspace, as an xarray dataset with units.
+    """Inertia and forces at the tip of a robot over its workspace, as an xarray dataset with units.
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
-        grid: Over the tip [m] as in ``x=0:0:1,y=-0.2:0.2:41,z=-0.1:0.3:41``, or over joints as in ``q.j1=-1:1:21``.
+        grid: Positions of the tip [m] as in ``x=0:0:1,y=-0.2:0.2:41,z=-0.1:0.3:41``, or of joints as in
+            ``q.j1=-1:1:21``.
         quantities: Names, such as ``apparent_mass``, ``stiffness``, ``gravity_force``.
-        frame: The tip; by default frame ``tip``, else the last one.
-        q0: Joint positions near which the branch of the inverse kinematics is taken.
-        stiffness: Stiffness of each joint [N m/rad], where nothing states it.
-        jobs: Processes at most.
+        frame: Frame of the tip; by default ``tip``, or else the last frame.
+        q0: Joint positions near which the solution of the inverse kinematics is taken.
+        stiffness: Stiffness of each joint [N m/rad], if the robot file does not state it.
+        jobs: Largest number of processes.
 
     Raises:
         ParameterError: If grid, quantity or a value cannot be used.

@@ -1,4 +1,4 @@
-"""Robot and recordings as a user may give them: paths, objects, one or several; anything else gets one sentence."""
+"""Converts robots and recordings as users may give them: paths or objects, one or several."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ RecordingLike = str | Path | Recording
 RecordingsLike = RecordingLike | Iterable[RecordingLike]
 """One recording or several."""
 COLUMNS = path_of("the path of a column map or the name of one that is shipped")
+"""Check of the argument ``columns``."""
 
 _ROBOT_WANTED = "wanted a URDF or MJCF file, example:NAME, a built-in name, or a robot from load_robot"
 _LOG_WANTED = "wanted the path of a log, a recording from read_recording, or a list of them"
 
 
 def robot_of(given: RobotLike, recordings: object = ()) -> Robot:
-    """The robot that was given, loaded where it is a path or name.
+    """The given robot, which is loaded if it is a path or name.
 
     Args:
         given: A robot, a path, or the name of a built-in robot.
-        recordings: Argument in the place of the recordings, to recognise arguments that were swapped.
+        recordings: Value of the argument for recordings, to recognise exchanged arguments.
 
     Raises:
-        UsageError: If it is no robot; the sentence says what was given and what is wanted.
+        UsageError: If it is no robot; the message says what was given and what is wanted.
         RobotError: If the robot cannot be loaded.
     """
     if isinstance(given, Robot):
@@ -54,16 +55,16 @@ def robot_of(given: RobotLike, recordings: object = ()) -> Robot:
 def recordings_of(
     given: RecordingsLike, robot: Robot, *, columns: str | Path | None = None, torque_needed: bool = True
 ) -> tuple[Recording, ...]:
-    """The recordings that were given, read where they are paths.
+    """The given recordings, which are read if they are paths.
 
     Args:
         given: One recording or several.
         robot: The robot that was recorded.
-        columns: Column map of those that are paths.
-        torque_needed: False for work on motion alone.
+        columns: Column map for recordings that are paths.
+        torque_needed: False if only the motion is used.
 
     Raises:
-        UsageError: If there is none, or one is no recording; the sentence says what was given and what is wanted.
+        UsageError: If there is none, or one is no recording; the message says what was given and what is wanted.
         LogError: If a file cannot be read.
     """
     several = expanded(given)
@@ -73,19 +74,16 @@ def recordings_of(
 
 
 def expanded(given: object) -> tuple[Any, ...]:
-    """One or several as a tuple, the folder of a LeRobot dataset replaced by its episodes."""
-    return tuple(part for one in listed(given) for part in _episodes(one))
-
-
-def _episodes(given: object) -> list[object]:
-    """The episodes of a LeRobot dataset, where the folder of one is given; else what was given."""
-    if not isinstance(given, str | Path) or not is_lerobot(Path(given)):
-        return [given]
-    return list(with_episodes([str(given)], None))
+    """The given recordings as a tuple, with folders of LeRobot datasets replaced by their episodes."""
+    out: list[object] = []
+    for one in listed(given):
+        is_dataset = isinstance(one, str | Path) and is_lerobot(Path(one))
+        out += with_episodes([str(one)], None) if is_dataset else [one]
+    return tuple(out)
 
 
 def listed(given: object) -> tuple[object, ...]:
-    """One or several as a tuple; a text is one, and so is a table."""
+    """The parts of a given list or tuple; a text, or any other object, is a single part."""
     parts = parts_of(given)
     return (given,) if parts is None else parts
 
@@ -100,6 +98,7 @@ def described(given: object) -> str:
 
 
 def _recording(given: object, robot: Robot, columns: str | Path | None, torque_needed: bool) -> Recording:
+    """One recording, which is read if it is a path."""
     if isinstance(given, Recording):
         if given.joint_names != robot.joint_names:
             raise UsageError(

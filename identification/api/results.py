@@ -1,4 +1,4 @@
-"""Results of the Python interface: identifications, reference motions, simulated recordings and checks."""
+"""Results of the Python interface: identifications, reference motions and simulated recordings."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Identification:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about the recordings and the estimate."""
+        """Warnings about the recordings and the estimate."""
         return self.result.warnings
 
     def __str__(self) -> str:
@@ -61,7 +61,7 @@ class Identification:
         return f"<p><b>{first}</b><br>{second}</p>"
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row a parameter: value, standard deviation, unit, and whether it differs from zero."""
+        """One row per parameter: value, standard deviation, unit, and whether it differs from zero."""
         pandas = optional_library("pandas")
         names = ("name", "value", "std", "unit", "regroups", "identified", "joint", "effect")
         rows = [{name: getattr(parameter, name) for name in names} for parameter in self.parameters]
@@ -69,7 +69,7 @@ class Identification:
 
     @takes(folder=FOLDER)
     def save(self, folder: str | Path) -> tuple[Path, ...]:
-        """Write ``identification.json``, ``report.html`` and the corrected models into a folder; the files written.
+        """Write ``identification.json``, ``report.html`` and the corrected models into a folder; returns their paths.
 
         Raises:
             UsageError: If a file cannot be written.
@@ -78,23 +78,22 @@ class Identification:
 
 
 class Columns(Protocol):
-    """Columns under the names of a log, which can be tabled and written."""
+    """Base of results that are columns of a log: they can be converted to a table and written to a file."""
 
     def columns(self) -> dict[str, Float[Array, " N"]]:
-        """The columns, all of one length."""
+        """The columns by name, all of the same length."""
         ...
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The columns as a table."""
-        pandas = optional_library("pandas")
-        return pandas.DataFrame(self.columns())
+        return optional_library("pandas").DataFrame(self.columns())
 
     @takes(file=FILE)
     def save(self, file: str | Path) -> Path:
-        """Write the columns as CSV, NPZ or Parquet, by ending.
+        """Write the columns as CSV, NPZ or Parquet, as the ending of the file states; returns its path.
 
         Raises:
-            UsageError: If the ending names no format, or the file cannot be written.
+            UsageError: If the ending is none of these, or the file cannot be written.
         """
         write_log(Path(file), self.columns())
         return Path(file)
@@ -102,7 +101,7 @@ class Columns(Protocol):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Reference(Columns):
-    """A motion for a robot to follow, from rest to rest; ``print`` shows how well it excites and its limits.
+    """A motion for a robot to follow, from rest to rest; ``print`` shows its excitation and its limits.
 
     Attributes:
         design: The design of the motion.
@@ -119,7 +118,7 @@ class Reference(Columns):
 
     @property
     def robot(self) -> Robot:
-        """The robot that is to move."""
+        """The robot for which the motion was designed."""
         return self.design.robot
 
     def __str__(self) -> str:
@@ -162,10 +161,15 @@ class SimulatedRecording(Columns):
 
     @takes(position_noise=NUMBER, torque_noise=NUMBER, seed=SEED)
     def recording(self, *, position_noise: float = 0.0, torque_noise: float = 0.0, seed: int = 0) -> Recording:
-        """A recording to diagnose, with added white noise of these standard deviations [rad or m, N m or N].
+        """A recording to diagnose, with white noise added.
+
+        Args:
+            position_noise: Standard deviation of the noise of positions [rad or m].
+            torque_noise: Standard deviation of the noise of torques [N m or N].
+            seed: Seed of the noise.
 
         Raises:
-            UsageError: If a deviation is negative.
+            UsageError: If a standard deviation is negative.
         """
         if not (position_noise >= 0 and torque_noise >= 0):
             raise UsageError("a negative noise was given, wanted standard deviations of 0 or more.")
@@ -178,5 +182,5 @@ class SimulatedRecording(Columns):
             q=q + position_noise * rng.standard_normal(q.shape),
             tau=tau + torque_noise * rng.standard_normal(tau.shape),
         )
-        rest = checked(found, self.robot)
-        return replace(found, warnings=rest.warnings, wrong=rest.wrong)
+        result = checked(found, self.robot)
+        return replace(found, warnings=result.warnings, wrong=result.wrong)

@@ -1,4 +1,4 @@
-"""Reference, controller and effects of a simulation, as a user may give them."""
+"""Converts the arguments of `phantom_dyn.simulate`: reference, controller gains and effects."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _BANDWIDTH = 2 * np.pi * 5.0
 
 
 def reference_of(robot: Robot, given: object) -> Motion:
-    """The motion that a simulated robot is to follow.
+    """The motion for a simulated robot to follow.
 
     Raises:
         UsageError: If it is no motion.
-        LogError: If a file has no reference of a joint.
+        LogError: If a file has no reference for a joint.
     """
     if isinstance(given, Reference):
         if given.robot.joint_names != robot.joint_names:
@@ -60,6 +60,7 @@ def reference_of(robot: Robot, given: object) -> Motion:
 
 
 def _read(robot: Robot, path: str | Path) -> Motion:
+    """The reference in a file with the columns ``t`` and ``q_ref.<joint>``."""
     raw = read_raw(path)
     names = ["t", *(f"q_ref.{joint}" for joint in robot.joint_names)]
     lacking = [name for name in names if name not in raw.columns]
@@ -73,10 +74,14 @@ def _read(robot: Robot, path: str | Path) -> Motion:
 
 
 def with_named_effects(robot: Robot, given: object) -> Robot:
-    """The robot with the user's own effects that are among the given ones (triples, or the findings of a diagnosis).
+    """The robot with the user's own effects among the given ones.
+
+    Args:
+        robot: The robot.
+        given: A diagnosis, or effects as in `causes_of`.
 
     Raises:
-        EffectError: If one cannot be used.
+        EffectError: If an effect cannot be used.
     """
     if isinstance(given, Diagnosis):
         own = () if given.robot is None else cast("tuple[Effect, ...]", given.robot.user_effects)
@@ -91,9 +96,13 @@ def with_named_effects(robot: Robot, given: object) -> Robot:
 def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
     """The effects that a simulated robot has in addition to its model.
 
+    Args:
+        robot: The robot.
+        given: A diagnosis, the path of a ``corrected.yaml``, or tuples of effect, joint and parameters.
+
     Raises:
-        UsageError: If they are not given in one of the known ways.
-        ParameterError: If an effect, joint or parameter is unknown or impossible; the sentence lists the known ones.
+        UsageError: If ``given`` is anything else.
+        ParameterError: If an effect, joint or parameter is unknown or impossible; the message lists the known ones.
     """
     if isinstance(given, Diagnosis):
         return tuple(_cause(robot, effect_of(robot, finding)) for finding in lasting_findings(given.result))
@@ -103,7 +112,10 @@ def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
 
 
 def tracking(robot: Robot, motion: Motion, kp: object, kd: object) -> Tracking:
-    """A controller that follows a motion: the stated one, else the model's torque and critically damped feedback."""
+    """A controller that follows a motion.
+
+    It is the stated one if no gains are given; else the model's torque with feedback, by default critically damped.
+    """
     stated = [actuator.controller for actuator in robot.actuators]
     if kp is None and kd is None and all(controller is not None for controller in stated):
         gains = np.array([[one.kp, one.kd] for one in stated if one is not None]).T

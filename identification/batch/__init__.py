@@ -1,1 +1,1 @@
-"""Many recordings, each diagnosed by itself."""
+"""Diagnoses of many recordings, each by itself, and comparisons of the robots of a fleet."""

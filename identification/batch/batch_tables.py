@@ -1,4 +1,4 @@
-"""Tables of many diagnoses: for a terminal, as CSV and as JSON (schema ``gap-diagnoses/1``)."""
+"""Writes tables of many diagnoses: for a terminal, as CSV and as JSON (schema ``gap-diagnoses/1``)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NAME_WIDTH, _SHOWN = 32, 3
 
 
 def table(result: DiagnosedRecordings) -> str:
-    """One line for each recording (log, verdict, and causes or why there are none), then the count of each verdict."""
+    """One line per recording (log, verdict, and causes or the reason for none), then the count of each verdict."""
     names = [shortened(name, _NAME_WIDTH) for name in _names(result)]
     width = max(len("recording"), *map(len, names))
     verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
@@ -53,7 +53,7 @@ def counts(result: DiagnosedRecordings) -> str:
 
 
 def csv_text(result: DiagnosedRecordings) -> str:
-    """The table as CSV, one row a recording, with the residual of every joint before and after."""
+    """The table as CSV, one row per recording, with the residual of every joint before and after."""
     out = io.StringIO()
     joints = [f"{column}.{joint}" for joint in result.joint_names for column in ("rms_before", "rms_after")]
     head = ["log", "folder", "verdict", "findings", "unexplained", *joints, "seconds", "refusal", "run"]
@@ -87,10 +87,10 @@ def write_tables(
     Folder and file are optional.
 
     Returns:
-        The files written.
+        Paths of the files.
 
     Raises:
-        UsageError: If one of them cannot be written; none is written then.
+        UsageError: If one of them cannot be written; then none is written.
     """
     contents: dict[Path, str] = {}
     if out is not None:

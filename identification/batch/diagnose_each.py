@@ -1,6 +1,6 @@
-"""Diagnosis of many recordings, each by itself: one verdict per recording, in several processes or on a cluster.
+"""Diagnoses many recordings, each by itself, in several processes or on a cluster.
 
-`logs_in` finds the recordings in a folder, `folder_names` chooses the name of the output folder of each.
+`logs_in` finds the recordings in a folder, `folder_names` chooses the name of each recording's output folder.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ REFUSED = "refused"
 
 _BAG = "metadata.yaml"  # file in the folder of a ROS 2 bag
 
-# The style of matplotlib's figures is that of the whole process: threads write their reports in turn.
+# Threads write their reports in turn, because matplotlib's style belongs to the whole process.
 _WRITING = threading.Lock()
-# Sentences on a recording whose process died, and on one whose diagnosis raised an error of ours.
+# Refusals of a recording whose process died, and of one whose diagnosis raised an unexpected error.
 _LOST = (
     "{}: the process that diagnosed it ended again and again, perhaps because memory ran out: diagnose it alone, or "
     "with fewer --jobs."
@@ -73,23 +73,24 @@ def logs_in(path: str) -> list[str]:
 
 
 def _is_log(entry: Path) -> bool:
+    """True for a ROS 2 bag, or a file with the ending of a recording."""
     if entry.is_dir():
         return (entry / _BAG).exists()
     return entry.suffix.lower() in ENDINGS and entry.name not in TABLES and not entry.name.startswith(".")
 
 
 def require_logs(logs: Sequence[str | Path]) -> tuple[Path, ...]:
-    """Full paths of recordings.
+    """Full paths of recordings, after a check that they exist.
 
     Raises:
-        LogError: If there is none, or one is not there or given twice.
+        LogError: If no recording is given, or one is missing or given twice.
     """
     if isinstance(logs, str | Path) or not logs:
         raise LogError(f"{logs!r} was given, wanted a list of at least one recording: give the paths of files.")
     seen: dict[Path, None] = {}
     for log in logs:
         require_existing(log)
-        # Two paths of the same file, by links or dots, would write into the same folder or count twice.
+        # Two paths may name the same file, by links or dots.
         if Path(log).resolve() in seen:
             raise LogError(f"{log} is given twice: give every recording once.")
         seen[Path(log).resolve()] = None
@@ -97,10 +98,10 @@ def require_logs(logs: Sequence[str | Path]) -> tuple[Path, ...]:
 
 
 def folder_names(paths: Sequence[Path]) -> tuple[str, ...]:
-    """Name of the output folder of each recording: its file name without ending, made longer until all differ.
+    """Name of each recording's output folder: its file name without ending, made longer until all names differ.
 
     Args:
-        paths: Full paths, no two of them equal.
+        paths: Full paths, all different.
 
     Returns:
         Names that differ even on systems that ignore case: ``run``, else ``run.csv``, else ``monday_run.csv`` and so
@@ -128,7 +129,7 @@ def _name(path: Path, length: int) -> str:
 
 
 def check_folders(out: Path, names: Sequence[str]) -> None:
-    """Refuse a folder for the files that cannot be written, before any work is done.
+    """Raise an error if an output file cannot be written, before any work is done.
 
     Raises:
         UsageError: If an output file is a folder or a file of the user, or its folder may not be written to.
@@ -144,16 +145,16 @@ def check_folders(out: Path, names: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class DiagnosedRecording:
-    """Outcome of one recording: its diagnosis, or why it was refused.
+    """Outcome of one recording: its diagnosis, or the reason why it was refused.
 
     Attributes:
-        log: The file as it was given.
-        folder: Name of the folder for its files, after the log.
+        log: Path of the recording as it was given.
+        folder: Name of the folder for its files.
         verdict: Verdict in ``diagnosis.json``, or ``refused``.
         causes: Findings in words, first the one that closes most of the gap.
-        document: Content of ``diagnosis.json``; None if it was refused.
-        refusal: Why it was refused, in a sentence; None if it was not.
-        sentence: The verdict in words; empty if it was refused.
+        document: Content of ``diagnosis.json``; None if the recording was refused.
+        refusal: Reason for the refusal in a sentence; None without a refusal.
+        sentence: The verdict in words; empty if the recording was refused.
     """
 
     log: str
@@ -205,9 +206,8 @@ def diagnose_each(
         robot: The given model.
         logs: Files, each a recording of that robot.
         known: Effects that are already part of the given model.
-        reading: Options with which all files are read; by default in full, without a column map.
-        out: Output folder. It gets one folder per recording, named after its log, with the files of the diagnosis.
-            None: nothing is written.
+        reading: Options with which all files are read; by default whole files without a column map.
+        out: Output folder. It gets one folder per recording with the files of its diagnosis. None to write nothing.
         jobs: Number of recordings at the same time, see `phantom_dyn.large_work.worker_count`.
         progress: Called with each stage.
 
@@ -215,7 +215,7 @@ def diagnose_each(
         One row per recording. It does not depend on the workers, except for the ``seconds`` in the documents.
 
     Raises:
-        LogError: If a log is not there or given twice, there is none, or the column map cannot be used.
+        LogError: If a log is missing or given twice, none is given, or the column map cannot be used.
         UsageError: If a folder cannot be written.
         ParameterError: If ``jobs`` is below one.
     """
@@ -248,26 +248,16 @@ def diagnose_each(
 
 
 def _with_absolute_source(robot: Robot) -> Robot:
-    """The robot with the absolute path of its file: a worker may have another working folder and reads the meshes."""
+    """The robot with the absolute path of its file, because a worker may read meshes in another working folder."""
     file = Path(robot.source)
     return replace(robot, source=str(file.absolute())) if file.is_file() and find_robot(robot.source) == file else robot
 
 
 def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: ReadOptions, log: Path) -> Diagnosis:
-    """Diagnosis of one recording by its torque or, if it has none, by the torque that its controllers command."""
+    """Diagnosis of one recording from its torque or, without it, from the torque that its controllers command."""
 
     def read(torque_needed: bool) -> tuple[Recording, ...]:
-        one = read_recording(
-            log,
-            robot,
-            columns=reading.columns,
-            topic=reading.topic,
-            ref_topic=reading.ref_topic,
-            excluded=reading.excluded,
-            torque_needed=torque_needed,
-            anyway=reading.anyway,
-        )
-        return (one,)
+        return (read_recording(log, robot, **vars(reading), torque_needed=torque_needed),)
 
     return diagnose(robot, read, known=known)
 
@@ -281,7 +271,7 @@ def _diagnosed(
     row: DiagnosedRecording,
 ) -> DiagnosedRecording:
     """Row of one recording after reading it, diagnosing it and writing its files."""
-    # A copy, because a closed chain remembers its last solution, and no result may depend on earlier recordings.
+    # A closed chain keeps its last solution, and no result may depend on earlier recordings: so the robot is copied.
     robot = copy.deepcopy(robot)
     try:
         diagnosis = _of_torque_or_motion(robot, known, reading, log)
@@ -290,7 +280,7 @@ def _diagnosed(
                 write_outputs(diagnosis, robot, out=folder, json_file=None, known=known)
     except PhantomDynError as refusal:
         return replace(row, refusal=str(refusal))
-    # A failure must not end days of work on other recordings; the row says what happened.
+    # An error must not end the work on other recordings; the row says what happened.
     except Exception as fault:
         if isinstance(fault, OSError) and is_full(fault):
             return replace(row, refusal=f"{log.name}: {full_words(fault)}.")

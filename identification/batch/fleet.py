@@ -1,14 +1,18 @@
-"""Many diagnoses of a fleet: which robot is out of line with the others, and which one changed, and since when.
+"""Finds the robots of a fleet that differ from the others, and the robots that changed, from many diagnoses.
 
-A robot is the folder that its recordings lie in, and their time is the order of their names. A recording that lacks a
-finding that others have counts as nothing, with the deviation of those that have it; it does not count where it has
-another finding on that joint that is never there beside the missing one, and so may stand for it. Out of line is a
-robot whose mean size differs from those of the others by more than their spread explains (Student's test of one new
-value, at 5 % over all robots and sizes; at least three others). A change is the one step, or the one beginning of a
-steady drift, that leaves the least squares of a robot's recordings; chance is how often recordings that do not change
-show one as clear: drawn from the scatter of the other robots about their means where there are three, else the same
-recordings in random orders. Changes are at 5 % over all robots and sizes (Holm's procedure); they need at least six
-recordings, and in random orders eight rarely show a step. A single odd recording is no change.
+A robot is the folder of its recordings, and their order in time is that of their names. Sizes are the parameters of
+findings. A recording without a finding counts as zero, with the standard deviation of the recordings with this finding.
+It does not count if it has another finding on the same joint that never occurs together with the missing one, and so
+may replace it.
+
+Robots that differ: the mean size of the robot differs from those of the others by more than their spread explains
+(Student's t-test of one new value, 5 % over all robots and sizes, at least three other robots).
+
+Robots that changed: a step, or the beginning of a steady drift, is fitted to the recordings of a robot by weighted
+least squares. Its significance is the share of random recordings without a change with a fit as good. These are drawn
+from the scatter of the other robots about their means, or, with fewer than three others, they are the same recordings
+in random order. The level is 5 % over all robots and sizes (Holm's procedure). At least six recordings are needed; in
+random order, even eight seldom show a step. A single deviating recording is no change.
 """
 
 from __future__ import annotations
@@ -27,23 +31,23 @@ from identification.words.diagnosis_words import capital, effect_at, parameter_n
 from phantom_dyn.array_types import Array, Float
 
 LEVEL = 0.05
-"""False alarms over all robots and sizes of a fleet, of robots out of line and of changes each."""
-_OTHERS = 3
-"""Robots beside the one that is judged: from fewer no spread is known."""
-_SEVERAL = 3
-"""Recordings of another robot before its scatter counts."""
-_FEWEST = 6
-"""Recordings of a robot before a change is looked for."""
+"""Probability of any false alarm over all robots and sizes of a fleet, for each of the two tests."""
+_FEWEST_OTHERS = 3
+"""Smallest number of other robots from which a spread is estimated."""
+_FEWEST_FOR_SCATTER = 3
+"""Smallest number of recordings of another robot for an estimate of its scatter."""
+_FEWEST_FOR_CHANGE = 6
+"""Smallest number of recordings in which a change is looked for."""
 ORDERS = 4999
-"""Random orders or draws, so that a level of one in a hundred is known to a tenth of it."""
+"""Number of random orders or draws: a probability of 0.01 is then known to a tenth of it."""
 _MOST_ORDERS = 199_999
-"""At most, in a fleet of many sizes: beyond a thousand of them the least chance that draws show is above the level."""
+"""Largest number of them; with more than a thousand sizes, the smallest probability they show is above the level."""
 _PER_LEVEL = 10
-"""Draws below the level of the strictest comparison."""
+"""Number of draws below the level of the strictest comparison."""
 
 
 class Size(NamedTuple):
-    """Which number of which finding."""
+    """A parameter of a finding."""
 
     effect: str
     joint: str | None
@@ -58,11 +62,11 @@ class Series:
     Attributes:
         robot: Name of its folder.
         finding: Effect and place in words.
-        parameter: Which size of it, in words.
+        parameter: Name of the parameter in words.
         unit: Unit of the size.
         logs: Names of the recordings.
         values: Sizes, zero where the finding is missing.
-        stds: Their standard deviations.
+        stds: Standard deviations of the sizes.
     """
 
     robot: str
@@ -75,13 +79,13 @@ class Series:
 
     @property
     def quantity(self) -> str:
-        """Finding and parameter."""
+        """Finding and parameter in words."""
         return f"{self.finding} ({self.parameter})"
 
 
 @dataclass(frozen=True)
 class OutOfLine:
-    """A robot whose size differs from that of the others."""
+    """A robot with a size that differs from those of the other robots, and its probability by chance."""
 
     robot: str
     quantity: str
@@ -93,17 +97,17 @@ class OutOfLine:
 
 @dataclass(frozen=True)
 class Change:
-    """A robot whose size changed.
+    """A robot with a size that changed.
 
     Attributes:
-        robot: Its name.
-        quantity: Finding and parameter.
+        robot: Name of the robot.
+        quantity: Finding and parameter in words.
         unit: Unit of the size.
-        drifts: True if the size grows or falls steadily, False for a step.
-        since: The first recording after a step; the last one before a drift.
-        first: Its place among the recordings of the robot.
-        before: Mean, or level before a drift.
-        after: Mean after a step, or level that a drift has come to.
+        drifts: True for a drift, False for a step.
+        since: Name of the first recording after a step, or of the last recording before a drift.
+        first: Index of this recording among those of the robot.
+        before: Fitted size before the change.
+        after: Fitted size after a step, or at the last recording of a drift.
         p: Probability of such a result by chance.
     """
 
@@ -120,7 +124,7 @@ class Change:
 
 @dataclass(frozen=True)
 class ChangePoint:
-    """The likeliest change of a series: a drift or a step, its place, the levels about it, and its chance."""
+    """The best-fitting change of a series, with the attributes of `Change`."""
 
     drifts: bool
     first: int
@@ -130,10 +134,10 @@ class ChangePoint:
 
 
 def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
-    """Sizes of all findings by robot; those that no recording has are not there.
+    """Sizes of all findings, one series per robot and size.
 
     Args:
-        result: Diagnoses; recordings that were refused are left out.
+        result: Diagnoses; refused recordings are left out.
     """
     rows = [row for row in result.rows if row.document is not None]
     robots: dict[str, list[Any]] = {}
@@ -162,20 +166,20 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
 
 
 def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
-    """Robots whose mean size differs from those of the others, the surest first.
+    """Robots whose mean size differs from those of the others, the most significant first.
 
     Args:
-        series: Time series of all robots.
+        series: Series of all robots.
     """
     tested = []
     for quantity in dict.fromkeys(one.quantity for one in series):
         of_robots = [one for one in series if one.quantity == quantity]
         means = np.array([one.values.mean() for one in of_robots])
-        # A mean of recordings is no surer than their own deviations say.
+        # Variance of a mean from the standard deviations of the recordings themselves.
         noise = np.array([float(np.sqrt(np.sum(one.stds**2))) / len(one.stds) for one in of_robots])
         for k, one in enumerate(of_robots):
             others = np.delete(means, k)
-            if len(others) < _OTHERS:
+            if len(others) < _FEWEST_OTHERS:
                 continue
             spread = others.var(ddof=1) * (1 + 1 / len(others)) + noise[k] ** 2
             score = abs(means[k] - others.mean()) / np.sqrt(spread) if spread > 0 else np.inf
@@ -185,27 +189,28 @@ def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
 
 
 def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
-    """Robots whose size changed, the surest first; any false one in one of twenty fleets that do not change.
+    """Robots whose size changed, the most significant first.
 
-    Holm's procedure over all robots and sizes: the surest of m changes is held against a level of 5 % / m, the next
-    one against 5 % / (m - 1), until one is not sure enough.
+    By Holm's procedure over all robots and sizes, the most significant of m changes is compared with a level of
+    5 % / m, the next one with 5 % / (m - 1), and so on until one is not significant. So one of twenty fleets without
+    changes has a false alarm.
 
     Args:
-        series: Time series of all robots.
+        series: Series of all robots.
     """
-    tested = [one for one in series if len(one.values) >= _FEWEST]
+    tested = [one for one in series if len(one.values) >= _FEWEST_FOR_CHANGE]
     orders = int(np.clip(_PER_LEVEL * len(tested) / LEVEL, ORDERS, _MOST_ORDERS))
     scatters = [
         _scatter([other for other in series if other.quantity == one.quantity and other.robot != one.robot])
         for one in tested
     ]
-    found = [_surely(one, scatter, orders) for one, scatter in zip(tested, scatters, strict=True)]
+    found = [_with_enough_draws(one, scatter, orders) for one, scatter in zip(tested, scatters, strict=True)]
     out = []
     for place, k in enumerate(np.argsort([point.p for point in found], kind="stable").tolist()):
         point, one, scatter = found[k], tested[k], scatters[k]
         if point.p > LEVEL / (len(tested) - place):
             break
-        if scatter is not None and not _without_any(one, scatter):
+        if scatter is not None and not _significant_without_any(one, scatter):
             continue
         out.append(
             Change(one.robot, one.quantity, one.unit, point.drifts, one.logs[point.first], point.first, point.before,
@@ -214,15 +219,15 @@ def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
     return tuple(out)
 
 
-def _surely(one: Series, scatter: Float[Array, " m"] | None, orders: int) -> ChangePoint:
-    """The likeliest change; of one that is rare among a few draws the chance comes from as many as a fleet needs."""
+def _with_enough_draws(one: Series, scatter: Float[Array, " m"] | None, orders: int) -> ChangePoint:
+    """The best-fitting change; if it is rare among a few draws, its probability comes from ``orders`` draws."""
     few = change_point(one.values, one.stds, scatter)
     rare = orders > ORDERS and few.p * (1 + ORDERS) <= 2 * _PER_LEVEL
     return change_point(one.values, one.stds, scatter, orders) if rare else few
 
 
-def _without_any(one: Series, scatter: Float[Array, " m"]) -> bool:
-    """True if a change is seen whichever recording is left out: one that is odd is no change of the robot."""
+def _significant_without_any(one: Series, scatter: Float[Array, " m"]) -> bool:
+    """True if there is a significant change whichever single recording is left out."""
     left = (np.delete(np.arange(len(one.values)), k) for k in range(len(one.values)))
     return all(change_point(one.values[rows], one.stds[rows], scatter).p <= LEVEL for rows in left)
 
@@ -233,14 +238,14 @@ def change_point(
     scatter: Float[Array, " m"] | None = None,
     orders: int = ORDERS,
 ) -> ChangePoint:
-    """The likeliest step or beginning of a drift, and how often chance shows as clear a one.
+    """The best-fitting step or drift, and how often random recordings without a change have a fit as good.
 
     Args:
-        values: In the order of time.
-        stds: Their standard deviations, which weigh them.
-        scatter: Departures of recordings that do not change from their mean; None: nothing is known of them, and the
-            values in random orders take their place.
-        orders: Random orders or draws.
+        values: Sizes in the order of time.
+        stds: Standard deviations of the sizes, from which their weights follow.
+        scatter: Deviations from the mean of recordings that do not change; None if they are not known: then the values
+            are taken in random order.
+        orders: Number of random orders or draws.
     """
     least = float(np.median(stds))
     weights = 1.0 / np.maximum(stds, least if least > 0 else 1.0) ** 2
@@ -252,11 +257,11 @@ def change_point(
         count = min(left, ORDERS)
         drawn = _drawn(rng, np.stack([values, weights]), scatter, count)
         chance, _, _ = _best_change(*drawn, known)
-        # Rounding makes equal orders differ.
+        # The factor allows for rounding.
         as_good += int(np.sum(chance >= best[0] * (1 - 1e-9)))
         left -= count
     drifts, first = divmod(int(place[0]), len(values))
-    # Sums of sizes that are all zero are rounding.
+    # A level that is small beside all sizes is rounding of zero.
     before, after = np.where(np.abs(levels[0]) > 1e-9 * np.abs(values).max(), levels[0], 0.0).tolist()
     return ChangePoint(bool(drifts), first, before, after, (1 + as_good) / (1 + orders))
 
@@ -264,39 +269,39 @@ def change_point(
 def _drawn(
     rng: np.random.Generator, own: Float[Array, "2 n"], scatter: Float[Array, " m"] | None, count: int
 ) -> tuple[Float[Array, "k n"], Float[Array, "k n"]]:
-    """Values and weights of recordings that do not change.
+    """Random values and weights of recordings that do not change, one row per draw.
 
     Args:
-        rng: Draws them.
+        rng: Random numbers.
         own: Values and weights in the order of time.
-        scatter: Departures of recordings that do not change from their mean, ``(m,)``; None: nothing is known of them.
+        scatter: As in `change_point`.
         count: Number of draws.
     """
     length = own.shape[1]
     if scatter is None:
         orders = rng.permuted(np.tile(np.arange(length), (count, 1)), axis=1)
         return own[0][orders], own[1][orders]
-    # That the scatter is known from so many recordings only widens it, as in Student's test.
+    # The scatter is estimated from a limited number of recordings, which widens the distribution to Student's.
     wide = np.sqrt(len(scatter) / rng.chisquare(len(scatter), (count, 1)))
     return rng.choice(scatter, (count, length)) * wide, np.tile(own[1], (count, 1))
 
 
 def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], known: float) -> tuple[Array, Array, Array]:
-    """Largest share of the weighted squares that one change takes away, its place, and the levels about it.
+    """Largest share of the weighted squares that a single change explains, its place, and the levels before and after.
 
-    A place below ``n`` is the first value after a step, from ``n`` on the last before a drift. A step has two values on
-    either side, a drift three.
+    A place below ``n`` is the first value after a step; a place of ``n + k`` means that ``k`` is the last value before
+    a drift. A step has at least two values on either side, a drift at least three after it.
 
     Args:
-        values: In the order of time, a row a series.
+        values: Sizes in the order of time, one series per row.
         weights: Weight of each value.
-        known: Weighted squares of the scatter of others, beside which a change has to stand out too.
+        known: Weighted squares of the scatter of other robots, which are added to those of the series.
     """
     count = values.shape[1]
     at = np.arange(count)
     steps, drifts = range(2, count - 1), range(count - 3)
     shapes = np.array([*((at >= k).astype(float) for k in steps), *(np.maximum(at - k, 0.0) for k in drifts)])
-    # About their plain means, so that little cancels in what is taken off for the weighted ones.
+    # The plain mean of each shape is subtracted first, which reduces rounding in the weighted sums below.
     shapes -= shapes.mean(axis=1, keepdims=True)
     places = np.array([*steps, *(count + k for k in drifts)])
     mass = weights.sum(axis=1, keepdims=True)
@@ -314,22 +319,22 @@ def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], know
 
 
 def _scatter(others: list[Series]) -> Float[Array, " m"] | None:
-    """Departures of the recordings of other robots from their means; None from fewer than three robots."""
-    several = [one for one in others if len(one.values) >= _SEVERAL]
-    if len(several) < _OTHERS:
+    """Deviations of the recordings of other robots from their means; None with fewer than three robots."""
+    several = [one for one in others if len(one.values) >= _FEWEST_FOR_SCATTER]
+    if len(several) < _FEWEST_OTHERS:
         return None
-    # About a mean of their own recordings scatter too little.
+    # The factor corrects for the mean, which is estimated from the same recordings.
     parts = [(v - v.mean()) * np.sqrt(len(v) / (len(v) - 1)) for v in (one.values for one in several)]
     apart = np.concatenate(parts)
     usual = float(np.median(np.concatenate([one.stds for one in several])))
-    # Where the finding is missing all sizes are zero, and yet none is surer than its deviation.
+    # Without the finding all sizes are zero; the scatter is then a normal one with the usual standard deviation.
     if float(np.sqrt(np.mean(apart**2))) < usual:
         return usual * np.asarray(ndtri((np.arange(len(apart)) + 0.5) / len(apart)))
     return apart
 
 
 def _sizes(document: Any) -> dict[Size, tuple[float, float]]:
-    """Value and deviation of every number of the findings; lists are left out."""
+    """Value and standard deviation of every parameter of the findings; parameters that are lists are left out."""
     out = {}
     for finding in document["findings"]:
         for name, size in finding["parameters"].items():
@@ -340,12 +345,12 @@ def _sizes(document: Any) -> dict[Size, tuple[float, float]]:
 
 
 def _others(found: Iterable[Size], key: Size) -> set[str]:
-    """Effects that were found on the joint of a size in its place."""
+    """Effects that were found on the joint of a size."""
     return {one.effect for one in found if one.joint == key.joint}
 
 
 def short_names(folders: Iterable[str]) -> dict[str, str]:
-    """The last part of each folder, the whole of it where that names several."""
+    """The last part of each path, or the whole path if several have the same last part."""
     folders = list(folders)
     last = {folder: Path(folder).name or folder for folder in folders}
     twice = {name for name in last.values() if list(last.values()).count(name) > 1}

@@ -1,4 +1,4 @@
-"""``fleet.html``: one page for many diagnoses, with who is out of line, what changed since when, and a chart a size."""
+"""Writes ``fleet.html``: a page on many diagnoses with robots that differ, changes over time, and a chart per size."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from phantom_dyn.array_types import Array
 
 _SIZE = (9.4, 3.0)  # of a chart [inch]
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Of Okabe and Ito: apart for every kind of colour vision."""
+"""Colours of Okabe and Ito, which people with any kind of colour vision can distinguish."""
 _OTHERS = "#808080"
 _INTERVAL = 1.96
 _HOW = (
@@ -33,7 +33,7 @@ def fleet_page(result: DiagnosedRecordings) -> str:
     """The page as self-contained HTML.
 
     Args:
-        result: Diagnoses of recordings; a robot is the folder that they lie in.
+        result: Diagnoses of recordings; a robot is the folder of its recordings.
     """
     series = series_of(result)
     outliers, changed = out_of_line(series), changes(series)
@@ -67,7 +67,7 @@ def fleet_page(result: DiagnosedRecordings) -> str:
 
 
 def fleet_lines(result: DiagnosedRecordings) -> tuple[str, ...]:
-    """Sentences for a terminal on robots out of line and on changes; none where there are none.
+    """Sentences for a terminal on robots that differ from the others, and on robots that changed.
 
     Args:
         result: Diagnoses of recordings.
@@ -85,7 +85,7 @@ def _outlier_words(one: OutOfLine) -> str:
 
 def _change_words(one: Change) -> str:
     what = "has drifted since" if one.drifts else "changed with"
-    # One of so many draws is the least that they can show.
+    # Random draws cannot show a smaller probability than one over their number.
     drawn = "at most " if one.p <= 1 / ORDERS else ""
     levels = f"from {number(one.before)} to {_sized(one.after, one.unit)}"
     return f"{one.robot} {what} {one.since}: {one.quantity} {levels} (by chance {drawn}{_chance(one.p)})."
@@ -103,7 +103,7 @@ def _sized(value: float, unit: str) -> str:
 
 
 def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], changed: tuple[Change, ...]) -> str:
-    """One row a robot: its recordings, their verdicts, and what stands out."""
+    """Table with one row per robot: its recordings, their verdicts, differences and changes."""
     folders = list(dict.fromkeys(str(Path(row.log).parent) for row in result.rows))
     names = short_names(folders)
     rows = []
@@ -121,7 +121,7 @@ def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], 
 
 
 def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Change]) -> str:
-    """Sizes of all robots with 95 % intervals over their recordings, those that stand out in colour."""
+    """Chart of a size of all robots with 95 % intervals; robots that differ or changed are in colour."""
     places, names = _time(series)
     marked = list(dict.fromkeys(one.robot for one in (*outliers, *changed)))
     plain = len(series) <= len(_COLOURS) and not marked
@@ -146,7 +146,7 @@ def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Chang
 
 
 def _time(series: list[Series]) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Where the recordings of each robot stand, and names of these places; by number where names differ by robot."""
+    """Positions of the recordings on the axis, by robot, and their names; numbers if the robots' names differ."""
     every = sorted({log for one in series for log in one.logs})
     longest = max(len(one.logs) for one in series)
     if len(every) > 1.5 * longest and len(series) > 1:
@@ -157,7 +157,7 @@ def _time(series: list[Series]) -> tuple[dict[str, Array], tuple[str, ...]]:
 
 
 def _beside(k: int, count: int) -> float:
-    """A step to the side, so that the bars of robots do not hide each other."""
+    """Offset on the axis, so that the bars of robots do not hide each other."""
     return 0.4 * ((k + 0.5) / count - 0.5)
 
 

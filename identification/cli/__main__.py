@@ -1,4 +1,4 @@
-"""``python -m identification.cli`` is the command ``phantom-dyn``; both begin here."""
+"""Entry point of the command ``phantom-dyn``, which is also ``python -m identification.cli``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 def started() -> int:
     """Run the command and return its exit code: 130 if Ctrl-C comes, even before the command is loaded."""
     try:
-        # Without this MuJoCo, which checks corrected models, would load a library for windows.
+        # Without this, MuJoCo, which checks corrected models, would load a graphics library.
         os.environ.setdefault("MUJOCO_GL", "disable")
         from identification.cli.main import main
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""The argument parser of all commands, the arguments that several of them share, and checks without slow imports."""
+"""The argument parser of all commands, arguments that several commands share, and checks that need no slow imports."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ EXAMPLES = "examples:"
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Wraps descriptions, but leaves the lines of examples as they are."""
+    """Wraps descriptions, but keeps the lines of examples."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return text if text.startswith(EXAMPLES) else super()._fill_text(text, width, indent)
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises `UsageError` where argparse would print its usage and exit.
+    """An argument parser that raises `UsageError` for wrong arguments, instead of printing its usage and exiting.
 
     Its help ends with examples, one per line, given without the name of the program.
     """
@@ -49,7 +49,7 @@ class Parser(argparse.ArgumentParser):
         return None if re.match(r"-[\d.]", arg_string) else super()._parse_optional(arg_string)
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the arguments in one sentence."""
+        """Raise the error for wrong arguments."""
         raise UsageError(f"{message.strip()}; see {self.prog} --help")
 
 
@@ -62,13 +62,13 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
 
 
 def add_logs(parser: argparse.ArgumentParser) -> None:
-    """Add LOG, which is given once or more, and the options for reading it."""
+    """Add LOG, which may be given several times, and the options for reading it."""
     parser.add_argument("logs", metavar="LOG", nargs="+", help=_LOG_HELP)
     _add_log_options(parser)
 
 
 def add_log(parser: argparse.ArgumentParser) -> None:
-    """Add LOG, which is given once, and the options for reading it."""
+    """Add a single LOG, and the options for reading it."""
     parser.add_argument("log", metavar="LOG", help=_LOG_HELP)
     _add_log_options(parser)
 
@@ -154,9 +154,9 @@ def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:
 
 
 def require_files(arguments: argparse.Namespace) -> None:
-    """Refuse a missing robot or log, and a log that is given twice, before slow imports.
+    """Raise an error for a missing robot or log, and for a log that is given twice; this needs no slow imports.
 
-    With a recording given twice, predictions of held-out blocks would mean nothing: their copies were fitted.
+    If a recording were given twice, its held-out blocks would not be independent data: their copies were fitted.
     """
     require_not_swapped(arguments.robot, arguments.logs)
     find_robot(arguments.robot)

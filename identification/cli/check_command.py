@@ -1,4 +1,4 @@
-"""``phantom-dyn check``: what is wrong with recordings, nothing else."""
+"""``phantom-dyn check``: report what is wrong with recordings."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def parser() -> argparse.ArgumentParser:
         help="URDF or MJCF file, example:NAME or built-in name (may be left out: then less is checked), and recordings",
     )
     out.add_argument("--robot", metavar="ROBOT", help="the same as ROBOT in front of the recordings")
-    out.add_argument("--robot-config", metavar="FILE", help="robot.yaml of the robot (default: beside its file)")
+    out.add_argument(
+        "--robot-config", metavar="FILE", type=Path, help="robot.yaml of the robot (default: beside its file)"
+    )
     out.add_argument(
         "--stance",
         action="store_true",
@@ -88,5 +90,4 @@ def _robot_and_logs(arguments: argparse.Namespace) -> tuple[str | None, list[str
 def _robot(source: str, arguments: argparse.Namespace) -> Robot:
     from phantom_dyn.model.loading import load_robot
 
-    config = None if arguments.robot_config is None else Path(arguments.robot_config)
-    return load_robot(source, config=config)
+    return load_robot(source, config=arguments.robot_config)

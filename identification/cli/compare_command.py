@@ -1,4 +1,4 @@
-"""``phantom-dyn compare``: what changed between diagnoses."""
+"""``phantom-dyn compare``: report what changed between diagnoses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``phantom-dyn datasets list | fetch NAME``: recordings of real robots."""
+"""``phantom-dyn datasets list | fetch NAME``: list or download public recordings of real robots."""
 
 from __future__ import annotations
 

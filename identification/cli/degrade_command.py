@@ -1,4 +1,4 @@
-"""``phantom-dyn degrade``: the log that a cheaper device would have given."""
+"""``phantom-dyn degrade``: add effects to a log, as if it were recorded on a cheaper device."""
 
 from __future__ import annotations
 
@@ -97,10 +97,6 @@ def run(arguments: argparse.Namespace) -> int:
         )
     require_ending(arguments.out)
     require_writable(arguments.out, "--out")
-    return _degrade(arguments)
-
-
-def _degrade(arguments: argparse.Namespace) -> int:
     from identification.data.readers.read_table import read_table
     from identification.data.reading import recording
     from identification.degrade.degraded_log import degradation, degrade

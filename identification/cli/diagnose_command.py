@@ -1,4 +1,4 @@
-"""``phantom-dyn diagnose``: find what the model of a robot lacks, from recordings; ``--each`` takes them one by one."""
+"""``phantom-dyn diagnose``: find what the model of a robot lacks, from one or several recordings."""
 
 from __future__ import annotations
 
@@ -115,41 +115,51 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _refuse_contradictions(arguments: argparse.Namespace) -> None:
-    """Refuse options that exclude each other.
-
-    Raises:
-        UsageError: If there are such options. The message says which of them to leave out.
-    """
-    if arguments.jobs is not None and arguments.jobs < 1:
-        raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out")
-    if arguments.quick and arguments.each:
-        raise UsageError("--quick was given with --each, which writes all files of every recording: leave out one")
-    if arguments.profile and arguments.each:
-        raise UsageError(
-            "--profile was given with --each, whose recordings are diagnosed by several processes: profile one of them"
-        )
-    if arguments.motion_only and (arguments.each or arguments.recordings is not None):
-        raise UsageError("--motion-only does not go with --each or --recordings; diagnose the recordings one by one")
-    if arguments.changed is not None and arguments.recordings is not None:
-        raise UsageError(
-            "--changed was given with --recordings, which says what changed as well: leave out one of the two"
-        )
-    if arguments.changed is not None and (arguments.each or arguments.motion_only):
-        raise UsageError("--changed does not go with --each or --motion-only: give two or more LOGs with torques")
-    if arguments.each and arguments.hold_out:
-        raise UsageError(
+    """Raise an error for options that exclude each other; the message says which of them to leave out."""
+    each, changed, recordings = arguments.each, arguments.changed is not None, arguments.recordings is not None
+    contradictions = (
+        (
+            arguments.jobs is not None and arguments.jobs < 1,
+            f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out",
+        ),
+        (
+            arguments.quick and each,
+            "--quick was given with --each, which writes all files of every recording: leave out one",
+        ),
+        (
+            arguments.profile and each,
+            "--profile was given with --each, whose recordings are diagnosed by several processes: profile one of them",
+        ),
+        (
+            arguments.motion_only and (each or recordings),
+            "--motion-only does not go with --each or --recordings; diagnose the recordings one by one",
+        ),
+        (
+            changed and recordings,
+            "--changed was given with --recordings, which says what changed as well: leave out one of the two",
+        ),
+        (
+            changed and (each or arguments.motion_only),
+            "--changed does not go with --each or --motion-only: give two or more LOGs with torques",
+        ),
+        (
+            each and arguments.hold_out,
             "--hold-out was given with --each, which diagnoses every recording by itself, so that there is nothing to "
-            "judge on others: leave out one of the two"
-        )
-    if arguments.each and arguments.recordings is not None:
-        raise UsageError(
+            "judge on others: leave out one of the two",
+        ),
+        (
+            each and recordings,
             "--recordings was given with --each, which diagnoses every recording by itself, so that nothing can have "
-            "changed between them: leave out one of the two"
-        )
+            "changed between them: leave out one of the two",
+        ),
+    )
+    for contradiction, message in contradictions:
+        if contradiction:
+            raise UsageError(message)
 
 
 def _diagnose_together(arguments: argparse.Namespace) -> int:
-    """One diagnosis of all recordings together."""
+    """Make one diagnosis of all recordings, print its summary and write the files."""
     from identification.export.all_files import not_written
     from identification.export.known_model import known_model
     from identification.pipeline import planned, with_proposal
@@ -243,7 +253,7 @@ def _diagnosis_of_changes(
 def _diagnosis_of_logs(
     arguments: argparse.Namespace, robot: Robot, known: tuple[KnownEffect, ...], progress: Progress
 ) -> DiagnosisWithoutPlan:
-    """Diagnosis from the recorded torques; without them, from those of the controllers or from positions at rest."""
+    """Diagnosis from recorded torques, or without them, from the controllers' torques or from positions at rest."""
     from identification.data.reading import read_recording
     from identification.pipeline import diagnose_without_plan
 

@@ -1,4 +1,4 @@
-"""``phantom-dyn doctor``: versions of libraries, and which are missing."""
+"""``phantom-dyn doctor``: print the versions of libraries, and which are missing."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def required(requirements: Iterable[str]) -> tuple[str, ...]:
-    """Names of the packages that are required without an extra, as written in the requirements."""
+    """Names of the packages that are required without any extra."""
     plain = [requirement for requirement in requirements if "extra ==" not in requirement]
     return tuple(found[0] for line in plain if (found := re.match(r"[\w.\-]+", line)))
 
 
 def plug_ins() -> tuple[str, ...]:
-    """Names of entry points that provide effects, with their packages; none is loaded."""
+    """Names of entry points that provide effects, with their packages; they are not loaded."""
     found = metadata.entry_points(group="phantom_dyn.effects")
     return tuple(one.name + ("" if one.dist is None else f" ({one.dist.name})") for one in found)
 

@@ -1,4 +1,4 @@
-"""``phantom-dyn excite``: a reference motion that makes a robot's inertial parameters visible."""
+"""``phantom-dyn excite``: design a reference motion from which a robot's inertial parameters can be identified."""
 
 from __future__ import annotations
 
@@ -109,10 +109,6 @@ def run(arguments: argparse.Namespace) -> int:
     find_robot(arguments.robot)
     require_ending(arguments.out)
     require_writable(arguments.out, "--out")
-    return _excite(arguments)
-
-
-def _excite(arguments: argparse.Namespace) -> int:
     from identification.excitation.excite import PlannedRecording, excite
     from identification.excitation.limits import limits_of
     from identification.export.log_and_map_files import write_log
@@ -175,10 +171,10 @@ def _collisions(arguments: argparse.Namespace, robot: Robot) -> Collisions | Non
 
 
 def _clear(given: float | None, robot: Robot) -> float:
-    """Least distance of the loops from a singularity.
+    """Smallest distance of closed chains from a singularity, as ``--clear`` or the default states it.
 
     Raises:
-        UsageError: If one was given for a robot without loops that are closed numerically.
+        UsageError: If it was given for a robot without chains that are closed numerically.
     """
     from identification.excitation.closable import CLEAR, solved_numerically
 
@@ -192,7 +188,7 @@ def _clear(given: float | None, robot: Robot) -> float:
 
 
 def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
-    """Triangular factor of earlier recordings, thinned out to the rate of the new one."""
+    """Triangular factor of earlier recordings, at about the rate of the new one; None without earlier recordings."""
     if not arguments.earlier:
         return None
     from identification.data.reading import read_recording
@@ -209,7 +205,7 @@ def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
 
 
 def _box(text: str) -> FrameBox:
-    """The box of ``frame=x0:x1,y0:y1,z0:z1``, in which an empty number or axis is no limit."""
+    """The box that ``frame=x0:x1,y0:y1,z0:z1`` states; an empty number or axis means no limit."""
     import numpy as np
 
     from identification.excitation.limits import FrameBox

@@ -1,4 +1,4 @@
-"""``phantom-dyn experiment``: friction from constant speeds, and stiffness of a transmission from a held arm."""
+"""``phantom-dyn experiment``: fit friction at constant speeds, or the stiffness of a transmission with the arm held."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from identification.experiments.linear_fit import LinearFit
     from phantom_dyn.model.robot import Robot
 
-# Share of the motion at constant speed: more than this in triangles, less in sines.
+# Smallest share of the motion at constant speed in a friction test: triangles are above it, sines below.
 _STEADY = 0.5
 _NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offset"}
 
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     from phantom_dyn.model.loading import load_robot
 
     robot = load_robot(arguments.robot, config=arguments.robot_config)
-    # Against a held arm a joint hardly moves, which the checks of a moving robot would refuse.
+    # With the arm held, the joint hardly moves, and the checks for a moving robot would refuse the recording.
     held = arguments.test == "stiffness"
     read = reading_as_asked(read_recording, arguments)
     recordings = tuple(read(log, robot, anyway=arguments.anyway or held) for log in arguments.logs)
@@ -106,8 +106,8 @@ def _friction(robot: Robot, recordings: tuple[Recording, ...], _: str | None) ->
     for test in tests:
         say(f"{test.file}, {test.joint}: {_words(test.fit)}")
     for test in tests:
-        below = [name for name in test.fit.names if _below_zero(test.fit, name)]
-        doubts = [f"its {' and '.join(below)} friction is below zero"] if below else []
+        negative = [name for name in test.fit.names if _below_zero(test.fit, name)]
+        doubts = [f"its {' and '.join(negative)} friction is below zero"] if negative else []
         if test.steady < _STEADY:
             doubts.append(f"its speed was constant in {percent(test.steady)} of its motion")
         if doubts:
@@ -122,7 +122,7 @@ def _friction(robot: Robot, recordings: tuple[Recording, ...], _: str | None) ->
 
 
 def _passive(logs: list) -> list[dict]:
-    """Friction of the passive joints of the CEA branch, from three tests."""
+    """Friction of the passive joints of the CEA branch, from three tests, as entries of the JSON file."""
     from identification.experiments.parallelogram_friction import MOVING, fit_friction_test, passive_friction, test_of
 
     named = {test_of(log.motion): log for log in logs}
@@ -169,17 +169,19 @@ def _stiffness(robot: Robot, recordings: tuple[Recording, ...], joint: str | Non
 
 
 def _words(fit: LinearFit) -> str:
+    """Parameters of a fit with their standard errors and units."""
     parts = zip(fit.names, fit.theta, fit.std(), fit.units, strict=True)
     return ", ".join(f"{_NAMES.get(name, name)} {value:.4g} ± {std:.2g} {unit}" for name, value, std, unit in parts)
 
 
 def _below_zero(fit: LinearFit, name: str) -> bool:
-    """True for a parameter below zero by more than chance explains."""
+    """True for a parameter that is negative by more than two standard errors."""
     k = fit.names.index(name)
     return bool(fit.theta[k] < -2 * fit.std()[k])
 
 
 def _numbers(fit: LinearFit) -> dict[str, dict[str, float | str]]:
+    """Parameters of a fit for the JSON file."""
     parts = zip(fit.names, fit.theta, fit.std(), fit.units, strict=True)
     return {
         _NAMES.get(name, name): {"value": float(value), "std": float(std), "unit": unit}

@@ -1,4 +1,4 @@
-"""``phantom-dyn identify``: parameters of a robot from recordings."""
+"""``phantom-dyn identify``: estimate the parameters of a robot from recordings."""
 
 from __future__ import annotations
 
@@ -72,10 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
     excluded_stretches(arguments)  # refuses before anything slow
     expand_episodes(arguments)
     require_files(arguments)
-    return _identify(arguments)
-
-
-def _identify(arguments: argparse.Namespace) -> int:
     from identification.data.reading import read_recording
     from identification.estimators.estimator_list import estimator_named
     from identification.identify.identification_files import check_folder, write_outputs

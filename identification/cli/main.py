@@ -1,6 +1,6 @@
-"""The command line: finds the command, passes it its arguments, and turns refusals into one sentence.
+"""The command line: finds the command, runs it with its arguments, and prints errors as one sentence.
 
-Completion of commands, options and files in a shell: ``eval "$(register-python-argcomplete phantom-dyn)"``.
+For completion in a shell: ``eval "$(register-python-argcomplete phantom-dyn)"``.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from identification.files import full_words, is_full, unreachable_words
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
-# Module and purpose of each command. A module is imported only when its command is called, and itself imports heavy
-# libraries only when it computes, so that help and refusals come at once.
+# Module and purpose of each command. A module is imported only when its command is called, and imports heavy libraries
+# only for the computation, so that help and error messages come at once.
 COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("identification.cli.diagnose_command", "find what the model of a robot lacks, from recordings"),
     "identify": (
@@ -56,7 +56,7 @@ class Command(Protocol):
         ...
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Do the job and return the exit code."""
+        """Run the command and return its exit code."""
         ...
 
 
@@ -86,7 +86,7 @@ def main(argv: list[str] | None = None) -> int:
         complain("interrupted")
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader of the output (head, less) has ended.
+        # The program that reads the output (head, less) has ended.
         discard_output(sys.stdout)
         return DONE
     except OSError as error:
@@ -99,6 +99,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _dispatch(words: list[str]) -> int:
+    """Run the command that the words name, and return its exit code."""
     if not words:
         raise UsageError(f"no command was given, wanted one of {', '.join(COMMANDS)}; see phantom-dyn --help")
     if "" in words:
@@ -144,7 +145,7 @@ def _unknown(name: str) -> str:
 
 
 def complete(commands: Mapping[str, tuple[str, str]]) -> None:
-    """Answer a shell that asks for completions, and leave the process; does nothing without argcomplete.
+    """Answer a shell that asks for completions, and end the process; without argcomplete, do nothing.
 
     Args:
         commands: Module and purpose of each command by name.
@@ -157,7 +158,7 @@ def complete(commands: Mapping[str, tuple[str, str]]) -> None:
 
 
 def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentParser:
-    """One parser with all commands, in which the shell completes."""
+    """One parser with all commands, from which argcomplete takes the completions."""
     out = argparse.ArgumentParser(prog="phantom-dyn", add_help=False)
     below = out.add_subparsers()
     for name, (module, purpose) in commands.items():
@@ -167,7 +168,7 @@ def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentP
 
 
 def _without_help(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """The arguments of a parser without its ``--help``, as each parser of a command has one of its own."""
+    """The arguments of a parser without its ``--help``, which argparse adds again to the parser of each command."""
     out = argparse.ArgumentParser(add_help=False)
     for action in parser._actions:
         if not isinstance(action, argparse._HelpAction):

@@ -1,4 +1,4 @@
-"""``phantom-dyn map``: forces, masses and stiffness that a hand feels at the tip of a robot, over its workspace."""
+"""``phantom-dyn map``: compute forces, masses and stiffness at the tip of a robot over its workspace."""
 
 from __future__ import annotations
 
@@ -69,10 +69,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on")
     require_writable_folder(arguments.out, ("map.npz", "map.nc"))
     find_robot(arguments.robot)
-    return _map(arguments)
-
-
-def _map(arguments: argparse.Namespace) -> int:
     from identification.export.log_and_map_files import NETCDF, write_map
     from phantom_dyn.maps.grid import read_grid
     from phantom_dyn.maps.map_model import map_model
@@ -105,7 +101,7 @@ def _map(arguments: argparse.Namespace) -> int:
 
 
 def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) -> np.ndarray | None:
-    """Numbers of an option, one per joint in order, or by name with 0 for the others.
+    """Values of an option, one per joint in order, or by name with 0 for the other joints.
 
     Raises:
         UsageError: If a joint is unknown, a word is no number, or their count is wrong.

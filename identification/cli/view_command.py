@@ -1,4 +1,4 @@
-"""``phantom-dyn view``: a recording replayed in the browser, beside simulations of the given and corrected models."""
+"""``phantom-dyn view``: replay a recording in the browser, beside simulations of the given and corrected models."""
 
 from __future__ import annotations
 
@@ -106,11 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _require_numbers(arguments: argparse.Namespace) -> None:
-    """Refuse a port or horizon out of range.
-
-    Raises:
-        UsageError: If one is. The message says what was given and what is wanted.
-    """
+    """Raise an error for a port or horizon out of range."""
     if arguments.port is not None and not 0 < arguments.port <= _PORTS:
         raise UsageError(f"--port {arguments.port} was given, wanted a number from 1 to {_PORTS}")
     if arguments.horizon is not None and not 0 < arguments.horizon < float("inf"):
@@ -148,5 +144,5 @@ def _replay(arguments: argparse.Namespace) -> Replay:
 
 
 def _has_browser() -> bool:
-    """False on a machine without a screen, where a browser would open in the terminal itself."""
+    """False on a machine without a screen, on which a browser would open in the terminal."""
     return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

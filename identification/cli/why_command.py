@@ -1,4 +1,4 @@
-"""``phantom-dyn why``: why an effect was named in a diagnosis, or was not."""
+"""``phantom-dyn why``: explain why an effect was named in a diagnosis, or was not."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The log that a cheaper device would have given."""
+"""Adds effects to a log, as if it were recorded on a cheaper device."""

@@ -1,14 +1,13 @@
-"""The log that a cheaper device would have given.
+"""Adds effects to a log: computes the log that a cheaper device would have given for the same motion.
 
-The hand, or the controller, moves the cheaper device as it moved the recorded one, so that positions stay and the drive
-gives what this motion then needs: the recorded torque and what each effect takes more along the recorded motion
-(hidden states of bristles, plays and elastic transmissions included). What the recording holds beyond the model, noise
-included, stays. An effect of the drive (torque constant, delay, lag) changes what has to be asked for, one of the
-encoder what is read. Only a drive at its limit cannot give the same motion: then the recording is played again with
-clipped drives (`replayed`).
+The cheaper device is assumed to follow the recorded motion. So the positions stay the same, and its drives give the
+recorded torque plus the torque of each effect along this motion, with the hidden states of friction, backlash and
+elastic transmissions. Anything else in the recording, such as noise, stays the same. An effect of the drive (torque
+constant, delay, lag) changes the commanded torque, an effect of the encoder changes the readings. Only a drive at its
+limit cannot give the same motion: then the motion is simulated with clipped drives (`replayed`).
 
-Laws that need the torque on the links take the model's. Friction follows the sign of the recorded velocity, so on a
-joint that is held its torque has the sign of noise.
+Effects that depend on the torque of the links use that of the model. Friction follows the sign of the recorded
+velocity, so that on a joint at rest its sign is random.
 """
 
 from __future__ import annotations
@@ -40,17 +39,17 @@ Values = Mapping[str, tuple[float, ...]]
 
 
 def degradation(robot: Robot, effect: str, joint: str | None, values: Values) -> Cause:
-    """An effect in its place, checked.
+    """An effect with its joint and parameters, after a check.
 
     Args:
         robot: The robot that was recorded.
-        effect: Name of the catalogue.
+        effect: Name of the effect in the catalogue.
         joint: Joint, two joints joined by ``+``, or None for the whole robot.
-        values: Numbers of each parameter by name; several of one name for an effect that takes lists.
+        values: Values of each parameter by name; several values if the effect takes lists.
 
     Raises:
-        ParameterError: If effect, joint or a parameter is unknown, missing or out of bounds; the text lists what there
-            is, with units and bounds.
+        ParameterError: If effect, joint or a parameter is unknown, missing or out of bounds; the message lists the
+            known ones, with units and bounds.
     """
     found = effect_named(effect, robot)
     _require_place(robot, found, joint)
@@ -121,22 +120,22 @@ def _words(parameter: Parameter) -> str:
     return f"{parameter.name}{unit} of any size"
 
 
-# Torques and positions beyond it are no device's, and overflow when squared.
+# Largest torque or position: larger ones are impossible, and their squares overflow.
 _MOST = 1e100
 
-# How fast a position controller takes out an error, where robot.yaml states none [rad/s]; critically damped.
+# Bandwidth of the critically damped position controller if robot.yaml states none [rad/s].
 _BANDWIDTH = 2.0 * np.pi * 4.0
-# Steps [s] of the midpoint rule: at 10 Hz it has the phase right to 0.2 %.
+# Longest step [s] of the midpoint rule: at 10 Hz its phase is right to 0.2 %.
 _LONGEST_STEP = 2e-3
 
 
 @dataclass(frozen=True)
 class Degraded:
-    """Columns of the log, and what its user should know.
+    """The changed log.
 
     Attributes:
-        columns: Under their standard names, in the order of the recording.
-        notes: Sentences: columns that were left out, effects that leave no trace.
+        columns: Columns under their standard names, in the order of the recording.
+        notes: Sentences on columns that were left out, and on effects that a diagnosis cannot find.
     """
 
     columns: Mapping[str, Float[Array, " N"]]
@@ -148,9 +147,9 @@ class _Change:
     """Changes of the recording at the samples of a uniform grid, shape ``(N, nv)`` each.
 
     Attributes:
-        tau: Drive torque that is asked for.
+        tau: Commanded drive torque.
         q: True positions at the encoders.
-        v: True velocities there.
+        v: True velocities at the encoders.
         x: True positions of the links.
     """
 
@@ -161,17 +160,17 @@ class _Change:
 
 
 def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Cause, ...]) -> Degraded:
-    """The log that a device with ``faults`` would have given.
+    """The log that a device with the effects ``faults`` would have given.
 
     Args:
         robot: The model of the recorded robot.
-        table: The recording's columns.
-        recording: The same for the joints of the robot.
-        faults: Torques act first, then drives, in the given order from the controller on, then encoders.
+        table: Columns of the recording.
+        recording: The recording that was made from ``table``.
+        faults: Effects. Those of torques act first, then those of drives in the given order, then those of encoders.
 
     Raises:
-        ParameterError: If an effect would leave no trace in any such log, or its numbers give no finite torque.
-        LogError: If the recording is too short, or has no torque of a joint that needs another one.
+        ParameterError: If an effect cannot be seen in any such log, or its parameters give no finite torque.
+        LogError: If the recording is too short, or has no torque of a joint whose torque changes.
     """
     laws = tuple(fault.effect.simulated(robot, fault.joint, fault.theta) for fault in faults)
     for fault, law in zip(faults, laws, strict=True):
@@ -196,7 +195,7 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Caus
 
 
 def _require_trace(robot: Robot, fault: Cause, law: Simulated) -> None:
-    """Refuse what no log of this robot can show."""
+    """Raise an error for an effect that no log of this robot can show."""
     why = None
     if law.command is not None:
         why = hidden_behind_drive(robot, "what the drive makes of its command")
@@ -208,7 +207,7 @@ def _require_trace(robot: Robot, fault: Cause, law: Simulated) -> None:
 
 
 def _require_time(robot: Robot, log: Log, fault: Cause) -> None:
-    """Refuse a drive that is later than the recording is long."""
+    """Raise an error for a delay that is longer than the recording."""
     length = float(log.motion.t[-1] - log.motion.t[0])
     for parameter, value in zip(fault.effect.parameters(robot, fault.joint), fault.theta, strict=False):
         if parameter.unit == "s" and value >= length:
@@ -221,7 +220,7 @@ def _require_time(robot: Robot, log: Log, fault: Cause) -> None:
 def _motion_kept(
     robot: Robot, log: Log, faults: tuple[Cause, ...], laws: tuple[Simulated, ...]
 ) -> tuple[_Change, tuple[str, ...]]:
-    """Additional torque that the recorded motion takes with the faults, and link positions ahead of the motors."""
+    """Additional torque for the recorded motion with the effects, additional link positions, and notes."""
     still = np.zeros_like(log.tau)
     model, tau, x = Operation.of(robot, log.motion, log.tau, log.temperature), still.copy(), still.copy()
     notes = []
@@ -235,7 +234,7 @@ def _motion_kept(
             tau = tau - fault.effect.torque(robot, now, fault.joint, fault.theta)
             ahead = fault.effect.link_ahead(now, fault.joint, fault.theta)
             x = x if ahead is None else x + ahead
-    # What the drive has to be asked for: the last of its effects is undone first.
+    # The commanded torque follows by inverting the effects of the drive, the last one first.
     for fault, law in reversed(pairs):
         if law.command is not None and law.limit is None:
             asked = smoothed(log.tau + tau, log.band.rate_hz, motion_edge(log.band))
@@ -247,7 +246,7 @@ def _motion_kept(
 def _limited(
     robot: Robot, log: Log, change: _Change, limits: Array, columns: dict[str, Array]
 ) -> tuple[_Change, tuple[str, ...]]:
-    """The recording played again with clipped drives; columns of passive joints, which then move too, are left out."""
+    """Changes if the motion is simulated with clipped drives, and notes; columns of passive joints are left out."""
     asked = smoothed(log.tau + change.tau, log.band.rate_hz, motion_edge(log.band))
     if not (np.abs(asked) > limits).any():
         return change, ("the recorded motion never needs more torque than the limit: nothing is clipped",)
@@ -276,7 +275,7 @@ def _at_rows(robot: Robot, log: Log, table: Table, values: Array, *, held: bool 
 
 
 def _write_torque(robot: Robot, table: Table, columns: dict[str, Array], change: Array) -> tuple[str, ...]:
-    """Torque, current and voltage of every joint; a column that cannot be brought in line is left out."""
+    """Change torque, current and voltage of every joint; a column that cannot be changed is left out, with a note."""
     notes = []
     for joint, actuator, more in zip(robot.joint_names, robot.actuators, change.T, strict=True):
         names = [f"{quantity}.{joint}" for quantity in ("tau", "i", "u") if f"{quantity}.{joint}" in columns]
@@ -303,7 +302,7 @@ def _write_torque(robot: Robot, table: Table, columns: dict[str, Array], change:
 def _write_motion(
     robot: Robot, log: Log, table: Table, columns: dict[str, Array], change: _Change, laws: list[Simulated]
 ) -> None:
-    """Positions as they would be read, and the velocities and link positions that go with them."""
+    """Change the positions to those that would be read, and velocities and link positions accordingly."""
     true = np.column_stack([table.columns[f"q.{joint}"] for joint in robot.joint_names])
     true = true + _at_rows(robot, log, table, change.q)
     read = true
@@ -323,20 +322,20 @@ def _write_motion(
 def replayed(
     robot: Robot, motion: Motion, needed: Float[Array, "N nv"], limits: Float[Array, " nv"]
 ) -> tuple[Float[Array, "N nv"], Float[Array, "N nv"], Float[Array, "N nv"]]:
-    """Positions, velocities, and the torque that was asked for, when drives give no more than ``limits``.
+    """Simulated positions, velocities and commanded torques if the drives' torques are limited.
 
-    The controller asks for the torque that the recorded motion needs, and for what its gains make of the error to that
-    motion: those of ``robot.yaml``, or 4 Hz with critical damping. What the recording needs beyond the model acts on
-    the robot at the same times as it did.
+    The controller commands the torque that the recorded motion needs, plus feedback of the error from that motion, with
+    the gains of ``robot.yaml``, or with 4 Hz and critical damping. The part of the recorded torque that the model does
+    not explain acts on the robot at the same times as in the recording.
 
     Args:
         robot: The model.
         motion: Recorded motion.
         needed: Drive torque of the recorded motion [N m or N].
-        limits: Torque limits of the drives; infinite where they have none.
+        limits: Torque limits of the drives; infinite without a limit.
 
     Raises:
-        ParameterError: If the robot falls out of the motion altogether.
+        ParameterError: If the robot does not follow the recorded motion at all.
     """
     unmodelled = needed - inverse_dynamics(robot, motion)
     kp, kd = _gains(robot, motion)

@@ -1,1 +1,1 @@
-"""Output of a command while it runs, and how it is interrupted."""
+"""Output of a running command, and its interruption by the user."""

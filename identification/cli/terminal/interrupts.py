@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end a command once and cleanly, even if a library catches the exception."""
+"""Lets Ctrl-C and SIGTERM end a command cleanly, even if a library catches the exception."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG
 class Interrupted(KeyboardInterrupt):
     """The user asked the command to end.
 
-    It is a class of its own because Python remembers a plain ``KeyboardInterrupt`` that passes through ``exec`` of a
-    string (every dataclass is made so) and kills the process at its end, although the exception was caught.
+    It is a class of its own because Python remembers a plain ``KeyboardInterrupt`` in ``exec`` of a string (which makes
+    every dataclass), and kills the process at its end although the exception was caught.
 
     Attributes:
         number: Number of the signal.

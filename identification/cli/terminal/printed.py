@@ -1,4 +1,4 @@
-"""Output of a command: names of files and joints may hold control characters, which must not reach a terminal."""
+"""Prints the output of a command, without control characters that names of files and joints may contain."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) 
 
 
 def _in_encoding(text: str, stream: TextIO) -> str:
-    """Text with +- and ? in the place of what the encoding of a stream lacks, as ASCII lacks most signs."""
+    """Text with +- and ? in place of characters that the encoding of a stream does not have, such as ASCII."""
     encoding = getattr(stream, "encoding", None) or "utf-8"
     try:
         text.encode(encoding, getattr(stream, "errors", None) or "strict")
@@ -35,7 +35,7 @@ def _in_encoding(text: str, stream: TextIO) -> str:
 
 
 def complain(words: str) -> None:
-    """Print a line on standard error. If it cannot be written, only the exit code tells of the error."""
+    """Print a line on standard error; if that fails, only the exit code reports the error."""
     try:
         say(f"phantom-dyn: {words}", file=sys.stderr, flush=True)
     except OSError:
@@ -45,7 +45,7 @@ def complain(words: str) -> None:
 def discard_output(stream: TextIO) -> None:
     """Send all further output of a broken stream to the null device.
 
-    Python flushes the stream once more when it exits, and would fail there again.
+    Python flushes the stream once more when it exits, which would fail again.
     """
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, stream.fileno())
@@ -55,7 +55,7 @@ def discard_output(stream: TextIO) -> None:
 def open_streams() -> None:
     """Open standard output and error on the null device if the caller has closed them (``>&-``).
 
-    Python has no object for them then, and the next opened file would receive what C++ code prints.
+    Python has no object for a closed stream, and the next opened file would receive what C++ code prints.
     """
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:

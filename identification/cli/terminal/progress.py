@@ -1,4 +1,4 @@
-"""Progress of a run, in words and per cent: a line redrawn on a terminal, elsewhere one line every ten seconds."""
+"""Shows the progress of a run in words and per cent: a redrawn line on a terminal, else a line every ten seconds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 EVERY_S = 10.0
-"""Least time between two lines if the stream is not a terminal [s]: a shorter run prints none."""
+"""Smallest time between two lines if the stream is not a terminal [s]: a shorter run prints none."""
 
 # Stages of each command, with the usual share of its time that each takes [%].
 DIAGNOSIS = {
@@ -33,8 +33,8 @@ DIAGNOSIS = {
     Stage.LAW: 2.0,
     Stage.SIMULATION: 4.0,
 }
-"""``phantom-dyn diagnose`` until its answer is known. Shares are rounded means over recordings of one to seven joints;
-in a single one rivals may take a small or a large part (`python benchmarks/stage_shares.py`)."""
+"""``phantom-dyn diagnose`` until its answer is known. Shares are rounded means over recordings of one to seven joints
+(`python benchmarks/stage_shares.py`); in a single recording the share of rivals may be much smaller or larger."""
 AFTER_DIAGNOSIS = {Stage.NEXT_EXPERIMENT: 17.0, Stage.WRITING: 83.0}
 """``phantom-dyn diagnose`` after its answer."""
 IDENTIFICATION = {
@@ -47,7 +47,7 @@ IDENTIFICATION = {
     Stage.MODEL_FILES: 10.0,
     Stage.WRITING: 30.0,
 }
-"""``phantom-dyn identify``. Short runs mostly load libraries, long ones estimate, as with `CHECK` and `EXCITATION`."""
+"""``phantom-dyn identify``. Short runs mostly load libraries, long ones mostly estimate."""
 CHECK = {Stage.READING: 40.0, Stage.CHECKING: 60.0}
 """``phantom-dyn check``, for each recording."""
 EXCITATION = {
@@ -71,7 +71,7 @@ def percent_done(stages: Mapping[Stage, float], now: Announcement) -> float:
 
     Args:
         stages: Stages of the run in their order, with the share of its time that each takes [%].
-        now: The announcement; its finished parts count if it has parts.
+        now: The announcement; if its stage has parts, the finished parts count.
     """
     if now.stage not in stages:
         return 0.0
@@ -80,9 +80,9 @@ def percent_done(stages: Mapping[Stage, float], now: Announcement) -> float:
 
 
 class Progress:
-    """Context that reports on ``stream`` what is being done while it is open.
+    """Context that shows on ``stream`` what a run is doing.
 
-    If the stages of the run are given, the line begins with the per cent that are done. In a first run, which compiles
+    If the stages of the run are given, the line begins with the finished per cent. In a first run, which compiles
     functions, it ends with their number.
     """
 
@@ -101,7 +101,7 @@ class Progress:
         self._compilation, self._open = Compilation(), ExitStack()
 
     def __enter__(self) -> Progress:
-        # Closed again if an interrupt comes before all is open, which would leave the cursor hidden.
+        # The stack closes everything if an interrupt comes before all is open; else the cursor would stay hidden.
         with ExitStack() as opened:
             self._compilation = opened.enter_context(watched_compilation())
             if self._watched:
@@ -123,43 +123,44 @@ class Progress:
         from rich.progress import ProgressColumn, SpinnerColumn, Task, TimeElapsedColumn
         from rich.text import Text
 
-        said = self.said
+        current_line = self.line
 
-        class Said(ProgressColumn):
-            """The current words, asked for only when the line is drawn, so that announcing costs nothing."""
+        class Line(ProgressColumn):
+            """The current line, which is made only when it is drawn, so that an announcement costs nothing."""
 
             def render(self, task: Task) -> Text:
                 del task
-                return Text(said())
+                return Text(current_line())
 
-        columns = (SpinnerColumn(), Said(), TimeElapsedColumn())
+        columns = (SpinnerColumn(), Line(), TimeElapsedColumn())
         # Each redrawing takes about a millisecond.
         bar = Bar(*columns, console=Console(file=self._stream), transient=True, refresh_per_second=4.0)
         bar.add_task("", total=None)
         return bar
 
-    def said(self) -> str:
-        """How much is done, what is being done, and how many functions were compiled.
+    def line(self) -> str:
+        """Finished per cent, current stage, and number of compiled functions.
 
-        A terminal is redrawn while a function is compiled; other streams get a line between two stages, when none is.
+        A terminal is redrawn while a function is compiled. Other streams get a line between two stages, when no
+        function is being compiled.
         """
-        part, count = f"{int(self._percent):3d} % " if self._stages else "", self._compilation.functions
-        behind = ""
+        percent, count = f"{int(self._percent):3d} % " if self._stages else "", self._compilation.functions
+        compiled = ""
         if self._compilation.under_way:
-            behind = f"; compiling function {count}, in a first run only"
+            compiled = f"; compiling function {count}, in a first run only"
         elif count and not self._watched:
-            behind = f"; functions compiled so far, in a first run only: {count}"
-        return printable(f"{part}{stage_words(self._now)}{behind}".strip())
+            compiled = f"; functions compiled so far, in a first run only: {count}"
+        return printable(f"{percent}{stage_words(self._now)}{compiled}".strip())
 
     def show(self, announced: Announcement) -> None:
-        """Show what is being done now; a Ctrl-C whose exception was swallowed ends the command here."""
+        """Show what is being done now; a Ctrl-C whose exception a library has caught ends the command here."""
         end_if_asked()
         self._take(announced)
         now = time.monotonic()
         if not self._watched and now - self._last >= EVERY_S:
             self._last = now
-            with suppress(OSError, ValueError):  # nobody reads the stream any more
-                print(f"{now - self._started:.0f} s: {self.said()}", file=self._stream, flush=True)
+            with suppress(OSError, ValueError):  # the stream may be closed
+                print(f"{now - self._started:.0f} s: {self.line()}", file=self._stream, flush=True)
 
     def _take(self, announced: Announcement) -> None:
         self._now, self._percent = announced, max(self._percent, percent_done(self._stages, announced))

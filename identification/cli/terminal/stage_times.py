@@ -1,4 +1,4 @@
-"""Time of each stage of a run, on the clock and of the processor [s], as ``--profile`` prints it."""
+"""Measures the clock time and processor time of each stage of a run, for ``--profile``."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from identification.stages import Announcement, Stage
 from identification.words.stage_words import NAMES
 
 _BEFORE = "starting and loading"
-"""Time of the process before its command; only the processor's is known."""
+"""Row for the time before the command, of which only the processor time is known."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """The moment at which a stage was announced.
+    """The times at which a stage was announced.
 
     Attributes:
         stage: The announced stage; None at the end.
@@ -59,7 +59,7 @@ class StageTimes:
         return out
 
     def table(self) -> str:
-        """The rows with their sums, the time before the command, and the peak memory."""
+        """Table with a row for each stage, the sums, the time before the command, and the peak memory."""
         rows, before = self.rows(), self._marks[0].busy if self._marks else 0.0
         width = max(len(_BEFORE), *map(len, rows)) if rows else len(_BEFORE)
         lines = [f"{'stage':<{width}}  seconds  of processor time", f"{_BEFORE:<{width}}           {before:17.2f}"]
@@ -71,7 +71,7 @@ class StageTimes:
 
 
 def peak_megabytes() -> float | None:
-    """Peak memory of this process [MB]; None if the system does not say."""
+    """Peak memory of this process [MB]; None if the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows

@@ -168,10 +168,10 @@ def test_compilation_is_mentioned_while_it_lasts_and_not_before():
 
         @overload(_asked)
         def compiled():
-            said.append(progress.said())
+            said.append(progress.line())
             return lambda: 1
 
-        said.append(progress.said())
+        said.append(progress.line())
         assert njit(lambda: _asked())() == 1
     assert said == ["filtering", "filtering; compiling function 1, in a first run only"]
 
@@ -214,7 +214,7 @@ def test_a_run_goes_on_where_the_reader_of_its_progress_left(monkeypatch):
     with Progress(Stage.READING, stream, stages={Stage.READING: 40.0, Stage.WRITING: 60.0}) as progress:
         progress.show(Announcement(Stage.READING))
         progress.show(Announcement(Stage.WRITING))
-    assert (stream.asked, progress.said()) == (2, "40 % writing")
+    assert (stream.asked, progress.line()) == (2, "40 % writing")
 
 
 ROBOT = ROBOTS / "planar2.urdf"

@@ -41,7 +41,7 @@ def test_parts_that_are_counted_are_that_share_of_their_stage(done, percent):
 def test_an_earlier_stage_that_is_announced_again_takes_nothing_back():
     with Progress(Stage.WRITING, io.StringIO(), stages=STAGES) as progress:
         progress.show(Announcement(Stage.READING))
-    assert progress.said() == "70 % reading"
+    assert progress.line() == "70 % reading"
 
 
 def watched(*times: tuple[float, float]) -> StageTimes:
