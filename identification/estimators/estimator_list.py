@@ -1,4 +1,4 @@
-"""The list of estimators, from the simplest on: adding one touches its own file and this list."""
+"""The list of estimators; a new one needs its own file and an entry here."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from phantom_dyn.errors import ParameterError
 
 @dataclass(frozen=True)
 class Estimator:
-    """One way from recordings to parameters.
+    """A method that estimates parameters from recordings.
 
     Attributes:
-        name: The one that a user gives.
-        fit: Takes the equations.
-        simulates: True if it simulates the closed loop: every log has references ``q_ref.<joint>``, and ``robot.yaml``
-            states a controller of every driven joint.
+        name: Name for ``--estimator``.
+        fit: Function from equations to a fit.
+        simulates: True if it simulates the closed loop. Then every log needs references ``q_ref.<joint>``, and
+            ``robot.yaml`` a controller of every joint with a drive.
     """
 
     name: str
@@ -31,20 +31,20 @@ class Estimator:
 
 
 ESTIMATORS: tuple[Estimator, ...] = (
-    Estimator("ols", ols),  # every row counts the same
-    Estimator("wls", wls),  # every joint counts by its own noise
-    Estimator("irls", irls),  # outliers are bounded in their pull
-    Estimator("consistent", consistent),  # as wls, with bodies and friction that can exist
-    Estimator("iv", iv, simulates=True),  # noise of the encoders does not bias it
+    Estimator("ols", ols),  # ordinary least squares: all rows have the same weight
+    Estimator("wls", wls),  # weighted least squares: each joint is weighted by its noise
+    Estimator("irls", irls),  # robust least squares: the influence of outliers is bounded
+    Estimator("consistent", consistent),  # as wls, with physically consistent parameters
+    Estimator("iv", iv, simulates=True),  # instrumental variables: encoder noise causes no bias
     Estimator("didim", didim, simulates=True),  # the torque of a simulated loop is fitted to the measured one
 )
 
 
 def estimator_named(name: str) -> Estimator:
-    """The estimator of that name.
+    """The estimator with this name.
 
     Raises:
-        ParameterError: If there is none; the text lists the known names.
+        ParameterError: If there is none; the message lists the known names.
     """
     for estimator in ESTIMATORS:
         if estimator.name == name:

@@ -1,6 +1,6 @@
 """Result of an estimator: base parameters with their uncertainty, and the torque that they predict.
 
-A fit from a `Reduction` looks at no sample again, so that it takes milliseconds.
+`refit` fits a `Reduction`, which needs no samples and takes milliseconds.
 """
 
 from __future__ import annotations
@@ -45,20 +45,19 @@ class Fit:
     """Estimated base parameters.
 
     Attributes:
-        estimator: Its name in `identification.estimators.estimator_list.ESTIMATORS`.
+        estimator: Name in `identification.estimators.estimator_list.ESTIMATORS`.
         theta: Base parameters, shape ``(r,)``.
-        cov: Covariance with the memory of the residual, see `coloured_scatter`.
-        cov_white: Covariance if every sample's noise were independent.
+        cov: Covariance with the autocorrelation of the residual, see `coloured_scatter`.
+        cov_white: Covariance if the noise of all samples were independent.
         names: Names of the base parameters.
         units: Units of the base parameters.
         sigma: Noise of each joint's torque, shape ``(nv,)``.
-        correlation: Samples per independent sample of each joint's residual, shape ``(nv,)``: N over it is the
-            effective sample size.
+        correlation: Number of samples per independent sample of each joint's residual, shape ``(nv,)``.
         relative_error: Root mean square of the residual over that of the measured torque [%], shape ``(nv,)``.
         cond: Condition number of the weighted base regressor with columns of norm one.
-        base: How all parameters regroup.
+        base: Base parameters, with the regrouping of all parameters.
         effects: The terms that were fitted.
-        first_effect: First column that belongs to an effect.
+        first_effect: Index of the first column that belongs to an effect.
         samples: Number of samples.
         cautions: Warnings on the use of the fit.
     """
@@ -91,7 +90,7 @@ class Fit:
 
     @property
     def rigid_body(self) -> bool:
-        """True if the rigid body's parameters were unknowns, too."""
+        """True if inertial parameters were unknowns as well."""
         return self.first_effect > 0
 
     def std(self) -> Float[Array, " r"]:
@@ -116,15 +115,15 @@ class Fit:
 
 @dataclass(frozen=True)
 class Values:
-    """Values of base parameters with their covariance and the residual that it comes from.
+    """Values of base parameters with their covariance, and the residual from which it is estimated.
 
     Attributes:
         theta: Base parameters, shape ``(r,)``.
-        cov: Covariance with the memory of the residual.
-        cov_white: Covariance if every sample's noise were independent.
-        sigma: Noise of each joint's torque, shape ``(nv,)``.
-        correlation: Samples per independent sample of each joint's residual, shape ``(nv,)``.
-        residual: Torque that the values leave, shape ``(N, nv)``.
+        cov: As in `Fit`.
+        cov_white: As in `Fit`.
+        sigma: As in `Fit`.
+        correlation: As in `Fit`.
+        residual: Residual torque, shape ``(N, nv)``.
         factor: Triangular factor of the weighted equations that determined the values, shape ``(r, r)``.
     """
 
@@ -138,7 +137,7 @@ class Values:
 
     @property
     def std(self) -> Float[Array, " r"]:
-        """Standard deviations; zero where they are not known."""
+        """Standard deviations; zero if they are not known."""
         return np.sqrt(np.nan_to_num(np.diag(self.cov)))
 
 
@@ -155,13 +154,13 @@ class InfluencedValues(Values):
 
 @dataclass(frozen=True)
 class JointNoise:
-    """Noise of each joint as an estimator models it, and the scatter of its score.
+    """Noise of each joint in the model of an estimator.
 
     Attributes:
         sigma: Noise of each joint's torque, shape ``(nv,)``.
         information: Weight (squared) of each joint's rows, see `sandwich`, shape ``(nv,)``.
         scatter: Variance of each joint's score, see `sandwich`, shape ``(nv,)``.
-        score: What enters the normal equations: the residual, or its robust image, shape ``(N, nv)``.
+        score: Residual in the normal equations, for a robust estimator after its limit, shape ``(N, nv)``.
     """
 
     sigma: Float[Array, " nv"]
@@ -200,10 +199,10 @@ def values_of_influence(
     factor: Float[Array, "r r"],
     starts: tuple[int, ...],
 ) -> InfluencedValues:
-    """Values with the covariance that the noise in their residual gives them.
+    """Values of an estimator that is linear in the noise, with their covariance.
 
     Args:
-        theta: The values.
+        theta: Base parameters.
         rows: Regressor of the unknowns.
         target: Right-hand side of the equations.
         influence: Change of each value per noise of each joint at each sample.
@@ -222,17 +221,17 @@ def fit_of(
     base: BaseParameters,
     values: Values,
 ) -> Fit:
-    """The `Fit` of values whose covariance is known.
+    """The `Fit` with given values.
 
     Args:
-        estimator: Its name.
+        estimator: Name of the estimator.
         regressor: The equations.
         base: The unknowns.
-        values: Their values.
+        values: Values of the unknowns.
     """
     measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
     left = np.sqrt(np.mean(values.residual**2, axis=0))
-    # A joint that is not driven has no torque to compare with.
+    # The error of a joint without torque is NaN.
     error = np.full(len(left), np.nan)
     np.divide(100 * left, measured, out=error, where=measured > 0)
     general = cautions(regressor, base, values.theta, np.sqrt(np.diag(values.cov)), values.factor)
@@ -261,11 +260,11 @@ class ReducedFit:
 
     Attributes:
         theta: Base parameters, shape ``(r,)``.
-        cov: Covariance if every sample's noise were independent, ``(r, r)``: a reduction does not hold the
-            memory of the noise, which makes the true one larger (see `coloured_scatter`).
-        sigma: Noise of each joint's torque, times its weight if there is one, shape ``(nv,)``; nan where no equation
-            is left over.
-        base: The unknowns, and how all parameters regroup.
+        cov: Covariance if the noise of all samples were independent, ``(r, r)``. A reduction does not contain the
+            autocorrelation of the noise, with which the covariance is larger (see `coloured_scatter`).
+        sigma: Noise of each joint's torque, times its weight if there is one, shape ``(nv,)``; NaN if there are no more
+            equations than unknowns.
+        base: The unknowns, with the regrouping of all parameters.
         samples: Number of samples.
     """
 
@@ -291,12 +290,12 @@ class ReducedFit:
 
 
 def reductions(robot: Robot, logs: Iterable[Log], effects: Sequence[EffectOnJoint] = ()) -> Iterator[Reduction]:
-    """The reduction of each log, one log at a time: `identification.regression.reduction.combined` makes one of them.
+    """The reduction of each log; `identification.regression.reduction.combined` combines them.
 
     Args:
-        robot: Gives the rigid body.
-        logs: May be a generator that reads them one by one; none is kept.
-        effects: Effects on the joints beside the rigid bodies.
+        robot: The robot.
+        logs: Logs, or a generator that reads them one by one; no log is kept.
+        effects: Effects on the joints in addition to the rigid bodies.
     """
     for log in logs:
         yield torque_regressor(robot, log, effects).reduction
@@ -317,11 +316,11 @@ def refit(reduction: Reduction, base: BaseParameters | None = None) -> ReducedFi
 
     Args:
         reduction: Reduction of one recording or several, with weights or without.
-        base: The unknowns, if they are to stay those of another fit; by default those that this reduction determines.
+        base: The unknowns; by default those that this reduction determines.
 
     Raises:
         IdentifiabilityError: If it determines no parameter, or not those of ``base``.
-        ParameterError: If ``base`` is of other columns.
+        ParameterError: If ``base`` has other columns.
     """
     if base is None:
         base = base_of_reduction(reduction)

@@ -1,9 +1,9 @@
-r"""Instrumental variables (IDIM-IV): least squares that noise in the motion does not bias, and the test for a bias.
+r"""Instrumental variables (IDIM-IV), which noise in the motion does not bias, and the test for a bias of least squares.
 
-Noise of the positions enters torque and regressor alike as soon as a controller closes the loop, and least squares
-takes it for a property of the robot. Instruments :math:`Z`, the regressor of a simulated closed loop, have no noise:
-:math:`Z^T S^{-1} (y - W \theta) = 0`. The Durbin-Wu-Hausman test compares the two estimates: do errors of the recorded
-motion (noise, filters, derivatives) bias weighted least squares?
+Under a position controller, noise of the positions enters both torque and regressor, which biases least squares. The
+instruments :math:`Z` are the regressor of a simulated closed loop, which has no noise:
+:math:`Z^T S^{-1} (y - W \theta) = 0`. The Durbin-Wu-Hausman test compares this estimate with weighted least squares: it
+tests whether errors of the recorded motion (noise, filters, derivatives) bias least squares.
 
 References:
     A. Janot, P.-O. Vandanjon, M. Gautier, A generic instrumental variable approach for industrial robot
@@ -27,13 +27,13 @@ from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError
 
-_SETTLED = 0.05  # standard deviations: where no estimate moves by more, another simulation changes nothing
-_TIED = 1e-9  # instruments that follow the regressor by less than this share are none
+_SETTLED = 0.05  # largest step of a converged estimate, in its standard deviations
+_LEAST_LINK = 1e-9  # smallest correlation between instruments and regressor
 
-# Share of the variance of least squares up to which the two estimates agree by construction in a direction: a constant
-# is its own instrument.
-_SAME = 1e-8
-_MATTERS = 0.5  # standard deviations of least squares below which a bias is lost in its interval
+# Largest variance of the difference, relative to that of least squares, with which both estimates agree by
+# construction: some columns, such as a constant, are their own instruments.
+_EQUAL_VARIANCE = 1e-8
+_SMALL_BIAS = 0.5  # largest bias that needs no action, in standard deviations of least squares
 
 
 def iv(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
@@ -41,14 +41,14 @@ def iv(regressor: Regressor, *, feedback: Feedback | None = None, iterations: in
 
     Args:
         regressor: The equations.
-        feedback: The controllers, where the robot does not state them.
-        iterations: Most simulations of the recordings there may be.
+        feedback: The controllers; by default those of ``robot.yaml``.
+        iterations: Largest number of simulations of the recordings.
 
     Raises:
         LogError: If a log has no references.
         ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
         IdentifiabilityError: If the recording excites no parameter.
-        EstimationError: If the simulated robot cannot move, or the estimates do not settle.
+        EstimationError: If the simulation diverges, or the estimates do not converge.
     """
     start = start_of(regressor, feedback)
     base = start.base
@@ -57,7 +57,7 @@ def iv(regressor: Regressor, *, feedback: Feedback | None = None, iterations: in
         before = found
         simulation = resimulated(regressor, start.loops, base, found.theta)
         found = with_instruments(regressor, base, simulation.rows(base), 1.0 / floored(before.sigma, regressor))
-        # Where there is no noise, what rounding leaves of the torque settles it.
+        # Without noise, the second term allows for rounding.
         still = np.abs(found.theta - before.theta) <= _SETTLED * found.std + 1e-9 * np.abs(found.theta)
         if still.all():
             return fit_of("iv", regressor, base, found)
@@ -82,8 +82,8 @@ def with_instruments(
     factor = factor_of(instruments, weights)
     influence = influence_of(instruments, factor, weights)
     link = np.einsum("njk,njl->kl", influence, rows, optimize=True)
-    # The identity where instruments and regressor are the same.
-    if np.linalg.svd(factor @ np.linalg.solve(factor.T, link.T).T, compute_uv=False)[-1] < _TIED:
+    # The matrix is the identity if instruments and regressor are equal.
+    if np.linalg.svd(factor @ np.linalg.solve(factor.T, link.T).T, compute_uv=False)[-1] < _LEAST_LINK:
         raise IdentifiabilityError(
             "The simulated motion does not follow the recorded one, so that it says nothing about it: check references "
             "and controllers."
@@ -110,10 +110,10 @@ class Endogeneity:
     names: tuple[str, ...]
 
     def biased(self, level: float = 0.05) -> bool:
-        """True if the bias is beyond chance.
+        """True if the bias is significant.
 
         Args:
-            level: Share of sound recordings for which it is true all the same.
+            level: Probability of a significant result without a bias.
         """
         return self.probability < level
 
@@ -121,7 +121,7 @@ class Endogeneity:
         """Result of the test in words.
 
         Args:
-            level: Share of sound recordings that are called biased all the same.
+            level: Probability of a significant result without a bias.
         """
         p = f"Durbin-Wu-Hausman test, p = {self.probability:.2g}"
         if not self.biased(level):
@@ -130,23 +130,23 @@ class Endogeneity:
         worst = int(np.argmax(far))
         name, size = self.names[worst], f"{far[worst]:.2g} of its standard deviations"
         biased = f"Errors of the recorded motion bias least squares ({p})"
-        if far[worst] < _MATTERS:
+        if far[worst] < _SMALL_BIAS:
             return f"{biased}, but by no more than {size} ({name}): it may stay."
         return f"{biased}, {name} by {size}: use instrumental variables (iv), or record with a finer encoder."
 
 
 def hausman_test(regressor: Regressor, *, feedback: Feedback | None = None) -> Endogeneity:
-    """Test of weighted least squares against instrumental variables, robust against coloured noise.
+    """Test of weighted least squares against instrumental variables, which allows for autocorrelated noise.
 
     Args:
         regressor: The equations.
-        feedback: The controllers, where the robot does not state them.
+        feedback: The controllers; by default those of ``robot.yaml``.
 
     Raises:
         LogError: If a log has no references.
         ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
         IdentifiabilityError: If the recording excites no parameter.
-        EstimationError: If the simulated robot cannot move.
+        EstimationError: If the simulation diverges.
     """
     start = start_of(regressor, feedback)
     found = with_instruments(regressor, start.base, start.simulation.rows(start.base), start.weights)
@@ -169,12 +169,12 @@ def compared(
     difference = np.einsum("njk,nj->k", influence, regressor.y, optimize=True) - found.theta
     least_squares_cov, _, _ = covariances(influence, found.residual, found.sigma, regressor.starts)
     difference_cov, _, _ = covariances(influence - found.influence, found.residual, found.sigma, regressor.starts)
-    # In units in which the estimates of least squares scatter by one, independently.
+    # The units are such that the estimates of least squares are independent with variance one.
     scale = np.linalg.cholesky(least_squares_cov)
     whitened = np.linalg.solve(scale, np.linalg.solve(scale, difference_cov).T)
     size, axes = np.linalg.eigh(0.5 * (whitened + whitened.T))
     parts = axes.T @ np.linalg.solve(scale, difference)
-    kept = size > _SAME
+    kept = size > _EQUAL_VARIANCE
     statistic = float(np.sum(parts[kept] ** 2 / size[kept]))
     freedom = int(kept.sum())
     probability = float(chdtrc(freedom, statistic)) if freedom else 1.0

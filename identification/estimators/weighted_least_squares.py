@@ -1,9 +1,8 @@
-"""Ordinary, weighted and robust least squares: they differ in the weight of a row alone.
+"""Ordinary, weighted and robust least squares, which differ only in the weights of the rows.
 
-Each takes equations that were made before: `torque_regressor` for rigid body and effects, `gap_regressor` for effects.
-Ordinary least squares (OLS) counts every row alike. Weighted least squares (WLS) divides each joint by its own noise,
-which the previous fit estimates. Iteratively reweighted least squares (IRLS) lets rows far outside the noise count
-less.
+The equations come from `torque_regressor` (rigid bodies and effects) or `gap_regressor` (effects only). Ordinary least
+squares (OLS) gives all rows the same weight. Weighted least squares (WLS) divides the rows of each joint by its noise,
+which the previous fit estimates. Iteratively reweighted least squares (IRLS) reduces the weight of outliers.
 """
 
 from __future__ import annotations
@@ -18,12 +17,12 @@ from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
 
-# Without weights, joints with small torques get large residuals from the others, and so too small a weight at first.
-# The fit is repeated until the noise of no joint changes by more than a tenth relative to the others.
+# The fit is repeated until the relative weights of the joints change by less than this share. In the first fit, without
+# weights, joints with large torques cause large residuals of the others, whose weights are too small afterwards.
 _CHANGE = 0.1
 PASSES = 8
-"""Largest number of fits, the one without weights included."""
-_HUBER = 1.345  # noise units beyond which an outlier pulls no harder: 95 % efficient on normal noise
+"""Largest number of fits, with the first one, which has no weights."""
+_HUBER = 1.345  # residual, in units of the noise, beyond which its influence is constant; 95 % efficient
 _MAD_OF_NORMAL = 0.6744897501960817  # median of the absolute value of a standard normal
 
 
@@ -51,7 +50,7 @@ def wls(regressor: Regressor) -> Fit:
         regressor: The equations.
 
     Raises:
-        IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
+        IdentifiabilityError: If the recording excites no parameter, or has too few equations to estimate the noise.
     """
     base = base_of(regressor)
     noise = sigma = np.ones(regressor.robot.nv)
@@ -71,8 +70,8 @@ def weights_agree(before: Float[Array, " nv"], after: Float[Array, " nv"]) -> bo
     """True if the noise ``after`` gives the joints the same relative weights as ``before``.
 
     Args:
-        before: Noise of each joint by which a fit was weighted.
-        after: Noise of each joint from the residual of that fit.
+        before: Noise of each joint from which the weights of a fit were computed.
+        after: Noise of each joint from the residual of this fit.
     """
     ratio = after / before
     return bool(ratio.max() <= (1.0 + _CHANGE) * ratio.min())
@@ -81,7 +80,7 @@ def weights_agree(before: Float[Array, " nv"], after: Float[Array, " nv"]) -> bo
 def floored(sigma: Float[Array, " nv"], regressor: Regressor) -> Float[Array, " nv"]:
     """Noise for the weights: ``sigma``, but at least 1e-9 of the largest torque of any joint.
 
-    A joint without noise (a simulation, or one that is not driven) would otherwise get infinite weight.
+    Without this limit, a joint without noise (in a simulation, or without a drive) would have an infinite weight.
 
     Args:
         sigma: Estimated noise of each joint.
@@ -128,12 +127,13 @@ def _huber_weight(u: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
 def _reweighted(
     regressor: Regressor, base: BaseParameters, solution: Solution, iterations: int
 ) -> tuple[Solution, Float[Array, " nv"]]:
+    """Converged solution of iteratively reweighted least squares, and the noise of each joint."""
     sigma = _scale(solution, regressor)
     for _ in range(iterations):
         before = solution.theta
         solution = solve(regressor, base, np.sqrt(_huber_weight(solution.residual / sigma)) / sigma)
         sigma = _scale(solution, regressor)
-        # Relative to the torque that the parameters produce, so that their units do not matter.
+        # The change is measured in torques, so that the units of the parameters do not matter.
         change = np.linalg.norm(solution.factor @ (solution.theta - before))
         if change <= 1e-7 * np.linalg.norm(solution.factor @ solution.theta):
             return solution, sigma
@@ -143,5 +143,5 @@ def _reweighted(
 
 
 def _scale(solution: Solution, regressor: Regressor) -> Float[Array, " nv"]:
-    """Noise of each joint from the median absolute residual, which outliers hardly change up to half of the samples."""
+    """Noise of each joint from the median absolute residual, which outliers hardly change."""
     return floored(np.median(np.abs(solution.residual), axis=0) / _MAD_OF_NORMAL, regressor)

@@ -1,1 +1,1 @@
-"""Motions that excite a robot's parameters."""
+"""Design of motions that excite a robot's parameters."""

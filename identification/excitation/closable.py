@@ -1,7 +1,7 @@
-"""Postures in which the loops of a closed chain can be closed, and their distance from a singularity.
+"""Finds postures in which a closed chain can be closed, and their distance from a singularity.
 
-Loops are closed along trajectories, and a linkage may be unable to move directly from one independent posture to the
-next. So the start of the chain is inserted between them, and each posture is reached from there.
+A chain is closed along a trajectory, and it may be unable to move directly from one independent posture to the next. So
+the start of the chain is inserted between them, and each posture is reached from there.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from phantom_dyn.model.robot import Robot, tree_position_limits
 from phantom_dyn.random_streams import random_stream
 
 CLEAR = 0.25
-"""Distance from a singularity that a designed motion keeps: that of a four-bar at a transmission angle of 20 degrees,
-below which linkages are known to jam."""
+"""Smallest distance from a singularity in a designed motion: that of a four-bar at a transmission angle of 20 degrees,
+below which linkages may jam."""
 _POSTURES = 100
 """Number of postures that represent the workspace of a chain."""
-_DRAWN = 20
-"""Draws per posture, as many of them cannot be used."""
-_REACH = (np.pi, 0.5)
-"""Largest distance of a drawn posture from the start, per joint [rad; m for linear joints]."""
+_DRAWS_PER_POSTURE = 20
+"""Number of random postures per posture, as most of them cannot be used."""
+_LARGEST_DRAW = (np.pi, 0.5)
+"""Largest distance of a random posture from the start, per joint [rad; m for linear joints]."""
 
 
 def solved_numerically(robot: Robot) -> bool:
-    """True if loops of the robot are closed numerically."""
+    """True if the robot is a chain that is closed numerically."""
     return robot.chain is not None and bool(robot.chain.anchors)
 
 
 def closable(robot: Robot, q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
-    """True for postures [rad or m] in which the robot's loops close; all of them if none is closed numerically."""
+    """True for postures [rad or m] in which the robot's chain closes; all of them if it is not closed numerically."""
     if not solved_numerically(robot):
         return np.ones(len(q), dtype=bool)
     return np.isfinite(_distances(robot, q))
@@ -44,18 +44,18 @@ def with_start_between(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "M
 
 
 def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ nv"]:
-    """The start of a chain, then postures [rad or m] from its whole workspace, at most ``count``, shape ``(n, nv)``.
+    """The start of a chain, then random postures [rad or m] from its whole workspace, shape ``(n, nv)``.
 
-    They keep the limits of all joints and are clear of a singularity.
+    They keep the limits of all joints, and the distance `CLEAR` from a singularity.
 
     Args:
-        robot: A chain whose loops are closed numerically.
+        robot: A chain that is closed numerically.
         count: Largest number of postures.
     """
     start, rng = _start(robot), random_stream("ordinary postures of a chain")
-    reach = np.where(robot.prismatic, _REACH[1], _REACH[0])
+    reach = np.where(robot.prismatic, _LARGEST_DRAW[1], _LARGEST_DRAW[0])
     lower, upper = tree_position_limits(robot.model)
-    rows, size = list(robot.tree_rows), (_DRAWN * count, robot.nv)
+    rows, size = list(robot.tree_rows), (_DRAWS_PER_POSTURE * count, robot.nv)
     # Half of the draws are less than half as far from the start, as the workspace of a linkage may be small.
     drawn = start + rng.uniform(size=(size[0], 1)) * rng.uniform(-reach, reach, size)
     drawn = np.clip(drawn, lower[rows], upper[rows])
@@ -66,12 +66,12 @@ def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ n
 
 
 def configurations_in(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
-    """Pinocchio's configurations in postures [rad or m] that form no trajectory, shape ``(N, nq)``."""
+    """Pinocchio's configurations in independent postures [rad or m], shape ``(N, nq)``."""
     return robot.configuration(with_start_between(robot, q))[1::2]
 
 
 def largest_slope(robot: Robot) -> Float[Array, "np nv"]:
-    """Largest speed of each passive joint per speed of each active one, clear of a singularity."""
+    """Largest speed of each passive joint per speed of each active joint, in postures away from a singularity."""
     chain = robot.chain
     if chain is None:
         return np.zeros((0, robot.nv))
@@ -87,7 +87,7 @@ def _start(robot: Robot) -> Float[Array, " nv"]:
 
 
 def _distances(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, " N"]:
-    """Distance of postures from a singularity, shape ``(N,)``; NaN where the loops do not close."""
+    """Distance of postures from a singularity, shape ``(N,)``; NaN if the chain does not close."""
     if robot.chain is None:
         return np.full(len(q), np.inf)
     return distance_from_singularity(closed_each(robot.model, robot.chain, q, robot.arrays))

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Bodies of a robot that must not touch: convex hulls of the collision shapes of its file, checked by coal."""
+"""Computes distances between bodies of a robot that must not touch, from convex hulls of its collision shapes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from phantom_dyn.random_streams import random_stream
 from phantom_dyn.shapes.robot_shapes import shapes_of_mjcf
 
 CLEARANCE = 0.01
-"""Distance that bodies keep by default [m], as robots do not track perfectly."""
+"""Default distance between bodies [m], which allows for tracking errors."""
 _POSTURES = 100
-_NEAR = 0.05  # pairs further apart than this beyond their clearance [m] do not restrict the motion, and get no slope
-_TOUCHING = 0.5
-"""Pairs that touch in this share of random postures touch by design, as shapes of neighbours overlap at their joint."""
+_NEAR = (
+    0.05  # distance beyond the clearance [m] above which a pair does not restrict the motion, and needs no derivative
+)
+_TOUCHING_BY_DESIGN = 0.5
+"""A pair touches by design, as shapes that overlap at a joint do, if it touches in this share of random postures."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,11 @@ class Collisions:
 def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
     """Pairs of bodies of a robot that are not neighbours, from the collision shapes of its file.
 
-    A note says so if the file has no shapes or a mesh is missing; these are not checked.
+    Without shapes, or if a mesh is missing, nothing is checked, and a note says so.
 
     Args:
         robot: Gives file and joints.
-        clearance: Distance that bodies keep [m].
+        clearance: Smallest distance between bodies [m].
     """
     model, out = robot.model, pin.GeometryModel()
     try:
@@ -81,7 +83,7 @@ def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
 def distances(
     model: pin.Model, collisions: Collisions, configuration: Float[Array, "N nq"], *, slopes: bool
 ) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
-    """Distance of each pair [m], negative for overlap, and its slope in the joint velocities if it is small."""
+    """Distance of each pair [m], negative for overlap, and its derivative by the tree's positions if it is small."""
     shapes = collisions.shapes
     data, placed = model.createData(), shapes.createData()
     pairs = [(pair.first, pair.second) for pair in shapes.collisionPairs]
@@ -117,6 +119,7 @@ def distances(
 
 
 def _shapes(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
+    """Model of a robot's file with all its joints, and the collision shapes."""
     if path.suffix == ".urdf":
         full = pin.buildModelFromUrdf(str(path))
         folders = [str(folder) for folder in path.resolve().parents]
@@ -125,7 +128,7 @@ def _shapes(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
 
 
 def _hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
-    """A convex hull of a mesh: its distances are fast to compute, and never larger than those of the mesh."""
+    """Convex hull of a mesh, whose distances are fast to compute and never larger than those of the mesh."""
     if isinstance(geometry, coal.BVHModelBase):
         geometry.buildConvexRepresentation(False)
         return geometry.convex
@@ -133,7 +136,7 @@ def _hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
 
 
 def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
-    """The shapes with all pairs that are neither neighbours nor touch by design."""
+    """The shapes with all pairs, except neighbours and pairs that touch by design."""
     model = robot.model
     joints = [shape.parentJoint for shape in shapes.geometryObjects]
     for i in range(len(joints)):
@@ -148,7 +151,7 @@ def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
     numeric = solved_numerically(robot)
     reached = configurations_in(robot, ordinary_postures(robot)) if numeric else robot.configuration(q)
     touching = distances(model, Collisions(shapes), reached, slopes=False)[0] < 0
-    for pair, often in zip(list(shapes.collisionPairs), touching.mean(axis=0) > _TOUCHING, strict=True):
+    for pair, often in zip(list(shapes.collisionPairs), touching.mean(axis=0) > _TOUCHING_BY_DESIGN, strict=True):
         if often:
             shapes.removeCollisionPair(pin.CollisionPair(pair.first, pair.second))
     return shapes

@@ -1,4 +1,4 @@
-"""Criteria of a good experiment: functions of its information matrix, with their exact slopes.
+"""Criteria of optimal experiment design: functions of the information matrix, with exact derivatives.
 
 The information matrix is that of the base parameters, :math:`G = W^T W` per sample, with earlier recordings included.
 Each column is in units of its size in an ordinary motion.
@@ -14,9 +14,9 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.number_checks import require_not_negative, require_positive
 
-_NOTHING = 1e-200  # least squared norm of a column, whose inverse does not overflow
-_ZERO = 1e-15
-"""Eigenvalues of a correlation matrix below this are rounding: condition numbers above 3e7 cannot be distinguished."""
+_SMALLEST_NORM = 1e-200  # smallest squared norm of a column whose inverse does not overflow
+_ROUNDING = 1e-15
+"""Smallest eigenvalue of a correlation matrix that is not rounding: condition numbers above 3e7 are all the same."""
 
 
 @runtime_checkable
@@ -24,7 +24,7 @@ class Criterion(Protocol):
     """A cost that is lower for a better experiment."""
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
-        """Cost, and its symmetric slope in the entries of the information matrix."""
+        """Cost, and its symmetric derivative by the entries of the information matrix."""
         ...
 
 
@@ -32,8 +32,8 @@ class Criterion(Protocol):
 class DOptimality:
     """Mean logarithm of the parameters' standard deviations, ``-log det(G + regularisation) / (2 r)``.
 
-    ``regularisation`` stands for prior information, relative to that of an ordinary motion. With it, a motion that does
-    not excite everything has a finite cost and a slope.
+    ``regularisation`` is prior information, relative to that of an ordinary motion. With it, the cost and its
+    derivative are finite for a motion that does not excite all parameters.
     """
 
     regularisation: float = 1e-6
@@ -42,7 +42,7 @@ class DOptimality:
         require_positive(regularisation=self.regularisation)
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
-        """Cost and its slope."""
+        """Cost and its derivative."""
         r = len(G)
         regular = G + self.regularisation * np.eye(r)
         return float(-0.5 / r * np.linalg.slogdet(regular)[1]), -0.5 / r * np.linalg.inv(regular)
@@ -52,9 +52,9 @@ class DOptimality:
 class ConditionNumber:
     """Logarithm of the condition number of the regressor, each column divided by its norm.
 
-    The largest and the smallest eigenvalue are replaced by power means of order ``sharpness``, as the condition number
-    itself has no slope where eigenvalues meet. ``information`` is the weight of D-optimality, which is added to decide
-    where the condition number cannot, as for a robot with one parameter.
+    The largest and the smallest eigenvalue are replaced by power means of order ``sharpness``, because the condition
+    number has no derivative where eigenvalues are equal. ``information`` is the weight of D-optimality, which is added
+    for cases in which the condition number is constant, as for a robot with one parameter.
     """
 
     sharpness: float = 6.0
@@ -65,13 +65,13 @@ class ConditionNumber:
         require_not_negative(weight_of_information=self.information)
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
-        """Cost and its slope."""
+        """Cost and its derivative."""
         from scipy.special import logsumexp
 
-        size = np.sqrt(np.maximum(np.diag(G), _NOTHING))
+        size = np.sqrt(np.maximum(np.diag(G), _SMALLEST_NORM))
         C = G / np.outer(size, size)
         eigenvalues, vectors = np.linalg.eigh(C)
-        logs, k = np.log(np.maximum(eigenvalues, _ZERO)), self.sharpness
+        logs, k = np.log(np.maximum(eigenvalues, _ROUNDING)), self.sharpness
         high, low = logsumexp(k * logs), logsumexp(-k * logs)
         weights = 0.5 * (np.exp((k - 1) * logs - high) - np.exp((-k - 1) * logs - low))
         of_C = (vectors * weights) @ vectors.T
@@ -91,4 +91,4 @@ def condition_number(G: Float[Array, "r r"]) -> float:
     if not (size > 0).all():
         return float("inf")
     eigenvalues = np.linalg.eigvalsh(G / np.outer(size, size))
-    return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > _ZERO else float("inf")
+    return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > _ROUNDING else float("inf")

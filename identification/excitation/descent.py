@@ -1,7 +1,7 @@
-"""Search for a good motion within its limits: random starts, and descent from them.
+"""Searches for a good motion within its limits: random motions, and descent from them.
 
-Starts are random motions about postures in which all limits are kept. The descent is an augmented Lagrangian method;
-each of its rounds is L-BFGS with exact slopes.
+The random motions are about postures that keep all limits. The descent is an augmented Lagrangian method; each of its
+rounds is L-BFGS with exact derivatives.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.motion import Motion
 
 MARGIN = 0.01
-"""Share of a bound's size that is kept free, as motions peak between samples and a round ends slightly outside."""
-_FIRST, _GROWTH = 30.0, 3.0  # weight of the squared excess in the first round, and its growth per round
+"""Margin inside a bound as a share of its size, as motions peak between samples, and rounds end slightly outside."""
+_FIRST_WEIGHT, _GROWTH = 30.0, 3.0  # weight of the squared excess in the first round, and its growth per round
 _CORRECTIONS = 30  # corrections that L-BFGS stores
 
 
@@ -35,22 +35,22 @@ class Penalty:
     multipliers: Float[Array, "2 N m"]
 
     def __call__(self, values: Float[Array, "N m"]) -> tuple[float, Float[Array, "N m"]]:
-        """Cost of values, and its slope."""
-        push = self.pushes(values)
-        paid = 0.5 * float((push**2).sum() - (self.multipliers**2).sum()) / (self.weight * len(values))
-        return paid, (push[1] - push[0]) / (self.bounds.size * len(values))
+        """Cost of values, and its derivative."""
+        updated = self.updated(values)
+        cost = 0.5 * float((updated**2).sum() - (self.multipliers**2).sum()) / (self.weight * len(values))
+        return cost, (updated[1] - updated[0]) / (self.bounds.size * len(values))
 
-    def pushes(self, values: Float[Array, "N m"]) -> Float[Array, "2 N m"]:
+    def updated(self, values: Float[Array, "N m"]) -> Float[Array, "2 N m"]:
         """Multipliers of the next round."""
         return np.maximum(0.0, self.multipliers + self.weight * self.bounds.excess(values))
 
 
 class _Cost:
-    """Cost of weights for a line search, which may step to weights whose loops cannot be closed.
+    """Cost of weights for a line search, which may step to weights with which a chain cannot be closed.
 
-    There the cost is replaced by a parabola with the cost and slope of the start of the line, and its minimum at a
-    quarter of the step, so that the next trial is about that much shorter. A cost that is merely large would shorten
-    the step to nothing and end the descent.
+    There the cost is replaced by a parabola. It has the cost and derivative of the start of the line, and its minimum
+    at a quarter of the step, so that the next trial is there. A very large cost instead would shorten the step to
+    almost nothing and end the descent.
     """
 
     def __init__(self, cost: Callable[[Array], tuple[float, Array]], x: Array):
@@ -58,13 +58,13 @@ class _Cost:
         self._begin = self._last = (x, *cost(x))
 
     def __call__(self, x: Array) -> tuple[float, Array]:
-        """Cost and slope."""
+        """Cost and derivative."""
         try:
             self._last = (x.copy(), *self._cost(x))
         except ChainError:
             begin, value, slope = self._begin
             step = x - begin
-            fall = float(slope @ step)  # negative, as lines go downhill
+            fall = float(slope @ step)  # negative, as the cost decreases along a line
             return value - fall, -3.0 * fall / float(step @ step) * step
         return self._last[1:]
 
@@ -74,7 +74,7 @@ class _Cost:
 
     @property
     def accepted(self) -> Array:
-        """Weights at which the last line ended; a minimiser that stops within a line may return worse ones."""
+        """Weights at the end of the last line; a minimiser that stops within a line may return worse ones."""
         return self._begin[0]
 
     @property
@@ -94,15 +94,15 @@ def descend(
     criterion: Criterion | None = None,
     progress: Progress = lambda _: None,
 ) -> Float[Array, "K nv"]:
-    """Weights of a motion that is better by the criterion, and nearly within the limits.
+    """Weights of a motion with a better criterion, which is nearly within the limits.
 
     Args:
         problem: The design problem.
         grid: Samples at which criterion and limits are computed.
-        weights: Start, shape ``(K, nv)``; a chain's loops must close along it.
+        weights: Start, shape ``(K, nv)``; a chain must close along it.
         rounds: Number of rounds of multipliers.
-        first: Number of the first round, with which the weight of excess grows. A descent that only repairs a motion
-            begins with a late round and stays near the start.
+        first: Number of the first round, with which the weight of excess grows. A descent that begins with a late round
+            stays near the start.
         iterations: L-BFGS iterations per round.
         criterion: Replaces the problem's own criterion.
         progress: Called after each round.
@@ -116,7 +116,7 @@ def descend(
     bounds = problem.bounds.inside(MARGIN)
     multipliers = np.zeros((2, len(grid.t), len(bounds.labels)))
     for number in range(rounds):
-        penalty = Penalty(bounds, _FIRST * _GROWTH ** (first + number), multipliers)
+        penalty = Penalty(bounds, _FIRST_WEIGHT * _GROWTH ** (first + number), multipliers)
 
         def of(x: Array, penalty: Penalty = penalty) -> tuple[float, Array]:
             value, slope = problem.cost(grid, x.reshape(unit.shape) * unit, penalty, criterion)
@@ -129,7 +129,7 @@ def descend(
         weights = cost.accepted.reshape(unit.shape) * unit
         motion = grid.motion(weights)
         values = problem.limited(motion, problem.regressor(motion))
-        multipliers = penalty.pushes(values)
+        multipliers = penalty.updated(values)
         excess = max(0.0, float(penalty.bounds.excess(values).max()))
         progress(Announcement(Stage.DESCENT, number + 1, rounds, {"cost": cost.value, "excess": float(excess)}))
     return weights
@@ -138,10 +138,10 @@ def descend(
 POSTURES = 300
 """Number of random postures that are tried."""
 SHARES = tuple(np.geomspace(1.0, 1e-3, 41).tolist())
-"""Sizes of a motion about its posture that are tried, the largest first, each 16 % smaller than the one before."""
+"""Relative sizes of a motion about its posture that are tried, from the largest on, in steps of 16 %."""
 
-_TRIED = 6  # postures from which a descent starts if none keeps the limits
-# Two samples of a motion at standstill: its only shape is the constant one.
+_DESCENTS = 6  # number of postures from which a descent starts if none keeps the limits
+# Two samples of a standstill, whose only shape is the constant one.
 _STILL = Grid(np.array([0.0, 1.0]), np.stack([np.ones((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))]))
 
 
@@ -153,7 +153,7 @@ def standstill(q: Float[Array, "N nv"]) -> Motion:
 def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) -> Float[Array, " N"]:
     """Largest excess of each sample over the bounds, in units of their sizes, shape ``(N,)``; at most 0 inside.
 
-    Bounds are narrowed by the margin. It is infinite for all samples if loops cannot be closed along the motion.
+    The bounds are narrowed by the margin. The excess is infinite if a chain cannot be closed along the motion.
     """
     try:
         values = problem.limited(motion, problem.regressor(motion))
@@ -163,14 +163,14 @@ def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) ->
 
 
 def posture_excess(problem: DesignProblem, q: Float[Array, "n nv"], margin: float) -> Float[Array, " n"]:
-    """As `worst_excess`, for independent postures [rad or m]: in a chain each is reached from the chain's start."""
+    """As `worst_excess`, for independent postures [rad or m], which a chain reaches from its start."""
     if not solved_numerically(problem.robot):
         return worst_excess(problem, standstill(q), margin)
     return worst_excess(problem, standstill(with_start_between(problem.robot, q)), margin)[1::2]
 
 
 def random_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[Array, "n nv"]:
-    """The middle of the joints' ranges, then random postures; for a chain only those in which its loops close."""
+    """The middle of the joints' ranges, then random postures; for a chain only postures in which it closes."""
     sizes, robot = joint_sizes(problem), problem.robot
     spread = rng.uniform(-1.0, 1.0, (POSTURES, robot.nv))
     if solved_numerically(robot):
@@ -197,19 +197,19 @@ def random_motion(
         problem: Gives the limits.
         grid: Samples at which limits are checked.
         posture: A posture that keeps the limits at rest [rad or m], shape ``(nv,)``.
-        rng: Draws normal weights of the shapes, and the speed of each joint relative to the others.
+        rng: Random numbers for the weights of the shapes and the relative speeds of the joints.
     """
     moving = random_weights(problem, grid, rng)
     return largest_within_limits(problem, grid, constant_weights(posture, len(moving)) + moving, posture)
 
 
 def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator) -> Float[Array, "K nv"]:
-    """Random weights about zero, with which each joint reaches a random share of its largest speed or acceleration.
+    """Random weights with which each joint reaches a random share of its largest speed or acceleration.
 
     Args:
         problem: Gives the limits of each joint; other limits are not checked.
         grid: Samples at which limits are checked.
-        rng: Draws the weights and the shares.
+        rng: Random numbers for the weights and the shares.
     """
     moving = rng.normal(size=(grid.values.shape[2], problem.robot.nv))
     moving[0] = 0.0
@@ -247,29 +247,29 @@ def farthest_within_limits(
 
 @dataclass(frozen=True)
 class AnyMotion:
-    """A criterion that is the same for every motion, with which a descent only meets the limits."""
+    """A criterion that is constant, so that a descent only reduces the excess over the limits."""
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
-        """Zero, and no slope."""
+        """Zero, with zero derivative."""
         return 0.0, np.zeros_like(G)
 
 
 def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[Array, "n nv"]:
-    """Postures in which the robot can stand still, at least one, with a margin to every limit.
+    """Postures in which the robot can stand still, with a margin to every limit.
 
     Raises:
-        ParameterError: If none is found. The message names the limit with the largest excess.
+        ParameterError: If there are none. The message names the limit with the largest excess.
     """
     tried = random_postures(problem, rng)
     excess = posture_excess(problem, tried, MARGIN)
     if (excess <= 0).any():
         return tried[excess <= 0]
-    led = [
+    candidates = [
         descend(problem, _STILL, posture[None], rounds=4, iterations=40, criterion=AnyMotion())
-        for posture in tried[np.argsort(excess)[:_TRIED]]
+        for posture in tried[np.argsort(excess)[:_DESCENTS]]
     ]
-    found = np.concatenate(led)
-    # A descent ends at the edge of the margin, on its outside.
+    found = np.concatenate(candidates)
+    # A descent ends slightly outside the margin.
     excess = posture_excess(problem, found, 0.5 * MARGIN)
     if (excess <= 0).any():
         return found[excess <= 0]

@@ -1,7 +1,6 @@
-"""The design of an excitation as a function of its weights: cost, limited quantities, and exact slopes of both.
+"""The optimisation problem of an exciting motion: cost and limited quantities of its weights, with exact derivatives.
 
-The cost is that of base parameters: those that motions of the robot can determine, in units of their sizes, with the
-information of earlier recordings.
+The cost is a criterion of the information on base parameters, in units of their sizes, with earlier recordings.
 """
 
 from __future__ import annotations
@@ -31,12 +30,12 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-_ORDINARY = 400  # samples of the ordinary motion that gives the sizes
+_ORDINARY_SAMPLES = 400  # number of samples of the ordinary motion from which sizes are computed
 
 
 @dataclass(frozen=True)
 class Base(ReadOnlyArrays):
-    """Columns of the regressor that are designed for.
+    """Base parameters of a design, as columns of the regressor.
 
     Attributes:
         columns: Indices of the r independent columns among the standard parameters.
@@ -51,13 +50,13 @@ class Base(ReadOnlyArrays):
     known: Float[Array, "r r"]
 
     def rows(self, W: Float[Array, "N nv p"]) -> Float[Array, "M r"]:
-        """Rows of a regressor in units of noise and ordinary size."""
+        """Rows of a regressor, divided by noise and sizes."""
         return ((W / self.noise[:, None])[:, :, list(self.columns)] / self.sizes).reshape(-1, len(self.columns))
 
-    def pulled_back(self, W: Float[Array, "N nv p"], of_information: Float[Array, "r r"]) -> Float[Array, "N nv p"]:
-        """Slope of a scalar in each entry of a regressor, from its slope in the information matrix."""
+    def pulled_back(self, W: Float[Array, "N nv p"], by_information: Float[Array, "r r"]) -> Float[Array, "N nv p"]:
+        """Derivative of a scalar by each entry of a regressor, from its derivative by the information matrix."""
         out = np.zeros_like(W)
-        slope = 2.0 / len(W) * self.rows(W) @ of_information
+        slope = 2.0 / len(W) * self.rows(W) @ by_information
         out[:, :, list(self.columns)] = slope.reshape(*W.shape[:2], -1) / self.sizes / self.noise[:, None]
         return out
 
@@ -73,12 +72,12 @@ def base_of(
 
     Args:
         robot: Gives the rigid bodies.
-        planned: Number of samples of the new recording, for its weight against ``earlier``.
+        planned: Number of samples of the new recording, which gives its weight relative to ``earlier``.
         noise: Torque noise [N m or N] of each joint, or one number; 1 by default.
         earlier: Triangular factor of the regressor of earlier recordings, see `earlier_factor`.
 
     Raises:
-        ParameterError: If the factor is of another robot, or the noise is not positive.
+        ParameterError: If the factor is that of another robot, or the noise is not positive.
     """
     sigma = _noise(robot, noise)
     names = parameter_names(robot)
@@ -99,11 +98,11 @@ def base_of(
 
 
 def earlier_factor(robot: Robot, motions: Iterable[Motion]) -> Float[Array, "k p"]:
-    """Triangular factor of the regressor of recorded motions, shape ``(k, p)``, to design what they do not show.
+    """Triangular factor of the regressor of recorded motions, shape ``(k, p)``.
 
     Args:
         robot: Gives the rigid bodies.
-        motions: Recorded motions, all of whose samples count: thin out those sampled much faster than their noise.
+        motions: Recorded motions. The noise of their samples should be about independent.
     """
     return r_factor(rigid_body_regressor(robot, motion) for motion in motions)
 
@@ -118,23 +117,23 @@ def _noise(robot: Robot, noise: float | Sequence[float] | None) -> Float[Array, 
 
 
 def _ordinary_rows(robot: Robot) -> Float[Array, "N nv p"]:
-    """Regressor of independent samples that excite everything; in a chain each is reached from the chain's start."""
+    """Regressor of independent samples that excite all parameters; a chain reaches each of them from its start."""
     motion = _ordinary_motion(robot)
     if not solved_numerically(robot):
         return rigid_body_regressor(robot, motion)
-    postures = ordinary_postures(robot, _ORDINARY)
+    postures = ordinary_postures(robot, _ORDINARY_SAMPLES)
     v, a = (np.repeat(part[: len(postures)], 2, axis=0) for part in (motion.v, motion.a))
     q = with_start_between(robot, postures)
     return rigid_body_regressor(robot, Motion(np.arange(float(len(q))), q, v, a))[1::2]
 
 
 def _ordinary_motion(robot: Robot) -> Motion:
-    """Independent samples that excite all parameters: any posture, about 1 rad/s and 1 rad/s^2."""
+    """Independent samples that excite all parameters: random postures, about 1 rad/s and 1 rad/s^2."""
     rng = random_stream("ordinary motion")
-    q = rng.uniform(-np.pi, np.pi, (_ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.1, 1.0)
-    v, a = rng.normal(size=(2, _ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.3, 1.0)
-    base = any_base_motion(rng, _ORDINARY) if robot.floating else None
-    return Motion(np.arange(float(_ORDINARY)), q, v, a, base=base)
+    q = rng.uniform(-np.pi, np.pi, (_ORDINARY_SAMPLES, robot.nv)) * np.where(robot.prismatic, 0.1, 1.0)
+    v, a = rng.normal(size=(2, _ORDINARY_SAMPLES, robot.nv)) * np.where(robot.prismatic, 0.3, 1.0)
+    base = any_base_motion(rng, _ORDINARY_SAMPLES) if robot.floating else None
+    return Motion(np.arange(float(_ORDINARY_SAMPLES)), q, v, a, base=base)
 
 
 _REACH = (np.pi, 0.5)
@@ -143,7 +142,7 @@ _REACH = (np.pi, 0.5)
 
 @dataclass(frozen=True)
 class Grid:
-    """Shapes at N times: ``values`` holds position, velocity and acceleration of each shape, ``(3, N, K)``."""
+    """Shapes at N times; ``values`` are position, velocity and acceleration of each shape, ``(3, N, K)``."""
 
     t: Float[Array, " N"]
     values: Float[Array, "3 N K"]
@@ -164,10 +163,10 @@ class DesignProblem:
     """A robot, a criterion and the limits of a motion.
 
     Attributes:
-        robot: A plain robot or a closed chain.
-        base: Its base parameters, and the information on them.
-        criterion: Criterion of a good experiment.
-        limits: Limits that the motion keeps.
+        robot: A robot without or with closed chains.
+        base: Base parameters of the robot, and earlier information on them.
+        criterion: Criterion of the experiment.
+        limits: Limits of the motion.
     """
 
     robot: Robot
@@ -219,27 +218,27 @@ class DesignProblem:
         penalty: Callable[[Float[Array, "N m"]], tuple[float, Float[Array, "N m"]]],
         criterion: Criterion | None = None,
     ) -> tuple[float, Float[Array, "K nv"]]:
-        """Criterion and penalty of a motion, and the slope of their sum in the weights, shape ``(K, nv)``.
+        """Criterion plus penalty of a motion, and the derivative of the sum by the weights, shape ``(K, nv)``.
 
         Args:
             grid: Samples at which the motion is evaluated.
             weights: Weights of the shapes for each joint, shape ``(K, nv)``.
-            penalty: Penalty of the limited quantities, with its slope.
+            penalty: Penalty of the limited quantities, with its derivative.
             criterion: Replaces the problem's own criterion.
 
         Raises:
-            ChainError: If a loop cannot be closed along the motion, or is singular.
+            ChainError: If a chain cannot be closed along the motion, or is singular.
         """
         motion = grid.motion(weights)
         W = self.regressor(motion)
-        value, of_information = (criterion or self.criterion).cost(self.information(W))
+        value, by_information = (criterion or self.criterion).cost(self.information(W))
         limited, placed_slope = self._limited(motion, W, slopes=True)
         paid, pull = penalty(limited)
         tree, numeric = tree_motion(self.robot, motion), solved_numerically(self.robot)
         nt, nv = tree.G.shape[1:]
         cuts = np.cumsum([nt, nt, nv, nv, int(numeric)])
         of_x, of_u, of_a, of_tau, of_clear, of_places = np.split(pull, cuts, axis=1)
-        S = self.base.pulled_back(W, of_information)
+        S = self.base.pulled_back(W, by_information)
         S += of_tau[:, :, None] * standard_parameters(self.robot)
         on_bodies = S if self.robot.chain is None else np.einsum("nti,nip->ntp", tree.G, S, optimize=True)
         _, slope = regressor_slope(self.robot.model, tree.q, tree.v, tree.a, on_bodies)
@@ -261,7 +260,7 @@ class DesignProblem:
     def _pull_of_slopes(
         self, tree: TreeMotion, S: Float[Array, "N nv p"], of_tau: Float[Array, "N nv"]
     ) -> Float[Array, "N nt nv"]:
-        """Slope in ``G`` through what is projected with it: the regressor of the tree, and the torque of its drives."""
+        """Derivative by ``G``, which projects the regressor of the tree and the torque of its drives."""
         model, arrays = self.robot.model, self.robot.arrays
         W = rigid_body.regressor(model, arrays, tree.configuration, tree.v, tree.a)
         return np.einsum("ntp,nip->nti", W, S, optimize=True) + self._driven(tree)[:, :, None] * of_tau[:, None]
@@ -277,9 +276,9 @@ class JointSizes:
 
 
 def joint_sizes(problem: DesignProblem) -> JointSizes:
-    """Sizes from the limits; a joint that can turn more than half a turn in both directions stays within one turn.
+    """Sizes from the limits; the range of a joint that can turn further is one turn.
 
-    That turn is about zero, or about the start of a chain whose loops are closed numerically.
+    This turn is about zero, or about the start of a chain that is closed numerically.
     """
     rows, limits = list(problem.robot.tree_rows), problem.limits
     reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])

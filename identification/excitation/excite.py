@@ -1,4 +1,4 @@
-"""Design of a motion that makes a robot's inertial parameters visible, within its limits (optimal excitation).
+"""Designs a motion from which a robot's inertial parameters can be identified, within its limits (optimal excitation).
 
 Random motions about postures within the limits are tried, a descent improves the best one, and the result is checked at
 ten times the samples of the descent.
@@ -34,25 +34,25 @@ from phantom_dyn.number_checks import require_positive
 from phantom_dyn.random_streams import random_stream
 
 _DENSE = 10
-"""Samples of the final check per sample of the design."""
+"""Number of samples in the final check per sample of the design."""
 _FINER = (2, 4)
-"""Samples per sample of the design, with which a descent is repeated if limits are exceeded between samples."""
-_LOST = 0.05
-"""Accepted increase of the criterion when a design is made smaller to keep limits between samples."""
+"""Numbers of samples per sample of the design, for further descents if limits are exceeded between samples."""
+_ACCEPTED_LOSS = 0.05
+"""Largest increase of the criterion, by making a motion smaller to keep limits, without a further descent."""
 _ROWS = 5_000_000
-"""Largest number of rows of a reference; more are a mistake in rate or duration."""
-# Sizes of a motion about its posture that are tried after a descent, the largest first.
+"""Largest number of rows of a reference; more rows are a mistake in rate or duration."""
+# Relative sizes of a motion about its posture that are tried after a descent, the largest first.
 _REPAIRS = (1.0, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93, 0.89, 0.84, 0.78, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02)
 
 
 @dataclass(frozen=True)
 class PlannedRecording:
-    """The recording that a motion is designed for.
+    """The recording for which a motion is designed.
 
     Attributes:
-        rate_hz: Sample rate [Hz], which gives the weight of its samples against those of earlier recordings.
-        noise: Torque noise [N m or N] of each joint, or one number, by which joints are weighted; None: all equally.
-        earlier: Triangular factor of earlier recordings, see `earlier_factor`; the motion adds what they do not show.
+        rate_hz: Sample rate [Hz], from which the weight relative to earlier recordings follows.
+        noise: Torque noise [N m or N] of each joint, or one number, by which joints are weighted; None for equal ones.
+        earlier: Triangular factor of earlier recordings, see `earlier_factor`; the motion excites what they did not.
     """
 
     rate_hz: float = 100.0
@@ -65,7 +65,7 @@ class Excitation(ReadOnlyArrays):
     """A designed motion.
 
     Attributes:
-        robot: The robot that moves.
+        robot: The robot for which it was designed.
         shapes: Family of the motion.
         weights: Weight of each shape for each joint, shape ``(K, nv)``.
         rank: Number of base parameters.
@@ -85,7 +85,7 @@ class Excitation(ReadOnlyArrays):
     notes: tuple[str, ...]
 
     def motion(self, rate_hz: float) -> Motion:
-        """The motion from rest to rest in equal steps, at the rate nearest to ``rate_hz`` that includes its end.
+        """The motion in equal time steps, at the rate nearest to ``rate_hz`` with a sample at the end.
 
         Raises:
             ParameterError: If the rate is too low for the motion.
@@ -101,7 +101,7 @@ class Excitation(ReadOnlyArrays):
         return out
 
     def summary(self) -> str:
-        """Two sentences, on the condition number and on the limits that prevent a lower one."""
+        """Two sentences: on the condition number, and on the limits that the motion reaches."""
         limits = ", ".join(self.reached) if self.reached else "none"
         return (
             f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
@@ -122,22 +122,22 @@ def excite(
     seed: int = 0,
     progress: Progress = lambda _: None,
 ) -> Excitation:
-    """The best motion by a criterion that was found within all limits, checked at ten times the samples of the design.
+    """The best motion that was found within all limits, after a check at ten times the samples of the design.
 
     Args:
-        robot: A plain robot or a closed chain.
+        robot: A robot without or with closed chains.
         shapes: Family of the motion, see `identification.excitation.motion_shapes`.
-        limits: By default those that the robot states, see `limits_of`.
-        criterion: By default the condition number.
-        planned: The recording to be made: rate, noise, and earlier recordings; by default 100 Hz.
+        limits: Limits; by default those that the robot states, see `limits_of`.
+        criterion: Criterion; by default the condition number.
+        planned: The planned recording: rate, noise, and earlier recordings; by default 100 Hz.
         starts: Number of random motions; the best one is improved.
         seed: Seed of the random motions.
         progress: Called with each stage.
 
     Raises:
-        ParameterError: If no motion keeps the limits (the message names the one with the largest excess), or an
-            argument is out of its range.
-        RobotError: If the robot has a joint that no reference can drive.
+        ParameterError: If no motion keeps the limits (the message names the limit with the largest excess), or an
+            argument is out of range.
+        RobotError: If a joint has no drive.
     """
     if starts < 1:
         raise ParameterError(f"{starts} starts were asked for: give at least one.")
@@ -160,15 +160,15 @@ def excite(
     start = largest_within_limits(problem, dense, start, posture)
     _require_motion(problem, dense, start, posture)
     designed = descend(problem, grid, start, progress=progress)
-    found = [start, *_within(problem, dense, designed, start, posture)]
+    found = [start, *_smaller_motions(problem, dense, designed, start, posture)]
     for finer in _FINER:
         # If keeping the limits between the samples costs little, no finer descent is needed.
         lost = min(criterion_of(problem, grid, one) for one in found) - criterion_of(problem, grid, designed)
-        if lost <= _LOST:
+        if lost <= _ACCEPTED_LOSS:
             break
         between = Grid.of(shapes, finer * shapes.samples)
         designed = descend(problem, between, designed, rounds=4, first=4, iterations=25)
-        found += _within(problem, dense, designed, start, posture)
+        found += _smaller_motions(problem, dense, designed, start, posture)
     weights = min(found, key=lambda one: criterion_of(problem, grid, one))
     motion = dense.motion(weights)
     W = problem.regressor(motion)
@@ -185,7 +185,7 @@ def excite(
 
 
 def criterion_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
-    """The criterion's value for a motion."""
+    """Value of the criterion for a motion."""
     return problem.criterion.cost(problem.information(problem.regressor(grid.motion(weights))))[0]
 
 
@@ -194,17 +194,17 @@ def condition_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv
     return condition_number(problem.information(problem.regressor(grid.motion(weights))))
 
 
-def _within(
+def _smaller_motions(
     problem: DesignProblem,
     dense: Grid,
     weights: Float[Array, "K nv"],
     start: Float[Array, "K nv"],
     posture: Float[Array, " nv"],
 ) -> tuple[Float[Array, "K nv"], Float[Array, "K nv"]]:
-    """Motions close to the given one that keep every limit, also between the samples of its design.
+    """Two motions near the given one that keep every limit at the samples of the check.
 
-    One is the given motion made smaller about the posture of the start. The other lies between the given motion and the
-    start, as a linkage may now move about another posture, from which the way to the first may pass a singularity.
+    One is the given motion, made smaller about the posture of the start. The other lies between the given motion and
+    the start: the given motion of a chain may be about another posture, and a singularity between the two postures.
     """
     return (
         largest_within_limits(problem, dense, weights, posture, _REPAIRS),
@@ -215,7 +215,7 @@ def _within(
 def _require_motion(
     problem: DesignProblem, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
 ) -> None:
-    """Refuse a start that does not move because the smallest motion about its posture exceeds a limit."""
+    """Raise an error for a start without motion, as even the smallest motion about its posture exceeds a limit."""
     if np.abs(dense.motion(weights).v).max() > 0:
         return
     rng = random_stream("sizes of a design")
@@ -228,7 +228,7 @@ def _require_motion(
 
 
 def _count(shapes: Shapes, rate_hz: float) -> int:
-    """Number of samples of a recording, both ends included."""
+    """Number of samples of a recording with both ends, after a check of the rate."""
     require_positive(sample_rate=rate_hz)
     if shapes.duration * rate_hz > _ROWS:
         raise ParameterError(

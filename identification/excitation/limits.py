@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Limits that an exciting motion keeps: of joints, of the place of frames, of distances between bodies.
+"""Limits of an exciting motion: of joints, of positions of frames, and of distances between bodies.
 
-A robot's file and configuration state limits; the user may give lower ones. A robot with a joint without drive is
-refused, as no motion can be designed for it. All limited quantities form one row, with their bounds.
+The robot's file and configuration state limits; the user may give lower ones. A robot with a joint without a drive is
+refused. All limited quantities of a sample form a row, with one bound for each.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
 
-_HUGE = 1e6  # files write numbers of this size or larger for "none"
+_UNLIMITED = 1e6  # smallest number in a file that means no limit
 
 SPEED = {False: 1.0, True: 0.25}
-"""Speed limit of a joint whose robot file states none [rad/s; m/s for linear joints, True]."""
+"""Speed limit if none is stated: of revolute joints (False) [rad/s], and of linear joints (True) [m/s]."""
 
 
 @dataclass(frozen=True)
 class StatedLimits:
-    """Limits of the joints of the tree, and of drives for the active joints; infinite if none is stated.
+    """Stated limits of the joints of the tree, and of the drives of active joints; infinite if none is stated.
 
     Attributes:
         names: Names of the joints of the tree.
@@ -49,7 +49,7 @@ class StatedLimits:
 
 
 def stated_limits(robot: Robot) -> StatedLimits:
-    """Limits that a robot states; zero, numbers beyond a million, and those of a continuous joint count as none."""
+    """Limits that a robot states. Zero, numbers above `_UNLIMITED`, and limits of continuous joints mean no limit."""
     model = robot.model
     joints = list(model.joints)[1:]
     names = tuple(model.names)[1:]
@@ -60,8 +60,8 @@ def stated_limits(robot: Robot) -> StatedLimits:
     upper = np.array(
         [model.upperPositionLimit[j.idx_q] if one else np.inf for j, one in zip(joints, single, strict=True)]
     )
-    lower[~(np.abs(lower) < _HUGE)] = -np.inf
-    upper[~(np.abs(upper) < _HUGE)] = np.inf
+    lower[~(np.abs(lower) < _UNLIMITED)] = -np.inf
+    upper[~(np.abs(upper) < _UNLIMITED)] = np.inf
     torque = stated_torque_limits(robot)
     notes = []
     for name, low, high in zip(names, lower, upper, strict=True):
@@ -78,7 +78,7 @@ def stated_limits(robot: Robot) -> StatedLimits:
 
 
 def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
-    """Largest torque of each drive: its ``torque_limit``, else that of the robot's file; infinite without either."""
+    """Largest torque of each drive: its ``torque_limit``, or else that of the robot's file; infinite without both."""
     torque = _or_none(np.array(robot.model.effortLimit))[list(robot.tree_rows)]
     for row, drive in enumerate(robot.actuators):
         if drive.torque_limit is not None:
@@ -87,11 +87,7 @@ def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
 
 
 def require_excitable(robot: Robot, frames: Sequence[str]) -> None:
-    """Refuse a robot or a frame for which no motion can be designed.
-
-    Raises:
-        RobotError: If a joint has no drive, or a frame is unknown.
-    """
+    """Raise an error for a robot with a joint without a drive, or for an unknown frame."""
     idle = [name for name, drive in zip(robot.joint_names, robot.actuators, strict=True) if not drive.actuated]
     if idle:
         raise RobotError(
@@ -105,7 +101,8 @@ def require_excitable(robot: Robot, frames: Sequence[str]) -> None:
 
 
 def _or_none(limit: Float[Array, " n"]) -> Float[Array, " n"]:
-    return np.where((limit > 0) & (limit < _HUGE), limit, np.inf)
+    """The limits, infinite for numbers that mean no limit."""
+    return np.where((limit > 0) & (limit < _UNLIMITED), limit, np.inf)
 
 
 @dataclass(frozen=True)
@@ -127,10 +124,10 @@ class FrameBox(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class Limits(ReadOnlyArrays):
-    """Limits of a motion; infinite if there is none.
+    """Limits of a motion; infinite without a limit.
 
-    Limits of position and velocity are for all joints of the tree, passive ones included; those of acceleration and
-    drive torque for the active joints.
+    Limits of position and velocity are for all joints of the tree, with passive ones; those of acceleration and drive
+    torque are for the active joints.
 
     Attributes:
         lower, upper: Limits of position [rad or m], shape ``(nt,)``.
@@ -138,10 +135,9 @@ class Limits(ReadOnlyArrays):
         acceleration: Largest acceleration [rad/s^2 or m/s^2], shape ``(nv,)``.
         torque: Largest drive torque [N m or N], shape ``(nv,)``.
         boxes: Boxes that frames must not leave.
-        collisions: Bodies that must stay apart.
+        collisions: Pairs of bodies that must not touch.
         notes: Sentences on limits that are not stated.
-        clear: Least distance from a singularity of loops that are closed numerically, see
-            `phantom_dyn.loops.solver`.
+        clear: Smallest distance of a numerically closed chain from a singularity, see `phantom_dyn.loops.solver`.
     """
 
     lower: Float[Array, " nt"]
@@ -179,16 +175,16 @@ def limits_of(
     collisions: Collisions | None = None,
     clear: float = CLEAR,
 ) -> Limits:
-    """Limits that a robot states, and further ones.
+    """Limits that a robot states, and further limits.
 
     Args:
-        robot: Gives limits of position, velocity and torque; ``torque_limit`` of its drives overrides the file's.
-        velocity: Largest speed [rad/s or m/s], one number or one per active joint; it lowers what the robot states.
+        robot: Gives limits of position, velocity and torque; ``torque_limit`` of a drive overrides that of the file.
+        velocity: Largest speed [rad/s or m/s], one number or one per active joint; the lower limit holds.
         acceleration: Largest acceleration [rad/s^2 or m/s^2], one number or one per active joint; by default no limit.
         share: Share of the velocity and torque limits that is used, above 0 and at most 1.
         boxes: Boxes that frames must not leave.
-        collisions: Bodies that must stay apart.
-        clear: Least distance of the loops from a singularity, above 0 and below 1.
+        collisions: Pairs of bodies that must not touch.
+        clear: Smallest distance of a closed chain from a singularity, above 0 and below 1.
 
     Raises:
         ParameterError: If a limit leaves no room, or the number of values is wrong.
@@ -231,6 +227,7 @@ def limits_of(
 
 
 def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -> Float[Array, " nv"]:
+    """A limit for each active joint, infinite if none is given."""
     if value is None:
         return np.full(robot.nv, np.inf)
     values = np.atleast_1d(np.asarray(value, dtype=float))
@@ -246,14 +243,14 @@ def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -
 
 
 NEAR = 0.01
-"""A limit counts as reached within this share of its size."""
+"""A limit is reached if a value is within this share of the bound's size."""
 _SINGULAR = "distance of the loops from a singularity"
-_APART = 0.1  # size in whose units excess of distances is measured [m]
+_DISTANCE_SIZE = 0.1  # size of the bounds of distances [m]
 
 
 @dataclass(frozen=True)
 class Bounds(ReadOnlyArrays):
-    """Lower and upper bounds of m quantities, with labels, units, and sizes in whose units excess is measured."""
+    """Lower and upper bounds of m quantities, with labels, units, and sizes, which are the units of excess."""
 
     labels: tuple[str, ...]
     units: tuple[str, ...]
@@ -262,7 +259,7 @@ class Bounds(ReadOnlyArrays):
     size: Float[Array, " m"]
 
     def excess(self, values: Float[Array, "N m"]) -> Float[Array, "2 N m"]:
-        """Excess of values below and above their bounds, in units of their size, ``(2, N, m)``; negative inside."""
+        """Excess of values below and above their bounds, in units of the sizes, ``(2, N, m)``; negative inside."""
         return np.stack([self.lower - values, values - self.upper]) / self.size
 
     def inside(self, margin: float) -> Bounds:
@@ -277,7 +274,7 @@ class Bounds(ReadOnlyArrays):
         return tuple(label for label, share in zip(self.labels, worst, strict=True) if share > -NEAR)
 
     def worst(self, values: Float[Array, "N m"]) -> str:
-        """The bound with the largest excess, as half a sentence."""
+        """A clause on the bound with the largest excess."""
         excess = self.excess(values).max(axis=1)
         side, m = np.unravel_index(int(np.argmax(excess)), excess.shape)
         column = values[:, m]
@@ -292,13 +289,14 @@ class Bounds(ReadOnlyArrays):
 
 
 def bounds_of(robot: Robot, limits: Limits) -> Bounds:
-    """Bounds of position and velocity of the tree, then of acceleration and torque of the active joints.
+    """Bounds of all limited quantities.
 
-    The distance of numerically closed loops from a singularity comes next, then boxes and distances of bodies. The
-    bounds of torque are lowered by the modelled Coulomb friction, as it adds at most this to the torque of any motion.
+    Their order is position and velocity of the tree, acceleration and torque of the active joints, distance of a
+    numerically closed chain from a singularity, boxes of frames, distances of bodies. The bounds of torque are reduced
+    by the modelled Coulomb friction, which is the largest torque that friction can add to any motion.
 
     Raises:
-        ParameterError: If the limits are of another robot, or friction alone needs the whole torque.
+        ParameterError: If the limits are those of another robot, or friction alone needs the whole torque.
     """
     tree = tuple(robot.model.names)[1:]
     units = ["m" if linear else "rad" for linear in linear_joints(robot.model)]
@@ -343,12 +341,12 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
     size = np.where(np.isfinite(half), half, 1.0)
     if _SINGULAR in labels:
         size[labels.index(_SINGULAR)] = limits.clear
-    size[len(size) - len(pairs) :] = _APART
+    size[len(size) - len(pairs) :] = _DISTANCE_SIZE
     return Bounds(tuple(labels), tuple(named), low, high, size)
 
 
 def _coulomb(robot: Robot) -> Float[Array, " nv"]:
-    """Largest torque that the modelled Coulomb friction, passive joints included, can take from each drive."""
+    """Largest torque of each drive against modelled Coulomb friction, with that of passive joints."""
     own = np.array(robot.coulomb_friction)
     if robot.chain is None or not robot.chain.coulomb_friction.any():
         return own
@@ -358,16 +356,16 @@ def _coulomb(robot: Robot) -> Float[Array, " nv"]:
 def places(
     model: pin.Model, limits: Limits, configuration: Float[Array, "N nq"], *, slopes: bool
 ) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
-    """Coordinates [m] of frames that have a box, then the distance [m] of each pair that must not collide.
+    """Coordinates [m] of frames that have a box, then the distance [m] of each pair that must not touch.
 
     Args:
         model: The tree.
-        limits: Names frames and pairs.
+        limits: Gives frames and pairs.
         configuration: Pinocchio's configurations, shape ``(N, nq)``.
-        slopes: True if the slope is wanted; without it None is returned.
+        slopes: True to compute derivatives.
 
     Returns:
-        Values, and their slope in the joint velocities of the tree.
+        Values, and their derivatives by the positions of the tree, or None.
     """
     frames = [model.getFrameId(box.frame) for box in limits.boxes]
     values = np.empty((len(configuration), 3 * len(frames)))

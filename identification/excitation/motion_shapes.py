@@ -1,9 +1,9 @@
-"""Families of motions from rest to rest: shape functions whose weighted sums begin and end at rest.
+"""Families of motions from rest to rest, and periodic waves.
 
-A joint's motion is a sum of a family's shapes; the first one is constant, the joint's posture. Excitation chooses the
-weights. The motion is linear in them, so that slopes are matrix products. Waves in closed form, which need not begin at
-rest, serve as references of other experiments: triangles move at constant speeds, which excites friction and gravity;
-sines accelerate, which excites inertia.
+In a family, a joint's motion is a weighted sum of shape functions that begins and ends at rest; the first shape is
+constant. `identification.excitation.excite` chooses the weights. Waves need not begin at rest; they are references of
+other experiments. Triangles have constant speeds, which excites friction and gravity; sines accelerate, which excites
+inertia.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.number_checks import require_positive
 
 SAMPLES_PER_PERIOD = 30
-"""Samples per period of the fastest part of a motion: a sine exceeds two neighbours by at most half a per cent."""
+"""Number of samples per period of the fastest part of a motion: the peak of a sine is at most 0.5 % above a sample."""
 
 
 @runtime_checkable
@@ -55,8 +55,8 @@ class Sine:
 class Triangle:
     """Constant speeds to and fro between ``-amplitude`` and ``amplitude``, at first upwards from the middle.
 
-    A corner would take infinite torque. Within a ``turn`` (share of a period, 0 to 0.5) at either end the velocity
-    follows a half cosine, so that position, velocity and acceleration are all continuous.
+    A sharp corner would need infinite torque. During a ``turn`` (share of a period, 0 to 0.5) at either end the
+    velocity is a half cosine, so that position, velocity and acceleration are continuous.
     """
 
     amplitude: float
@@ -78,7 +78,7 @@ class Triangle:
 
     @property
     def _rise(self) -> float:
-        # Distance in half a period at unit speed [periods].
+        """Distance in half a period at unit speed [periods]."""
         return 0.5 - self.turn + 2 * self.turn / np.pi
 
     def motion(self, t: Float[Array, " N"]) -> Float[Array, "3 N"]:
@@ -115,7 +115,7 @@ def wave_motion(
 
 @runtime_checkable
 class Shapes(Protocol):
-    """A family of motions of one joint over ``duration`` [s], at rest (no velocity, no acceleration) at both ends."""
+    """A family of motions of one joint over ``duration`` [s], with zero velocity and acceleration at both ends."""
 
     @property
     def duration(self) -> float:
@@ -124,7 +124,7 @@ class Shapes(Protocol):
 
     @property
     def samples(self) -> int:
-        """Number of samples over the duration that show the motion's extremes to within a per cent."""
+        """Number of samples over the duration from which the extremes of the motion are known to within a per cent."""
         ...
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -134,19 +134,19 @@ class Shapes(Protocol):
 
 @dataclass(frozen=True)
 class FourierSeries:
-    """Sines and cosines of the first ``harmonics`` multiples of 1/``duration``: periodic, it can be repeated."""
+    """Sines and cosines of the first ``harmonics`` multiples of 1/``duration``; the motion is periodic."""
 
     duration: float
     harmonics: int = 5
 
     def __post_init__(self):
         require_positive("a motion", duration=self.duration)
-        # Each harmonic has two weights, of which rest takes two in all.
+        # Each harmonic has two weights; rest at the ends determines two weights in all.
         _require_count(self.harmonics, "harmonics", 2)
 
     @property
     def samples(self) -> int:
-        """Number of samples that show the extremes."""
+        """Number of samples, see `Shapes`."""
         return SAMPLES_PER_PERIOD * self.harmonics
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -157,7 +157,7 @@ class FourierSeries:
 
 @dataclass(frozen=True)
 class BSplines:
-    """Splines of degree five over ``pieces`` equal stretches of time: local, and smooth up to the fourth derivative."""
+    """Splines of degree five over ``pieces`` equal intervals, smooth up to the fourth derivative."""
 
     duration: float
     pieces: int = 10
@@ -168,7 +168,7 @@ class BSplines:
 
     @property
     def samples(self) -> int:
-        """Number of samples that show the extremes: a piece holds about half a swing."""
+        """Number of samples, see `Shapes`; a piece is about half a period."""
         return SAMPLES_PER_PERIOD * max(self.pieces // 2, 4)
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -179,7 +179,7 @@ class BSplines:
         def part(times: Array) -> Array:
             inside = np.clip(times, 0.0, self.duration)
             values = np.stack([spline(inside), spline.derivative(1)(inside), spline.derivative(2)(inside)])
-            # The first three, which alone are not at rest at the start, are left to the constant. Speed about one.
+            # The first three splines are left out, as they are not at rest at the start. The factor makes speeds near 1.
             return values[:, :, 3:] * self.duration / self.pieces
 
         return _from_rest(part(t), part(_ends(self)))
@@ -187,10 +187,10 @@ class BSplines:
 
 @dataclass(frozen=True)
 class TrianglesAndSines:
-    """Triangles of one to ``triangles`` periods, and sines of up to ``harmonics``.
+    """Triangles of one to ``triangles`` periods, and sines and cosines of up to ``harmonics``.
 
-    Triangles have constant speed between their turns, which shows friction over speed; sines show inertia. ``turn`` is
-    the share of a triangle's period in which its velocity changes sign.
+    Triangles have constant speeds between their turns, which excites friction; sines excite inertia. ``turn`` is the
+    share of a triangle's period in which its velocity changes sign.
     """
 
     duration: float
@@ -206,7 +206,7 @@ class TrianglesAndSines:
 
     @property
     def samples(self) -> int:
-        """Number of samples that show the extremes: ten or more in each turn."""
+        """Number of samples, see `Shapes`; ten or more in each turn."""
         return max(SAMPLES_PER_PERIOD * self.harmonics, int(np.ceil(12 * self.triangles / self.turn)))
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -218,7 +218,7 @@ class TrianglesAndSines:
         return np.concatenate([_harmonics(t, self.duration, self.harmonics), np.stack(waves, axis=2)], axis=2)
 
     def _triangle(self, periods: int) -> Triangle:
-        # From the lower turn, where its velocity is zero, and with unit speed.
+        """A triangle with unit speed that starts at its lower turn, where its velocity is zero."""
         shape = Triangle(1.0, periods / self.duration, -0.25, self.turn)
         return Triangle(1.0 / shape.speed, periods / self.duration, -0.25, self.turn)
 
@@ -238,7 +238,7 @@ def _harmonics(t: Array, duration: float, harmonics: int) -> Array:
 
 
 def _from_rest(parts: Float[Array, "3 N M"], at_ends: Float[Array, "3 2 M"]) -> Float[Array, "3 N K"]:
-    """The constant shape, and an orthonormal basis of the sums of ``parts`` that are at rest at both ends."""
+    """The constant shape, and orthonormal combinations of ``parts`` that are at rest at both ends."""
     moving = at_ends[1:].reshape(4, -1)
     size = np.linalg.norm(moving, axis=1, keepdims=True)
     _, singular, rows = np.linalg.svd(moving / np.where(size > 0, size, 1.0))

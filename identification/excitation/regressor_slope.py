@@ -46,17 +46,17 @@ def regressor_slope(
     a: Float[Array, "N nt"],
     S: Float[Array, "N nt p"],
 ) -> tuple[float, Slope]:
-    r""":math:`\sum_k \mathrm{tr}(S_k^T Y_k)` and its slope in the motion, with S constant.
+    r""":math:`\sum_k \mathrm{tr}(S_k^T Y_k)` and its gradient with respect to the motion, with S constant.
 
     Args:
         model: A tree of joints with one velocity each.
-        q: Joint positions [rad or m], shape ``(N, nt)``; a continuous joint by its angle.
+        q: Joint positions [rad or m], shape ``(N, nt)``; the angle of a continuous joint.
         v: Joint velocities, shape ``(N, nt)``.
         a: Joint accelerations, shape ``(N, nt)``.
         S: Weight of each entry of the regressor, columns as in `phantom_dyn.dynamics.dynamics.rigid_body_regressor`.
 
     Returns:
-        The sum, and its slope.
+        The sum, and its gradient.
     """
     motion = np.stack([q, v, a], axis=2)
     count, samples = model.njoints, len(motion)
@@ -82,7 +82,7 @@ def _twist(model: pin.Model, b: int) -> Float[Array, "6"]:
 
 @inlined
 def to_child(R: Array, p: Array, x: Array, out: Array) -> None:
-    """Write a motion of the parent's frame in that of a child at ``p`` with the axes that are the columns of ``R``."""
+    """Transform a motion from the parent's frame to that of a child at ``p``, whose axes are the columns of ``R``."""
     u = x[0] - (p[1] * x[5] - p[2] * x[4])
     v = x[1] - (p[2] * x[3] - p[0] * x[5])
     w = x[2] - (p[0] * x[4] - p[1] * x[3])
@@ -132,7 +132,7 @@ def inner(x: Array, f: Array) -> float:
 
 @inlined
 def write_rotation(twist: Array, angle: float, R: Array) -> None:
-    """Write the rotation about the axis of a twist, of unit length, or the identity for one of zero length."""
+    """Write the rotation about the axis of a twist, which has unit length; the identity for zero length."""
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = twist[3], twist[4], twist[5]
     d = 1.0 - c
@@ -234,7 +234,7 @@ def add_slope(
         slope[0, row] += inner(D, dL_dV) + inner(x, dL_dA) - inner(J, sum_dJf)
         for i in range(6):
             x[i] = 2.0 * D[i]
-            # Force on the axes before j as j moves.
+            # Force on the axes before j if j moves.
             sum_dJf[i] += work[5 + j, i]
         add_motion_cross(J, V, 1.0, x)
         slope[1, row] += inner(J, dL_dV) + inner(x, dL_dA)

@@ -1,9 +1,9 @@
-r"""Gradient of a scalar with respect to the motion of the active joints, from that with respect to all joints.
+r"""Converts the gradient of a scalar with respect to the motion of all joints to one with respect to active joints.
 
 A closed chain is a tree of joints with loops: tree positions :math:`x(q)`, velocities :math:`v_t = G v` and
-accelerations :math:`a_t = G a + d` follow from the active joints. If ``G`` is constant the chain rule is a product with
-it. If loops are closed numerically, ``G``, ``d`` and the distance from a singularity depend on the posture; these
-derivatives are computed by central differences in each active joint.
+accelerations :math:`a_t = G a + d` follow from the active joints. If ``G`` is constant, the chain rule is a product
+with it. If the chain is closed numerically, ``G``, ``d`` and the distance from a singularity depend on the posture;
+their derivatives are computed by central differences in each active joint.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _DIFFERENCE = 1e-5
-"""Step of a central difference [rad or m]: loops are closed to 1e-11."""
+"""Step of a central difference [rad or m]; chains are closed to 1e-11."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class TreeGradient:
 
 
 def singularity_distance(robot: Robot, motion: Motion) -> Float[Array, "N c"]:
-    """Distance of numerically closed loops from a singularity, as one column; no column without such loops."""
+    """Distance of a numerically closed chain from a singularity, as one column; no column for other robots."""
     if not solved_numerically(robot):
         return np.zeros((len(motion.q), 0))
     return distance_from_singularity(robot.solutions.at(motion.q).inverse)[:, None]
@@ -61,7 +61,7 @@ def gradient_of_active(
         gradient: Derivatives with respect to the motion of the tree.
 
     Raises:
-        ChainError: If a loop cannot be closed or is singular next to a sample.
+        ChainError: If a chain cannot be closed or is singular next to a sample.
     """
     of_q, of_v, of_a = (project(tree.G, part) for part in (gradient.q, gradient.v, gradient.a))
     if not solved_numerically(robot):
@@ -69,14 +69,14 @@ def gradient_of_active(
     for joint in range(robot.nv):
         above, below = (_scalar_at(robot, motion, gradient, joint, sign * _DIFFERENCE) for sign in (1.0, -1.0))
         of_q[:, joint] += (above - below) / (2 * _DIFFERENCE)
-        # The drift is quadratic in the velocity, so that its central difference is exact.
+        # The drift d is quadratic in the velocity, so that its central difference is exact.
         faster, slower = (_drift(robot, motion, joint, sign) for sign in (1.0, -1.0))
         of_v[:, joint] += 0.5 * (gradient.a * (faster - slower)).sum(axis=1)
     return of_q, of_v, of_a
 
 
 def _scalar_at(robot: Robot, motion: Motion, gradient: TreeGradient, joint: int, step: float) -> Float[Array, " N"]:
-    """Linearised scalar with one joint a step further, as far as it changes through v, a, G and the distance."""
+    """Linearised scalar with one joint moved by a step: its parts from v, a, G and the distance."""
     q = np.array(motion.q)
     q[:, joint] += step
     shifted = replace(motion, q=q)

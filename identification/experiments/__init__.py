@@ -1,1 +1,1 @@
-"""Experiments on a device that part what one recording cannot: friction tests, blocked-arm loops, identification."""
+"""Experiments for parameters that one recording cannot separate: friction tests, tests with a held arm, CEA tests."""

@@ -1,10 +1,9 @@
-"""Friction of a joint over the pretension of its cable: proportional, or only linear with a part that stays.
+"""Fits the Coulomb friction of a joint as a linear function of the pretension of its cable.
 
-Coulomb torques of one joint at several pretensions, each with its deviation
-(`identification.experiments.constant_speed_friction` finds both), are weighted by their deviations and fitted by a
-line. What the line leaves at no pretension is friction of bearings and seals; where it is no more than its deviation
-allows, friction is proportional to the pretension, as the CEA paper assumes (section V.B), and the ratio is fitted
-again without it.
+The Coulomb torques of one joint at several pretensions, with their standard deviations, come from
+`identification.experiments.constant_speed_friction`. The intercept of the line is the friction of bearings and seals.
+If it is not significant, friction is proportional to the pretension, as the CEA paper assumes (section V.B). The ratio
+is fitted again for a line through the origin.
 """
 
 from __future__ import annotations
@@ -17,10 +16,10 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 
-_SURE = 2.0
-"""Deviations that a part without pretension must reach to differ from none."""
-_APART = 1e-6
-"""Share of the largest pretension by which two have to differ to count as two."""
+_SIGNIFICANT = 2.0
+"""Smallest significant intercept, in standard deviations."""
+_LEAST_DIFFERENCE = 1e-6
+"""Smallest difference between two pretensions, as a share of the largest one."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +28,9 @@ class PretensionFit:
 
     Attributes:
         ratio: Slope of the line, torque per pretension [m], and its standard deviation.
-        rest: What it leaves at no pretension [N m], and its standard deviation.
-        through_origin: Ratio of a line without a rest [m], and its standard deviation.
-        misfit: Mean square of the residuals of the line in deviations; NaN for two pretensions.
+        rest: Intercept of the line, the torque without pretension [N m], and its standard deviation.
+        through_origin: Slope of a line through the origin [m], and its standard deviation.
+        misfit: Mean square of the residuals of the line in standard deviations; NaN for two pretensions.
     """
 
     ratio: tuple[float, float]
@@ -41,8 +40,8 @@ class PretensionFit:
 
     @property
     def proportional(self) -> bool:
-        """Whether the rest is within two of its deviations."""
-        return abs(self.rest[0]) < _SURE * self.rest[1]
+        """Whether the intercept is not significant."""
+        return abs(self.rest[0]) < _SIGNIFICANT * self.rest[1]
 
 
 def fit_pretension(
@@ -52,8 +51,8 @@ def fit_pretension(
 
     Args:
         pretension: Pretension of the cable in each test [N], shape ``(n,)``.
-        coulomb: Coulomb torque that the test found [N m], shape ``(n,)``.
-        std: Its standard deviation [N m], shape ``(n,)``.
+        coulomb: Coulomb torque from each test [N m], shape ``(n,)``.
+        std: Standard deviation of each Coulomb torque [N m], shape ``(n,)``.
 
     Raises:
         ParameterError: If the columns differ in length, or a number is not finite and above 0.
@@ -65,7 +64,7 @@ def fit_pretension(
                 f"The {name} of the tests is {np.asarray(values).tolist()}: give one number above 0 for each of "
                 f"{len(pretension)} tests."
             )
-    if len(pretension) < 2 or np.ptp(pretension) < _APART * pretension.max():
+    if len(pretension) < 2 or np.ptp(pretension) < _LEAST_DIFFERENCE * pretension.max():
         raise IdentifiabilityError(
             f"Friction was tested at {len(pretension)} pretensions that do not differ: test it at two or more."
         )

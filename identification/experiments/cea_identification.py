@@ -1,8 +1,8 @@
-"""Simulated identification of the CEA branch: exciting motion, recording, the 16 parameters of Table 4, cross test.
+"""Simulates the identification of the CEA branch: exciting motion, recording, fit of 16 parameters, test on other data.
 
-The source moved every joint in triangles and sines of 0.1 to 2 Hz, had 15000 equations with a condition number close
-to 50, and compared measured and estimated torque on a motion that the fit had not seen. What it does not give is stated
-in `Conditions`.
+In the CEA paper, every joint moved in triangles and sines of 0.1 to 2 Hz, the condition number of 15000 equations was
+close to 50, and measured and estimated torque were compared on a motion that the fit had not used. Conditions that the
+paper does not state are in `Conditions`.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from phantom_dyn.devices.cea import GRAVITY, JOINTS, LENGTHS, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, UNITS, VALUES, regressor
 from phantom_dyn.motion import Motion
 
-_CANDIDATES = 40  # drawn motions of which the best is taken; more lower the condition number by little
+_CANDIDATES = 40  # number of random motions, of which the best is taken; more reduce the condition number little
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """How the device is recorded; the source gives none of these.
+    """Conditions of the recording, which the paper does not state.
 
     Attributes:
         lengths: Lengths of the links.
-        gravity: In frame 0 [m/s^2].
-        center: Posture that the motion is about [rad].
-        torque_noise: Standard deviation of every torque sample [N m].
+        gravity: Gravity in frame 0 [m/s^2].
+        center: Centre of the motion [rad].
+        torque_noise: Standard deviation of the noise of torques [N m].
         encoder_step: Resolution of the positions on the joint side [rad].
-        rate_hz: Sampling rate.
-        cutoff_hz: Edge of the band that torque and columns are filtered to, ten times the fastest wave.
-        duration: Duration of each recording [s]; 100 s give the 15000 equations of the source.
+        rate_hz: Sample rate.
+        cutoff_hz: Edge of the band of torque and columns, ten times the frequency of the fastest wave.
+        duration: Duration of each recording [s]; 100 s give the 15000 equations of the paper.
     """
 
     lengths: LinkLengths = LENGTHS
@@ -55,15 +55,15 @@ class CeaIdentification:
 
     Attributes:
         fit: The 16 parameters.
-        cross_error: Error of the torque of each active joint on a motion that the fit has not seen: RMS of the
-            difference over RMS of the measured torque [%], shape ``(3,)``.
+        cross_error: Torque error of each active joint on a motion that the fit has not used: RMS of the difference
+            over RMS of the measured torque [%], shape ``(3,)``.
     """
 
     fit: LinearFit
     cross_error: Float[Array, " 3"]
 
     def summary(self) -> str:
-        """Table of estimates beside the truth, condition number and cross-test error."""
+        """Table of estimates and true values, condition number, and torque error on the other motion."""
         rows = [
             f"{name:<5} {value:9.5f} +- {std:.5f} {unit:<9} ({relative:6.2f} %)   Table 4 {truth:8.4f}"
             for name, value, std, unit, relative, truth in zip(
@@ -76,11 +76,11 @@ class CeaIdentification:
 
 
 def exciting_motion(conditions: Conditions, rng: np.random.Generator) -> Motion:
-    """Motion of one triangle and two sines on every joint, the best conditioned of a few drawn ones.
+    """Motion of one triangle and two sines on every joint; of several random ones, that with the best condition number.
 
     Args:
-        conditions: Gives time, posture and device.
-        rng: Draws amplitudes, frequencies (0.1 to 2 Hz) and phases.
+        conditions: Conditions of the recording.
+        rng: Random numbers for amplitudes, frequencies (0.1 to 2 Hz) and phases.
     """
     coarse = np.linspace(0.0, min(conditions.duration, 20.0), 500)
     center = np.array(conditions.center)
@@ -99,12 +99,12 @@ def exciting_motion(conditions: Conditions, rng: np.random.Generator) -> Motion:
 def record(
     motion: Motion, conditions: Conditions, rng: np.random.Generator, *, truth: Float[Array, " 16"] = VALUES
 ) -> Log:
-    """Log of the device as it would be measured on a motion: noisy torque, positions in steps of the encoder.
+    """Simulated log of a motion, with noise of the torque and positions in encoder steps.
 
     Args:
-        motion: That the device makes exactly.
+        motion: True motion of the device.
         conditions: Device and measurement.
-        rng: Draws the noise.
+        rng: Random numbers for the noise.
         truth: Parameters of the device in the order of `NAMES`.
     """
     clean = regressor(motion, lengths=conditions.lengths, gravity=conditions.gravity) @ truth
@@ -117,22 +117,22 @@ def record(
 
 
 def equations(log: Log, conditions: Conditions) -> tuple[Float[Array, "n 3 16"], Float[Array, "n 3"]]:
-    """W and Y of (3): columns and torque through the band of the log.
+    """W and Y of (3): columns and torque in the band of the log.
 
     Args:
         log: Recording of the device.
-        conditions: Lengths and gravity that the columns are made with.
+        conditions: Gives lengths and gravity.
     """
     columns = regressor(log.motion, lengths=conditions.lengths, gravity=conditions.gravity)
     return log.band(columns)[log.valid_in_band], log.band(log.tau)[log.valid_in_band]
 
 
 def identify(train: Log, test: Log, conditions: Conditions) -> CeaIdentification:
-    """The 16 parameters from one log, and the error of the torque that they give on another.
+    """The 16 parameters from one log, and their torque error on another log.
 
     Args:
-        train: What is fitted.
-        test: What is predicted.
+        train: Log for the fit.
+        test: Log for the torque error.
         conditions: Lengths and gravity that the columns are made with.
     """
     W, y = equations(train, conditions)
@@ -146,10 +146,10 @@ def identify(train: Log, test: Log, conditions: Conditions) -> CeaIdentification
 def simulate_identification(
     rng: np.random.Generator, conditions: Conditions = Conditions(), *, truth: Float[Array, " 16"] = VALUES
 ) -> CeaIdentification:
-    """Identification of a device with known parameters: two exciting motions, one to fit and one to test.
+    """Identification of a simulated device with known parameters, with one motion for the fit and one for the test.
 
     Args:
-        rng: Draws motions and noise.
+        rng: Random numbers for motions and noise.
         conditions: Device and measurement.
         truth: Parameters of the device in the order of `NAMES`.
     """
@@ -158,6 +158,8 @@ def simulate_identification(
 
 
 def _draw(rng: np.random.Generator) -> list[tuple[Wave, ...]]:
+    """Random waves of each joint."""
+
     def joint() -> tuple[Wave, ...]:
         triangle = Triangle(rng.uniform(0.2, 0.6), rng.uniform(0.1, 0.4), rng.uniform(), turn=0.15)
         return (triangle, *(Sine(rng.uniform(0.05, 0.3), rng.uniform(0.4, 2.0), rng.uniform()) for _ in range(2)))

@@ -1,7 +1,8 @@
-"""Friction of joints that move at constant speeds: viscous and Coulomb part, without a model of the robot.
+"""Fits viscous and Coulomb friction of joints that move at constant speeds, without a model of the robot.
 
-Triangles of several speeds have long straight parts. There, offset, gravity (a sine of the joint's position),
-centrifugal torque (the square of its speed) and the remaining inertia are nuisances, and the rest is friction.
+In triangles of several speeds, the velocity is mostly constant. There, offset, gravity (a sine of the joint's
+position), centrifugal torque (the square of its speed) and the remaining inertia are fitted as nuisances; all other
+torque is friction.
 
 References:
     A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, the friction tests.
@@ -18,8 +19,8 @@ from identification.experiments.linear_fit import LinearFit, fit_linear, without
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import LogError
 
-_STEADY = 1.0  # 1/s: a speed is constant where its acceleration would change it by less than 1 % in 10 ms
-_MOVES = 0.05  # of the fastest speed: a joint, or a joint at a time, that is slower holds still
+_STEADY = 1.0  # [1/s]: a speed is constant if it changes by less than 1 % in 10 ms
+_MOVES = 0.05  # share of the largest speed below which a joint does not move
 
 
 @dataclass(frozen=True)
@@ -27,12 +28,12 @@ class FrictionTest:
     """Friction of one joint in one recording.
 
     Attributes:
-        joint: Its name.
+        joint: Name of the joint.
         file: Name of the recording.
-        fit: Unknowns ``viscous`` and ``coulomb``; its condition is that of velocity and sign, nuisances taken out.
-        v: Speeds at the samples of constant speed [rad/s or m/s], ``(n,)``.
-        torque: Friction torque there, what else acts taken off by the fit [N m or N], ``(n,)``.
-        steady: Share of its motion in which its speed was constant.
+        fit: Fit of ``viscous`` and ``coulomb``; its condition number is that of both columns without the nuisances.
+        v: Velocities at the samples of constant speed [rad/s or m/s], ``(n,)``.
+        torque: Friction torque at these samples, without the fitted nuisances [N m or N], ``(n,)``.
+        steady: Share of the joint's motion with constant speed.
     """
 
     joint: str
@@ -51,7 +52,7 @@ def fit_steady(
     names: tuple[str, str],
     units: tuple[str, str],
 ) -> tuple[LinearFit, Float[Array, " n"], Float[Array, " n"]]:
-    """Viscous and Coulomb friction of one joint from its stretches of constant speed.
+    """Viscous and Coulomb friction of one joint, from samples with constant speed.
 
     Args:
         q: Positions [rad or m].
@@ -62,10 +63,10 @@ def fit_steady(
         units: Units of the two unknowns.
 
     Returns:
-        The fit, the speeds of the samples that were used, and the friction torque at them.
+        The fit, and velocities and friction torques of the samples that were used.
 
     Raises:
-        LogError: If the joint is never at a constant speed.
+        LogError: If the joint never has a constant speed.
         IdentifiabilityError: If its speeds do not separate the two unknowns.
     """
     steady = _steady(v, a)
@@ -80,7 +81,7 @@ def fit_steady(
 
 
 def _steady(v: Float[Array, " N"], a: Float[Array, " N"]) -> Bool[Array, " N"]:
-    """True where a speed is constant."""
+    """True for samples with constant speed."""
     return np.abs(a) < _STEADY * np.abs(v)
 
 
@@ -92,7 +93,7 @@ def friction_tests(log: Log, units: tuple[str, ...]) -> tuple[FrictionTest, ...]
         units: Units of each joint's torque, ``N m`` or ``N``.
 
     Raises:
-        LogError: If no joint moves, or one that moves is never at a constant speed.
+        LogError: If no joint moves, or a joint that moves never has a constant speed.
     """
     motion, out = log.motion, []
     fastest = np.abs(motion.v).max(axis=0)

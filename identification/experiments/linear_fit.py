@@ -1,8 +1,8 @@
-r"""Ordinary least squares on chosen columns, with the statistics of equations (3) to (7) of the CEA paper.
+r"""Ordinary least squares for given columns, with the statistics of equations (3) to (7) of the CEA paper.
 
-Two of them are misprinted there: the noise has :math:`E(\rho \rho^T) = \sigma^2 I_r` in (4), not
-:math:`E(\rho^T \rho)`, which is a number; and (5) is :math:`\hat\sigma^2 = \|Y - W \hat X\|^2 / (r - b)`, where the
-paper lost the square. For base parameters of any robot and noise with a memory see `identification.estimators`.
+The paper has two misprints: in (4) the noise has :math:`E(\rho \rho^T) = \sigma^2 I_r`, not :math:`E(\rho^T \rho)`,
+which is a number; and (5) is :math:`\hat\sigma^2 = \|Y - W \hat X\|^2 / (r - b)`, with a square that the paper lacks.
+For base parameters of any robot and autocorrelated noise see `identification.estimators`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 
-_SINGULAR = 1e-10  # of the largest singular value of columns of norm one: below, rounding decides
+_SINGULAR = 1e-10  # singular value of columns of norm one, relative to the largest, below which they are dependent
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class LinearFit:
         names: Names of the unknowns.
         units: Units of the unknowns.
         theta: Estimates, shape ``(b,)``.
-        cov: Covariance for noise of one size on all rows, (6), shape ``(b, b)``.
-        sigma: Noise of the rows, (5) corrected.
-        condition: Condition number of W as it is, in SI units, which is what the paper states.
-        scaled_condition: The same with columns of norm one, which units do not change.
+        cov: Covariance if the noise of all rows has the same variance, (6), shape ``(b, b)``.
+        sigma: Standard deviation of the noise of the rows, (5) corrected.
+        condition: Condition number of W in SI units, as in the paper.
+        scaled_condition: Condition number of W with columns of norm one, which does not depend on units.
         rows: Number of equations r.
     """
 
@@ -55,7 +55,7 @@ class LinearFit:
         """Estimate and standard deviation of one unknown.
 
         Raises:
-            ParameterError: If the fit has no unknown of that name.
+            ParameterError: If the fit has no unknown with this name.
         """
         if name not in self.names:
             raise ParameterError(f"The fit has no unknown {name!r}: its unknowns are {', '.join(self.names)}.")
@@ -73,7 +73,7 @@ def fit_linear(
         y: Right-hand side.
         names: Names of the unknowns.
         units: Units of the unknowns.
-        memory: Rows per independent row, where the noise is filtered.
+        memory: Number of rows per independent row if the noise is filtered.
 
     Raises:
         IdentifiabilityError: If there are no more equations than unknowns, or columns depend on each other.
@@ -105,11 +105,10 @@ def fit_linear(
 
 
 def without_nuisance(columns: Float[Array, "r b"], nuisance: Float[Array, "r k"]) -> Float[Array, "r b"]:
-    """``columns`` without what ``nuisance`` columns explain of them, so that only the rest is estimated.
+    """The residual of ``columns`` after a least-squares fit of ``nuisance`` columns.
 
     Args:
         columns: Columns or right-hand sides.
-        nuisance: What else may act, of no interest.
+        nuisance: Columns whose coefficients are not of interest; they may be linearly dependent.
     """
-    # By least squares and not by an orthonormal basis, which nuisances that depend on each other would not have.
     return columns - nuisance @ np.linalg.lstsq(nuisance, columns, rcond=None)[0]

@@ -1,16 +1,17 @@
-r"""Friction of a parallelogram's active and passive joints, separated by three tests at constant speeds.
+r"""Separates the friction of a parallelogram's active and passive joints by three tests at constant speeds.
 
-The motors of joints 2 and 5 feel the passive joints through the loop, equations (16) and (17) of the CEA paper:
+The friction of the passive joints acts on the motors of joints 2 and 5, equations (16) and (17) of the CEA paper:
 
 .. math::
     \Gamma_{t2} &= F_{V2} v_2 + F_{C2}\,\mathrm{sign}\,v_2 + \Gamma_{fc}, \\
     \Gamma_{t5} &= F_{V5R} v_5 + F_{C5R}\,\mathrm{sign}\,v_5 - \Gamma_{fc}, \\
     \Gamma_{fc} &= F_{V3R} (v_2 - v_5) + F_{C3R}\,\mathrm{sign}(v_2 - v_5).
 
-Joint 4 turns at -v5 and counts with joint 5 (5R); joints 3, 6 and the cut 7 turn at plus or minus v5 - v2 and count
-together (3R). Test t1 (v5 = v2) shows joints 2 and 5 alone, t2 (v5 = 0) joint 2 with the passive ones, t3 (v2 = 0)
-joint 5 with the passive ones; so t2 and t3 minus t1 are the passive joints. (The text names the results of t3 once
-``F_V5t2`` and ``F_C5t2``, and its table has ``F_V5t3`` twice: the second is ``FC5t3``.)
+Joint 4 turns at -v5 and is regrouped with joint 5 (5R); joints 3, 6 and the cut 7 turn at plus or minus v5 - v2 and are
+regrouped as well (3R). Test t1 (v5 = v2) gives the friction of joints 2 and 5 alone, t2 (v5 = 0) that of joint 2 with
+the passive joints, t3 (v2 = 0) that of joint 5 with the passive joints. So t2 and t3 minus t1 give the passive joints.
+(The text of the paper once names the results of t3 ``F_V5t2`` and ``F_C5t2``, and its table has ``F_V5t3`` twice: the
+second one is ``FC5t3``.)
 """
 
 from __future__ import annotations
@@ -27,19 +28,19 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion
 
-_AMPLITUDE = 0.4  # of a friction test, to either side of its center [rad]
-_CENTER = (0.0, -0.26, -1.83)  # posture of q1, q2, q5 [rad]
+_AMPLITUDE = 0.4  # amplitude of a friction test [rad]
+_CENTER = (0.0, -0.26, -1.83)  # centre of q1, q2, q5 in a friction test [rad]
 _RATE_HZ = 500.0
 
 MOVING: Mapping[str, tuple[int, ...]] = {"t1": (1, 2), "t2": (1,), "t3": (2,)}
-"""Numbers of the active joints (q1, q2, q5) that move in each test, and whose torque tells something."""
+"""Indices of the active joints (q1, q2, q5) that move in each test, and whose torques are used."""
 
-_STILL = 0.1  # of the joint that moves most: one whose speed is less holds still
+_STILL = 0.1  # share of the largest speed below which a joint does not move
 
 
 @dataclass(frozen=True)
 class Friction:
-    """Viscous coefficient [N m s/rad] and Coulomb torque [N m] of one joint or of several in one."""
+    """Viscous coefficient [N m s/rad] and Coulomb torque [N m] of one joint, or of several regrouped joints."""
 
     viscous: float = 0.0
     coulomb: float = 0.0
@@ -57,9 +58,9 @@ def loop_friction(
     Args:
         v2: Velocity of joint 2 [rad/s].
         v5: Velocity of joint 5 [rad/s].
-        arm: Of joint 2.
-        forearm: Of joints 5 and 4, 5R.
-        passive: Of joints 3, 6 and 7, 3R.
+        arm: Friction of joint 2.
+        forearm: Friction of joints 5 and 4 (5R).
+        passive: Friction of joints 3, 6 and 7 (3R).
     """
     coupling = passive.torque(v2 - v5)
     return arm.torque(v2) + coupling, forearm.torque(v5) - coupling
@@ -70,11 +71,11 @@ def friction_test_motion(
     *,
     speeds: Sequence[float] = (0.1, 0.2, 0.4, 0.8),
 ) -> Motion:
-    """Triangles of two periods at each speed in turn, on the joints of a friction test; the others hold still.
+    """Motion of a friction test: its joints move in triangles, two periods at each speed; the others do not move.
 
     Args:
-        test: Which of the three.
-        speeds: Speeds of the straight parts, nearly [rad/s]: the turns take a tenth of the time.
+        test: Name of the test: ``t1``, ``t2`` or ``t3``.
+        speeds: Approximate speeds of the straight parts [rad/s]; the turns take a tenth of the time.
 
     Raises:
         ParameterError: If the test is unknown.
@@ -93,37 +94,33 @@ def friction_test_motion(
 
 
 def fit_friction_test(test: str, motion: Motion, tau: Float[Array, "N 3"]) -> dict[int, LinearFit]:
-    """Viscous and Coulomb friction that each moving joint shows in a test.
+    """Viscous and Coulomb friction of each moving joint in a test, see `fit_steady`.
 
-    Only stretches of constant speed are used. There, offset, gravity (a sine of the joint's position) and centrifugal
-    torque (the square of its speed) and the remaining inertia are nuisances. One speed hardly parts the two unknowns:
-    take several.
+    A single speed hardly separates the two unknowns: a test needs several.
 
     Args:
-        test: Which of the three.
+        test: Name of the test: ``t1``, ``t2`` or ``t3``.
         motion: Motion of q1, q2, q5.
         tau: Drive torque of q1, q2, q5 [N m].
 
     Returns:
-        By number of the joint (1 is q2, 2 is q5), with unknowns named as in Table 3, such as ``FV2t1`` and ``FC2t1``.
-        `LinearFit.condition` is that of velocity and sign, nuisances taken out.
+        Fit by index of the joint (1 is q2, 2 is q5), with unknowns named as in Table 3, such as ``FV2t1``.
 
     Raises:
         ParameterError: If the test is unknown.
-        LogError: If a joint of the test is never at a constant speed.
+        LogError: If a joint of the test never has a constant speed.
     """
     return {joint: _fit_joint(test, joint, motion, tau[:, joint]) for joint in _moving(test)}
 
 
 def passive_friction(tests: Mapping[str, Mapping[int, LinearFit]]) -> dict[str, tuple[float, float]]:
-    """Friction of the passive joints and its standard deviation, from what the tests differ by.
+    """Friction of the passive joints and its standard deviation, from the differences between the tests.
 
     Args:
         tests: Results of t1, t2 and t3.
 
     Returns:
-        ``FV3R`` [N m s/rad] and ``FC3R`` [N m]: mean of t2 - t1 on joint 2 and t3 - t1 on joint 5, weighted by their
-        certainty. It can be neglected where it is within two deviations of zero.
+        ``FV3R`` [N m s/rad] and ``FC3R`` [N m], each the weighted mean of t2 - t1 on joint 2 and t3 - t1 on joint 5.
     """
     out = {}
     for kind in ("FV", "FC"):
@@ -152,10 +149,10 @@ def _fit_joint(test: str, joint: int, motion: Motion, tau: Array) -> LinearFit:
 
 
 def test_of(motion: Motion) -> str:
-    """Which friction test a recording of q1, q2, q5 is, by the joints that move.
+    """Name of the friction test in which q1, q2, q5 move as in a recording.
 
     Raises:
-        LogError: If it is none of the three.
+        LogError: If there is no such test.
     """
     v2, v5 = motion.v[:, 1], motion.v[:, 2]
     size = max(float(np.std(v2)), float(np.std(v5)), 1e-12)

@@ -1,9 +1,9 @@
-r"""Stiffness of a transmission from the hysteresis loops of a blocked arm, simulated or taken from recordings.
+r"""Fits the stiffness of a transmission to hysteresis loops of a blocked arm, which are simulated or recorded.
 
 Arm and forearm are held rigidly, the motor torque goes up and down in triangles, and the motor's position
 is measured: :math:`\Gamma = K\,dq + B\,d\dot q + \mathrm{offset}`, equations (13) and (14) of the CEA paper. Dry
-friction on the motor's side opens the loop by twice its torque; the paper has no term for it, and here it is an unknown
-of its own. Loops of one rate cannot separate it from damping: record several.
+friction on the motor's side opens the loop by twice its torque; the paper has no term for it, and here it is an
+additional unknown. Loops of a single rate cannot separate it from damping: record several rates.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import LogError, ParameterError
 
-_STUCK = 0.5  # share of the loop's median speed below which the motor sticks or is about to, with any friction torque
-_HARMONICS = 20.0  # edge of the low pass over the frequency of the triangle: higher harmonics only sharpen its corners
-_SHARE_OF_RATE = 0.2  # largest edge of the low pass over the sampling rate
+_STUCK = 0.5  # share of the loop's median speed below which the motor may stick, with an unknown friction torque
+_HARMONICS = 20.0  # edge of the low pass over the frequency of the triangle; higher harmonics only sharpen its corners
+_SHARE_OF_RATE = 0.2  # largest edge of the low pass over the sample rate
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Loop(ReadOnlyArrays):
 
 
 def triangular_torque(t: Float[Array, " N"], amplitude: float, frequency: float) -> Float[Array, " N"]:
-    """Torque [N m] that goes up and down between ``-amplitude`` and ``amplitude``, its corners rounded.
+    """Triangular torque [N m] between ``-amplitude`` and ``amplitude``, with rounded corners.
 
     Args:
         t: Time [s].
@@ -55,11 +55,10 @@ def triangular_torque(t: Float[Array, " N"], amplitude: float, frequency: float)
 def blocked_arm_loop(
     t: Float[Array, " N"], torque: Float[Array, " N"], *, stiffness: float, damping: float, coulomb: float
 ) -> Loop:
-    """Motion of a motor against a blocked arm, without inertia, from rest at zero.
+    """Simulated motion of a motor against a blocked arm, without inertia, from rest at zero.
 
-    Between two samples the torque is that of the later one and the motor moves at one speed (implicit Euler), so that
-    with ``damping = 0`` the result is exact: the motor stands still until its torque and that of the spring differ by
-    more than ``coulomb``.
+    The integration is implicit Euler. With ``damping = 0`` the result is exact: the motor stands still until its torque
+    and that of the spring differ by more than ``coulomb``.
 
     Args:
         t: Time [s], in equal steps.
@@ -89,10 +88,10 @@ def blocked_arm_loop(
 def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
     """Stiffness K, damping B, dry friction C and offset of a transmission from its hysteresis loops.
 
-    Samples near the reversals are left out: there the motor sticks, and friction may have any value that holds it.
+    Samples near the reversals are left out: there the motor sticks, and its friction torque is not known.
 
     Args:
-        loops: Hysteresis loops at several rates; with one rate, B and C are hardly separable and have large deviations.
+        loops: Hysteresis loops at several rates; a single rate hardly separates B and C.
         cutoff_hz: Edge of the low pass of positions before they are differentiated [Hz].
 
     Returns:
@@ -108,13 +107,13 @@ def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
 
 
 def _equations(loop: Loop, cutoff_hz: float) -> tuple[Float[Array, "n 4"], Float[Array, " n"]]:
-    """Position, speed, direction and one, and the torque [N m], at the samples of a loop in which the motor moves."""
+    """Columns (position, velocity, its sign, one) and torque [N m], at samples of a loop in which the motor moves."""
     if np.ptp(loop.position) == 0:
         raise LogError("The motor does not move against the blocked arm: give more torque than its dry friction.")
     rate = (len(loop.t) - 1) / (loop.t[-1] - loop.t[0])
     q, v, _ = (column[:, 0] for column in differentiate(loop.position[:, None], rate, cutoff_hz))
     moving = np.abs(v) > _STUCK * np.median(np.abs(v))
-    # The filter smears the start and end of a stop over a quarter of its period: leave that out, too.
+    # The filter blurs the start and end of a stop over a quarter of its period, which is left out as well.
     reach = int(np.ceil(0.25 * rate / cutoff_hz))
     stuck = np.convolve(~moving, np.ones(2 * reach + 1), mode="same") > 0.5
     return np.stack([q, v, np.sign(v), np.ones_like(q)], axis=1)[~stuck], loop.torque[~stuck]
@@ -134,9 +133,9 @@ def loop_of(recording: Recording, joint: str) -> Loop:
 
 
 def cutoff_of(loops: tuple[Loop, ...]) -> float:
-    """Edge of the low pass of positions [Hz]: the highest of all loops of twenty times the frequency of the torque.
+    """Edge of the low pass of positions [Hz]: the largest edge of any loop.
 
-    Of each loop it is at most a fifth of the sampling rate.
+    The edge of a loop is twenty times the frequency of its torque, but at most a fifth of its sample rate.
     """
     edges = []
     for loop in loops:
@@ -148,7 +147,7 @@ def cutoff_of(loops: tuple[Loop, ...]) -> float:
 
 
 def moving_joint(recordings: tuple[Recording, ...]) -> str:
-    """The joint whose torque changes most in all recordings: the one whose motor pushed.
+    """The joint whose torque varies most in all recordings, which is the one whose motor pushed.
 
     Raises:
         LogError: If a recording has no torque, or no torque changes in any of them.

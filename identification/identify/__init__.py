@@ -1,1 +1,1 @@
-"""Identification of a robot's parameters from recordings, and its report."""
+"""Identifies a robot's parameters from recordings, and writes a report and model files."""

@@ -1,4 +1,4 @@
-"""Held-out data of an identification: the samples that no fit uses, and the errors of the fit on them."""
+"""Splits recordings into data for the fit and held-out data, and computes the errors of the fit on held-out data."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from phantom_dyn.signals.spectra import power_density
 SHARE = 0.2
 """Share of a single recording, at its end, that is held out."""
 
-_EQUATIONS = 2.0  # least number of equations per unknown: with fewer, standard deviations are guesses
+_EQUATIONS = 2.0  # smallest number of equations per unknown: with fewer, standard deviations are not reliable
 _ROUGH = 0.25  # relative standard deviation of an error on held-out data above which there is a warning
 
-_BETWEEN = 20  # steps between two recordings on the time axis, so that a figure shows a gap
-_LONGEST, _SHORTEST = 1024, 64  # samples of a segment of the spectra
+_BETWEEN = 20  # steps between two recordings on the time axis, so that figures show a gap
+_LONGEST, _SHORTEST = 1024, 64  # largest and smallest number of samples in a segment of the spectra
 
 
 @dataclass(frozen=True)
 class Split:
-    """Data for the fit, and data to judge it on.
+    """Data for the fit, and held-out data.
 
     Attributes:
         train: Logs for the fit.
@@ -51,13 +51,14 @@ class Split:
 
 
 def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[Recording, ...] = ()) -> Split:
-    """Logs in one band. Held out are ``hold_out``, else the last of several recordings, else the end of the only one.
+    """Logs for the fit and held-out logs, all in one band.
 
-    The filter's kernel overlaps no samples of both parts.
+    ``hold_out`` is held out if it is given. Else it is the last one of several recordings, or the end of a single one.
+    No filtered sample depends on samples of both parts.
 
     Args:
-        robot: Says how torques were held, and gives the limits of the drives.
-        recordings: At least one.
+        robot: States how torques were held, and the limits of the drives.
+        recordings: One recording or more.
         hold_out: Recordings that no fit may use.
 
     Raises:
@@ -79,30 +80,28 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
     )
     if hold_out:
         names = " and ".join(Path(recording.file).name for recording in hold_out)
-        split = Split(logs[: len(recordings)], logs[len(recordings) :], names, cutoff)
-    elif len(logs) == 1:
-        split = _end_of(logs[0], cutoff)
-    else:
-        split = Split(logs[:-1], logs[-1:], f"{Path(logs[-1].file).name}, the last of {len(logs)} recordings", cutoff)
-    return split
+        return Split(logs[: len(recordings)], logs[len(recordings) :], names, cutoff)
+    if len(logs) == 1:
+        return _end_of(logs[0], cutoff)
+    return Split(logs[:-1], logs[-1:], f"{Path(logs[-1].file).name}, the last of {len(logs)} recordings", cutoff)
 
 
 def _joint_torque(log: Log, robot: Robot) -> Float[Array, "N nv"]:
-    """Torque on the joints: that of their drives, cut at their limits, and that of measured forces."""
+    """Torque on the joints: that of their drives, clipped at their limits, and that of measured forces."""
     tau = within_limits(log.tau, robot)
     return tau if log.external is None else tau + log.external
 
 
 def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
-    """Refuse data with fewer than two equations per unknown for the fit, or with too few to judge it on.
+    """Raise an error for fewer than two equations per unknown, or for too few held-out samples.
 
     Args:
-        robot: Gives the joints; each sample is one equation for each of them.
-        split: Data for the fit and to judge it on.
-        unknowns: Number of parameters that a motion of the robot can separate.
+        robot: Gives the joints; each sample is one equation per joint.
+        split: Data for the fit, and held-out data.
+        unknowns: Number of parameters that some motion of the robot can identify.
 
     Raises:
-        LogError: If there are too few. The message gives the band, the number of samples, and how to get more.
+        LogError: The message states the band, the number of samples, and how to get more.
     """
     fit = int(np.ceil(_EQUATIONS * max(unknowns, 1) / robot.nv))
     judge = max(2, int(np.ceil(SHARE / (1 - SHARE) * fit)))
@@ -113,13 +112,13 @@ def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
             raise LogError(
                 f"{files}: {samples} independent samples are left {does}, wanted {wanted} for {unknowns} parameters of "
                 f"{_joints(robot)}: motion and torque stand above their noise up to {split.cutoff_hz:.2g} Hz, which "
-                f"makes {_per_second(part):.2g} such samples a second; record more or faster motion, exclude less, or "
-                "fit fewer parameters (--friction)."
+                f"makes {max(log.band.output_rate_hz for log in part):.2g} such samples a second; record more or "
+                "faster motion, exclude less, or fit fewer parameters (--friction)."
             )
 
 
 def caution(split: Split) -> tuple[str, ...]:
-    """A warning if errors on held-out data rest on few samples; empty if they do not."""
+    """A warning if the errors on held-out data are estimated from few samples; else empty."""
     samples = _count(split.test)
     # Relative standard deviation of the root mean square of n independent numbers.
     rough = 1 / np.sqrt(2 * max(samples, 1))
@@ -135,21 +134,18 @@ def _count(logs: tuple[Log, ...]) -> int:
     return sum(int(log.valid_in_band.sum()) for log in logs)
 
 
-def _per_second(logs: tuple[Log, ...]) -> float:
-    return max(log.band.output_rate_hz for log in logs)
-
-
 def _joints(robot: Robot) -> str:
     return "one joint" if robot.nv == 1 else f"{robot.nv} joints"
 
 
 def _held_at_standstill(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
-    """The motion with joints that never move at standstill, as the sign of noise would look like that of friction."""
+    """The motion with zero velocity for joints that never move, whose friction would have the sign of noise."""
     q = np.where(still, np.median(motion.q, axis=0), motion.q)
     return motion.with_joints(q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
 
 
 def _end_of(log: Log, cutoff_hz: float) -> Split:
+    """Split of a single log, whose end is held out."""
     usable = log.motion.t[log.valid]
     if not len(usable):
         raise LogError(f"{log.file}: every sample is excluded: leave some of them.")
@@ -161,6 +157,7 @@ def _end_of(log: Log, cutoff_hz: float) -> Split:
 
 
 def _common_cutoff(recordings: tuple[Recording, ...]) -> float:
+    """Edge of a band for all recordings [Hz]."""
     signals = []
     for recording in recordings:
         t, q, tau, _ = uniform(recording)
@@ -202,7 +199,7 @@ def joint_errors(
 
 
 def relative_to(values: Array, size: Array) -> Array:
-    """Quotients, NaN where the size is zero."""
+    """Values divided by sizes; NaN for a size of zero."""
     return np.divide(values, size, out=np.full(len(values), np.nan), where=size > 0)
 
 
@@ -241,7 +238,7 @@ def _stretches(log: Log, measured: Array, residual: Array) -> list[tuple[float, 
 def _densities(
     pieces: list[tuple[float, Array]],
 ) -> tuple[Float[Array, " F"], Float[Array, "F nv"], Float[Array, "F nv"]]:
-    """Amplitude densities of all stretches that are long enough for one segment, weighted by their length."""
+    """Frequencies, and amplitude densities of measured torque and residual, averaged over all long enough stretches."""
     nv = pieces[0][1].shape[1] // 2
     longest = max(len(piece) for _, piece in pieces)
     length = min(_LONGEST, longest // 2 if longest >= 2 * _SHORTEST else longest)
@@ -250,7 +247,7 @@ def _densities(
     rate = pieces[int(np.argmax([len(piece) for _, piece in pieces]))][0]
     power, weight, f = 0.0, 0, np.zeros(0)
     for its_rate, piece in pieces:
-        # Stretches with another sample rate have other frequencies.
+        # A stretch with another sample rate would have other frequencies.
         if len(piece) >= length and abs(its_rate - rate) < 1e-3 * rate:
             f, density = power_density(piece, rate, length)
             power, weight = power + len(piece) * density, weight + len(piece)

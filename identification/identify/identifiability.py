@@ -1,4 +1,4 @@
-"""How a recording determines each parameter: alone, in combination with others, or not at all, and why."""
+"""States for each parameter whether a recording identifies it: alone, in combination with others, or not at all."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _SHOWN = 4  # largest number of names that a sentence lists
 
 
 def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> BaseParameters:
-    """Base parameters for motion that excites all of them: random positions, velocities and accelerations.
+    """Base parameters of the robot for a random motion, which excites all of them.
 
-    For a closed chain the positions are those of the recording, as its loops cannot be closed at all positions.
+    For a closed chain the positions are those of the recording, as it cannot be closed at all positions.
 
     Args:
         robot: The robot, with its rigid bodies.
         log: A recording of the robot.
-        effects: Effects on joints whose parameters are unknown too.
+        effects: Effects on joints whose parameters are estimated as well.
     """
     rng = random_stream("excited base parameters")
     if robot.chain is None:
@@ -47,10 +47,9 @@ def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> Ba
 
 
 def identified_shares(base: BaseParameters) -> tuple[Share, ...]:
-    """For every column, whether it is identified alone, in a combination, or not at all.
+    """For every column, whether its parameter is identified alone, in a combination, or not at all.
 
-    A column is identified alone if no null vector of the regressor contains it: it is independent, and no other column
-    is regrouped into it.
+    It is identified alone if its column is independent, and no other column is regrouped into it.
     """
     out: list[Share] = ["combination"] * len(base.names)
     for row, k in enumerate(base.independent):
@@ -91,7 +90,7 @@ def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unident
 
     Args:
         base: Base parameters of the recording.
-        excited: Base parameters, over the same columns, of motion that excites everything.
+        excited: Base parameters of motion that excites everything, over the same columns.
     """
     containing = regrouped_into(base)
     never_torque, always_dependent = set(excited.zero), set(excited.dependent)
@@ -111,7 +110,7 @@ def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unident
 
 
 def not_excited(base: BaseParameters, excited: BaseParameters) -> tuple[str, ...]:
-    """Columns that depend on others in this recording, but would be independent in motion that excites everything."""
+    """Parameters that depend on others in this recording, but not in motion that excites everything."""
     return tuple(base.names[k] for k in base.dependent if k in set(excited.independent))
 
 

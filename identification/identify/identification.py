@@ -1,4 +1,4 @@
-"""Result of an identification: plain data for the report, the JSON file and the summary."""
+"""Data types for the result of an identification."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Unidentified:
-    """A parameter that is not an unknown of its own, and why."""
+    """A parameter that cannot be identified alone, and the reason."""
 
     name: str
     unit: str
@@ -75,7 +75,7 @@ class JointError:
         joint: Name of the joint.
         unit: Unit of the torque.
         rms: Root mean square of measured minus predicted torque.
-        relative: ``rms`` over that of the measured torque; NaN without torque.
+        relative: ``rms`` over the root mean square of the measured torque; NaN if this is zero.
         given: Relative error of the given model.
         fitted: Relative error on the samples of the fit.
         samples: Number of held-out samples.
@@ -100,7 +100,7 @@ class Export:
         loaded_with: Library that loaded it again; empty if none did.
         difference: Largest difference of its torques from the identified model's, over the largest torque.
         tolerance: Largest difference that is allowed.
-        left_out: Sentences on what the format cannot hold, or on why the file was not written.
+        left_out: Sentences on what the format cannot express, or on why the file was not written.
     """
 
     file: str
@@ -149,7 +149,7 @@ class IdentifiedModel:
         bias: Result of the Durbin-Wu-Hausman test of least squares; empty if the estimator has no instruments.
         base: Base parameters of the links.
         others: Parameters of friction and drives.
-        unidentified: Parameters that are not unknowns of their own.
+        unidentified: Parameters that cannot be identified alone.
         bodies: For each body, which parameters can be identified.
         held_out: Which data are held out, in words.
         joints: Errors on held-out samples.

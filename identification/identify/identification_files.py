@@ -1,6 +1,6 @@
-"""The files of an identification: ``identification.json`` (schema ``identification/1``), models and report.
+"""Writes the files of an identification: ``identification.json`` (schema ``identification/1``), models and report.
 
-All of them are written, or none if one of them cannot be written.
+If one of them cannot be written, none is.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NAMES = ("identification.json", "report.html", URDF, MJCF)
 
 
 def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
-    """The content of ``identification.json``: plain types, nothing rounded, null for numbers that are not finite."""
+    """The content of ``identification.json``; numbers are not rounded, and None if they are not finite."""
     return {
         "schema": SCHEMA,
         "run": run,
@@ -71,7 +71,7 @@ def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
 
 
 def json_text(found: IdentifiedModel, *, run: str = "") -> str:
-    """The text of ``identification.json``, ending in a newline, with the id of the run that all its files carry."""
+    """The text of ``identification.json``; ``run`` is the id of the run, which all its files contain."""
     return json.dumps(to_json(found, run=run), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -105,7 +105,7 @@ def _number(value: float) -> float | None:
 
 
 def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
-    """Refuse a folder that cannot be written to, or that holds an input or a file of the user in the place of ours.
+    """Raise an error if the files cannot be written into a folder, or would replace an input or a file of the user.
 
     Args:
         out: The folder.
@@ -120,9 +120,9 @@ def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
 
 
 def write_outputs(found: IdentifiedModel, out: Path) -> tuple[Path, ...]:
-    """Write ``identification.json``, ``report.html`` and the models into a folder, which is made if it is missing.
+    """Write ``identification.json``, ``report.html`` and the models into a folder, which is created if it is missing.
 
-    A model file of an earlier run that this run cannot write is removed, so that it is not taken for this run's.
+    A model file of an earlier run that this run does not write is removed, so that no file is from another run.
 
     Args:
         found: The identification.
@@ -134,7 +134,7 @@ def write_outputs(found: IdentifiedModel, out: Path) -> tuple[Path, ...]:
     Raises:
         UsageError: If a file cannot be written; then none is.
     """
-    # The report loads libraries for pages, which the numbers alone do not need.
+    # The report needs libraries that take long to load.
     from identification.identify.identification_report import report_html
 
     check_folder(out)

@@ -1,4 +1,4 @@
-"""The report on an identification: one self-contained page with figures as inline SVG."""
+"""Makes the report on an identification: one self-contained HTML page with figures as inline SVG."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from phantom_dyn.model.inertia import STANDARD_NAMES
 _DECADES = 5  # decades of a spectrum that are drawn
 _PER_OCTAVE = 12  # bins of a spectrum per octave
 
-_FIGURES = 12  # joints whose torques are drawn, beginning with the largest error
-_OPEN = 2  # joints whose figures are unfolded
+_FIGURES = 12  # largest number of joints with figures, beginning with the largest error
+_OPEN = 2  # number of joints whose figures are unfolded at first
 
 
 def error_bars(joints: tuple[JointError, ...]) -> str:
-    """Relative torque error of every joint on held-out samples, given model and identified model."""
+    """Figure of each joint's relative torque error on held-out samples, of the given and the identified model."""
     places = np.arange(len(joints), dtype=float)
     curves = [
         Curve(places, 100 * np.array(errors), colour, 0.0, label, marked=True, tips=tuple(map(error_percent, errors)))
@@ -42,7 +42,7 @@ def error_bars(joints: tuple[JointError, ...]) -> str:
 
 
 def torque_figure(found: IdentifiedModel, joint: int) -> str:
-    """Measured and predicted torque over a stretch of held-out data, and the residual below."""
+    """Figure of measured and predicted torque over a part of the held-out data, with the residual below."""
     evidence, error = found.evidence, found.joints[joint]
     measured, predicted = evidence.measured[:, joint], evidence.predicted[:, joint]
     rows = eventful_stretch(evidence.t, measured - predicted, STRETCH_S)
@@ -60,7 +60,7 @@ def torque_figure(found: IdentifiedModel, joint: int) -> str:
 
 
 def spectrum_figure(found: IdentifiedModel, joint: int) -> str:
-    """Amplitude densities of measured torque and residual, and the end of the band of the fit."""
+    """Figure of the amplitude densities of measured torque and residual, with the edge of the band of the fit."""
     evidence, error = found.evidence, found.joints[joint]
     densities = (
         (evidence.measured_density[:, joint], INK, "torque"),
@@ -80,7 +80,7 @@ def spectrum_figure(found: IdentifiedModel, joint: int) -> str:
 
 
 def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"]) -> tuple[Array, Array]:
-    """Density averaged in power over bins of equal ratio, so that high frequencies have few points."""
+    """Frequencies and densities, averaged in power over bins of equal ratio, which makes fewer points."""
     if not len(f):
         return f, density
     which = np.floor(np.log2(f / f[0]) * _PER_OCTAVE + 1e-9).astype(int)
@@ -91,7 +91,7 @@ def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"]) -> tuple[Ar
 
 @dataclass(frozen=True)
 class JointView:
-    """One joint on the page: name, error, figures."""
+    """What the page shows of one joint: name, error, and figures."""
 
     name: str
     error: str
@@ -101,7 +101,7 @@ class JointView:
 
 
 def report_html(found: IdentifiedModel) -> str:
-    """The whole page as text; everything it shows is inside it, and every name is escaped."""
+    """The whole page as text, which needs no other files."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("identification_report.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(source).render(

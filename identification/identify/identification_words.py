@@ -24,7 +24,7 @@ def error_percent(share: float) -> str:
 
 
 def headline(found: IdentifiedModel) -> str:
-    """How many parameters were estimated and how well they predict, in one sentence."""
+    """A sentence on the number of estimated parameters and on how well they predict held-out data."""
     sure = sum(parameter.identified for parameter in (*found.base, *found.others))
     before, after = (
         np.array([getattr(joint, name) for joint in found.joints], dtype=float) for name in ("given", "relative")
@@ -40,7 +40,7 @@ def headline(found: IdentifiedModel) -> str:
 
 
 def law_cell(parameter: Parameter, parameters: tuple[Parameter, ...]) -> str:
-    """Law of a parameter of friction or a drive, followed by the parameter's own name if the law has several."""
+    """Law of a parameter of friction or a drive, with the name of the parameter if the law has several."""
     law = capital(effect_words(parameter.effect or "").name.removeprefix("a "))
     several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in parameters) > 1
     return f"{law}: {parameter_name(parameter.name.rpartition('.')[2])}" if several else law
@@ -81,7 +81,7 @@ def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
 
 
 def export_sentence(difference: float, tolerance: float, loaded_with: str) -> str:
-    """How far the torques of an exported model differ after loading its file, in one sentence."""
+    """A sentence on how much the torques of an exported model differ after its file was loaded again."""
     if not loaded_with:
         return "It was not loaded again."
     if difference == 0:

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The given robot with the identified inertias, friction and rotors, and its URDF and MJCF files.
+"""Makes the identified model: the given robot with the identified inertias, friction and rotors, as URDF and MJCF.
 
 Each file is loaded again and compared with the model before it is written.
 """
@@ -46,22 +46,22 @@ TERMS = {
     "offset": "torque_offset",
     "direction_dependent": "direction_dependent_friction",
 }
-"""Short name of each friction term, and the effect that it stands for."""
+"""Effect for the short name of each friction term."""
 
 DEFAULT_TERMS = ("viscous", "coulomb", "offset")
-"""Friction terms that are unknowns by default."""
+"""Friction terms that are estimated by default."""
 
-# A body has changed if its parameters differ by more than this share of the largest of their kind; less is rounding.
+# Smallest change of a body's parameter, relative to the largest parameter of this kind; smaller changes are rounding.
 _SAME = 1e-12
 
 
 @dataclass(frozen=True)
 class JointTerms:
-    """Unknowns of every joint in addition to the rigid body.
+    """Unknowns of every joint in addition to the inertial parameters.
 
     Attributes:
-        friction: Friction terms, keys of `TERMS`.
-        rotors: True if rotor inertias are unknowns as well.
+        friction: Friction terms, which are keys of `TERMS`.
+        rotors: True to estimate rotor inertias as well.
     """
 
     friction: tuple[str, ...] = DEFAULT_TERMS
@@ -97,7 +97,7 @@ def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def effects_of_terms(robot: Robot, terms: JointTerms) -> tuple[EffectOnJoint, ...]:
-    """The terms on every joint of a robot, joint by joint."""
+    """The effects of the terms on every joint of a robot, joint by joint."""
     effects = [effect_named(TERMS[term]) for term in terms.friction]
     if terms.rotors:
         effects.append(effect_named("rotor_inertia"))
@@ -105,7 +105,7 @@ def effects_of_terms(robot: Robot, terms: JointTerms) -> tuple[EffectOnJoint, ..
 
 
 def without_estimated(robot: Robot, terms: JointTerms) -> Robot:
-    """The robot without the friction and rotors that are unknowns, so that estimates are their full values."""
+    """The robot without the friction and rotors that are estimated, so that the estimates are their full values."""
     zero = np.zeros(robot.nv)
     both = "direction_dependent" in terms.friction
     if terms.rotors:
@@ -127,11 +127,11 @@ class FullModel:
 
     Attributes:
         robot: The robot with the identified inertias, friction and rotors.
-        offset: Constant torque on each joint, positive along it [N m or N], shape ``(nv,)``; the robot cannot hold it.
-        asymmetry: Joints whose friction differs by direction; the robot has the mean of both.
+        offset: Constant torque on each joint [N m or N], shape ``(nv,)``, which is not part of ``robot``.
+        asymmetry: Joints whose friction differs by direction; ``robot`` has the mean of both directions.
         words: How the inertias were chosen, or why they are the given ones.
-        possible: False if no possible inertias were found, so that the robot has the given ones.
-        moved: Largest change of a base parameter that was needed for possible bodies, in standard deviations.
+        possible: False if no possible inertias were found; then ``robot`` has the given ones.
+        moved: Largest change of a base parameter for physically possible bodies, in standard deviations.
     """
 
     robot: Robot
@@ -147,7 +147,7 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
 
     Args:
         given: The given model, from which the inertias deviate as little as possible.
-        fitted: The robot that was fitted, without the friction and rotors that were unknowns.
+        fitted: The robot that was fitted, without the friction and rotors that were estimated.
         fit: Fit of rigid bodies and effects.
     """
     model = fitted.model.copy()
@@ -190,11 +190,12 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
 
 
 def model_torque(full: FullModel, motion: Motion) -> Float[Array, "N nv"]:
-    """Drive torque that the full model needs for a motion, offsets included, shape ``(N, nv)`` [N m or N]."""
+    """Drive torque of the full model for a motion, with offsets, shape ``(N, nv)`` [N m or N]."""
     return inverse_dynamics(full.robot, motion) - full.offset
 
 
 def _set_inertias(model: pin.Model, given: Robot, pi: Float[Array, " p"]) -> None:
+    """Set the inertias of the bodies in ``model`` that differ from the given ones."""
     before = standard_parameters(given).reshape(-1, 10)
     after = pi.reshape(-1, 10)
     scale = np.maximum(np.abs(before).max(axis=0), np.abs(after).max(axis=0))
@@ -222,7 +223,7 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
         given: The robot as its file states it.
         motion: Motion on which torques are compared.
         folder: Folder in which the files will be.
-        config: The ``robot.yaml`` that was given; None for the one beside the robot's file.
+        config: The given ``robot.yaml``; None for the one beside the robot's file.
 
     Raises:
         EstimationError: If a written file gives other torques than the model.
@@ -251,6 +252,7 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
 def _checked_export(
     name: str, make: Callable[[], tuple[str, float]], loaded_with: str, left_out: tuple[str, ...]
 ) -> Export:
+    """A model file with the result of its check."""
     try:
         text, difference = make()
     except PhantomDynError as error:
@@ -267,7 +269,7 @@ def _checked_export(
 
 
 def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
-    """The robot without negative friction and rotor inertias, which no format allows, and sentences on the changes."""
+    """The robot with zero for negative friction and rotor inertias, which no format allows, and sentences on these."""
     viscous, coulomb = tree_friction(robot)
     names = list(robot.model.names)[1:]
     kinds = (("viscous friction", viscous), ("Coulomb friction", coulomb), ("rotor inertia", robot.model.armature))
@@ -286,6 +288,7 @@ def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
 
 
 def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]:
+    """Sentences on what the URDF does not contain."""
     rotors = [
         f"{name} {value:.4g}"
         for name, value, old in zip(full.robot.joint_names, full.robot.rotor_inertia, given.rotor_inertia, strict=True)
@@ -307,6 +310,7 @@ def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]
 
 
 def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
+    """Sentences on what the MJCF does not contain."""
     sentences = _left_out(full, "Constant torques are not in it: set qfrc_applied [N m or N]")
     chain = full.robot.chain
     if chain is not None and set(chain.passive) - set(chain.unknowns):
@@ -315,7 +319,7 @@ def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
 
 
 def _left_out(full: FullModel, constant: str) -> list[str]:
-    """Sentences on what both formats lack; ``constant`` begins the one on constant torques."""
+    """Sentences on what neither format contains; ``constant`` is the beginning of the one on constant torques."""
     names = full.robot.joint_names
     offsets = [f"{name} {value:.4g}" for name, value in zip(names, full.offset, strict=True) if value]
     out = []

@@ -1,8 +1,8 @@
-"""Identification of a robot from its recordings.
+"""Identifies the parameters of a robot from its recordings.
 
-The terms of an identification act on one joint each. If two joints share a transmission, friction moves with both. For
-joints with a large error on held-out data, every effect of the catalogue that acts on a pair of joints is fitted
-together with the terms, chosen on the data of the fit, and named only if it halves the error on held-out data.
+The friction terms of an identification act on one joint each. If two joints share a transmission, friction may depend
+on the motion of both. So for joints with a large error on held-out data, every effect of the catalogue on a pair of
+joints is fitted as well. The best one is named if it halves the error on held-out data.
 
 A model file with larger errors on held-out data than the given model is not written.
 """
@@ -66,11 +66,11 @@ from phantom_dyn.model.robot import Robot
 MISSED = 0.3
 """Relative error on held-out data above which a joint's parameters are not reliable."""
 
-# An effect is named if it reduces the error of one of its unreliable joints at least to this share ...
+# An effect is named if it reduces the error of one of its unreliable joints to this share or less.
 _MENDS = 0.5
-# ... and increases no error by more than this factor: chance changes the errors of joints that it does not act on.
+# An effect is named if it increases no joint's error by more than this factor, which allows for chance.
 _HARMS = 1.5
-# Largest number of joints that are examined, the worst first: each is fitted together with several others.
+# Largest number of joints that are examined, the worst first.
 _MOST = 4
 
 
@@ -90,7 +90,7 @@ class Shared:
 
 
 def missed(joints: Sequence[JointError]) -> tuple[JointError, ...]:
-    """Joints with an error on held-out data above 30 %, the worst first."""
+    """Joints with an error on held-out data above `MISSED`, the worst first."""
     return tuple(sorted((joint for joint in joints if joint.relative > MISSED), key=lambda joint: -joint.relative))
 
 
@@ -100,8 +100,8 @@ def shared_effects(
     """Effects on two joints that halve the held-out error of an unreliable joint; each joint is named once.
 
     Args:
-        robot: The robot that was fitted, without the friction and rotors that were unknowns.
-        split: Data for the fit and to judge it on.
+        robot: The robot that was fitted, without the friction and rotors that were estimated.
+        split: Data for the fit, and held-out data.
         effects: Effects that were fitted.
         joints: Errors of every joint.
     """
@@ -132,7 +132,7 @@ class _Tried:
 
 
 def _tried(robot: Robot, split: Split, effects: Sequence[EffectOnJoint], worst: Sequence[str]) -> list[_Tried]:
-    """The best shape of every effect on every pair that includes one of the worst joints."""
+    """Fits of every effect on every pair with one of the worst joints; of an effect with several shapes, the best."""
     operation = Operation.of(robot, split.train[0].motion, split.train[0].tau)
     out = []
     for effect in effects_of(robot):
@@ -155,7 +155,7 @@ def _fit(robot: Robot, split: Split, effects: Sequence[EffectOnJoint]) -> Fit | 
 
 
 def _score(fit: Fit) -> float:
-    """Sum of the logarithms of a fit's relative errors, in which all joints have equal weight."""
+    """Sum over the joints of the logarithm of the fit's relative error."""
     return float(np.nansum(np.log(np.maximum(fit.relative_error, 1e-9))))
 
 
@@ -192,11 +192,11 @@ def missed_sentences(joints: Sequence[JointError], shared: Sequence[Shared]) -> 
     return tuple(out)
 
 
-_SHOWN = 6  # names that a warning lists
-_FAR = 2.0  # standard deviations by which possible bodies may move a base parameter without a warning
+_SHOWN = 6  # largest number of names that a warning lists
+_FAR = 2.0  # change of a base parameter for possible bodies, in standard deviations, above which there is a warning
 
 
-@one_blas_thread()  # more threads would make the last digits depend on the machine
+@one_blas_thread()  # with more threads, the last digits would depend on the machine
 def identify(
     robot: Robot,
     recordings: tuple[Recording, ...],
@@ -208,15 +208,15 @@ def identify(
     config: Path | None = None,
     progress: Progress = lambda _: None,
 ) -> IdentifiedModel:
-    """Base parameters, friction and drives of a robot, judged on held-out data, with a model to simulate.
+    """Base parameters, friction and drives of a robot, judged on held-out data, with a model for simulation.
 
     Args:
-        robot: The given model; its inertias are kept where the data do not determine them.
+        robot: The given model; inertias that the data do not determine are taken from it.
         recordings: Recordings for the fit; without ``hold_out`` the end of a single one, or the last one, is held out.
-        hold_out: Recordings to judge on; then all of ``recordings`` are for the fit.
+        hold_out: Held-out recordings; then all of ``recordings`` are for the fit.
         estimator: A name of `identification.estimators.estimator_list`.
-        terms: Unknowns of every joint beside the rigid body; by default viscous and Coulomb friction and offset.
-        folder: Folder of the model files, from which paths of meshes are given; by default the working folder.
+        terms: Unknowns of every joint besides inertias; by default viscous and Coulomb friction and offset.
+        folder: Folder of the model files, to which paths of meshes are relative; by default the working folder.
         config: The robot's ``robot.yaml``; None for the one beside its file.
         progress: Called with each stage.
 
@@ -242,7 +242,7 @@ def identify(
     progress(Announcement(Stage.ESTIMATION, detail={"estimator": estimator}))
     regressor = torque_regressor(fitted, split.train, effects)
     fit = entry.fit(regressor)
-    # The test needs instruments, which may fail for other estimators.
+    # The test needs instruments, for which other estimators may lack the data.
     bias = hausman_test(regressor).sentence() if estimator == "iv" else ""
     progress(Announcement(Stage.HELD_OUT))
     evidence = held_out_evidence(robot, fitted, fit, split.test)
@@ -297,7 +297,7 @@ def identify(
 
 
 def _require_bolted_down(robot: Robot) -> None:
-    """Refuse a robot whose feet may touch the ground, as no estimator knows those forces."""
+    """Raise an error for a robot with a floating base, as contact forces are not known."""
     if robot.floating:
         raise ParameterError(
             f"{robot.name} is not bolted down (base: floating), and identify takes robots that are: diagnose it, or "
@@ -306,7 +306,7 @@ def _require_bolted_down(robot: Robot) -> None:
 
 
 def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> None:
-    """Refuse measured forces for an estimator that simulates the loop, as its simulation has no such forces."""
+    """Raise an error for measured forces with an estimator that simulates the robot, as it cannot simulate them."""
     pushed = [recording.file for recording in recordings if recording.forces]
     if pushed and entry.simulates:
         raise ParameterError(
@@ -316,6 +316,7 @@ def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> Non
 
 
 def _lacking_excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> tuple[str, ...]:
+    """A warning on parameters that the recording does not identify although a motion could; else empty."""
     if not lacking:
         return ()
     some = ", ".join(lacking[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")
@@ -334,7 +335,7 @@ def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) 
 def without_worse_files(
     files: tuple[Export, ...], robots: Mapping[str, Robot], given: Robot, logs: tuple[Log, ...], cutoff_hz: float
 ) -> tuple[Export, ...]:
-    """The files, without the text of those with larger errors on a joint than the given model; a sentence says why.
+    """The files; one with a larger error on some joint than the given model has no text, but a sentence why.
 
     Args:
         files: Model files.

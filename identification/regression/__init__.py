@@ -1,1 +1,1 @@
-"""Robot, logs and effects as linear equations, and their base parameters."""
+"""The linear equations of a robot, its logs and effects, and their base parameters."""

@@ -1,8 +1,8 @@
-"""Base parameters: the independent columns of a regressor, and how the others regroup into them.
+"""Base parameters: the independent columns of a regressor, and the regrouping of the dependent columns into them.
 
-The choice of columns is deterministic: they are tested in the order of their names, and one is kept if it is not a
-combination of those kept before it. The test uses the triangular factor of the regressor, which does not depend on the
-order of the rows. It does not use pivoting, whose order changes with small noise.
+The choice of columns is deterministic: they are tested in their order, and a column is kept if it is not a linear
+combination of the columns that were kept before it. The test uses the triangular factor of the regressor, which does
+not depend on the order of the rows. Pivoting is not used, as its order changes with small noise.
 """
 
 from __future__ import annotations
@@ -18,22 +18,23 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 
 RANK_TOLERANCE = 1e-6
-"""A column counts if it adds this share of the largest column of the same unit. Angles in robot files are often given
-to nine digits, which leaves columns of 1e-9 that no recording excites; real torques are known to 1e-3 at best."""
+"""A column is independent if its part outside the other columns exceeds this share of the largest column of the same
+unit. Angles in robot files often have nine digits, which causes columns of 1e-9 that no recording excites; real torques
+are known to 1e-3 at best."""
 
-_SHOWN = 1e-8  # regroupings leave out terms below this share of their column: rounding errors of 1e-16 grow to 1e-10
+_SHOWN = 1e-8  # smallest term of a regrouping, relative to its column; rounding errors of 1e-16 grow to 1e-10
 
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Independent columns and how the others regroup into them.
+    """Independent columns, and the regrouping of the dependent columns into them.
 
     Attributes:
         names: Names of all ``p`` columns.
         units: Units of all columns.
-        independent: Kept columns, ascending, ``r`` of them.
-        dependent: All others, ascending.
-        zero: Those of the others that never produce torque.
+        independent: The ``r`` independent columns, ascending.
+        dependent: All other columns, ascending.
+        zero: Dependent columns that never produce torque.
         grouping: ``W[:, dependent] == W[:, independent] @ grouping``, shape ``(r, p - r)``.
         norms: Norms of all columns.
         singular_values: Singular values of the independent columns, each column divided by its norm; shape ``(r,)``,
@@ -61,8 +62,8 @@ class BaseParameters:
 
     @property
     def base_names(self) -> tuple[str, ...]:
-        """Names of the base parameters; one that others regroup into ends in ``R``."""
-        regrouped = [bool(row.any()) for row in self._shown()]
+        """Names of the base parameters, with an ``R`` at the end if other parameters are regrouped into it."""
+        regrouped = [bool(row.any()) for row in self.regrouped]
         return tuple(self.names[k] + "R" * more for k, more in zip(self.independent, regrouped, strict=True))
 
     @property
@@ -72,18 +73,21 @@ class BaseParameters:
 
     @property
     def regrouped(self) -> Bool[Array, "r d"]:
-        """True where a dependent column is part of a base parameter; rounding errors are left out, shape ``(r, d)``."""
-        return self._shown()
+        """True where a dependent column is part of a base parameter, shape ``(r, d)``; rounding errors are left out."""
+        size = np.abs(self.grouping) * self.norms[list(self.independent)][:, None]
+        # A column of rounding errors only could be written as any combination of others.
+        torque = np.array([k not in self.zero for k in self.dependent], dtype=bool)
+        return (size > _SHOWN * self.norms[list(self.dependent)][None, :]) & torque[None, :]
 
     def values(self, pi: Float[Array, " p"]) -> Float[Array, " r"]:
-        """Base parameters of given values of all ``p`` parameters."""
+        """Base parameters for given values of all ``p`` parameters."""
         if len(pi) != len(self.names):
             raise ParameterError(f"{len(pi)} values were given for {len(self.names)} parameters: give one for each.")
         return pi[list(self.independent)] + self.grouping @ pi[list(self.dependent)]
 
     def regroupings(self) -> tuple[str, ...]:
-        """One equation per base parameter that others regroup into, such as ``a.IzzR = a.Izz + 0.25 b.m``."""
-        shown = self._shown()
+        """One equation per base parameter with regrouped parameters, such as ``a.IzzR = a.Izz + 0.25 b.m``."""
+        shown = self.regrouped
         return tuple(
             f"{self.base_names[row]} = {self.names[self.independent[row]]}"
             + "".join(_signed(self.grouping[row, k], self.names[self.dependent[k]]) for k in np.flatnonzero(shown[row]))
@@ -91,19 +95,13 @@ class BaseParameters:
             if shown[row].any()
         )
 
-    def _shown(self) -> Array:
-        size = np.abs(self.grouping) * self.norms[list(self.independent)][:, None]
-        # A column with no torque but rounding errors could be written as any combination of others: it is not shown.
-        torque = np.array([k not in self.zero for k in self.dependent], dtype=bool)
-        return (size > _SHOWN * self.norms[list(self.dependent)][None, :]) & torque[None, :]
-
 
 def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
-    """Base parameters of a regressor on its own samples.
+    """Base parameters of a regressor for its own samples.
 
     Args:
         regressor: Gives columns, names and units.
-        tolerance: Share of the largest column of its unit that an independent column adds.
+        tolerance: See `RANK_TOLERANCE`.
     """
     factor = regressor.reduction.factor()[:, :-1]
     return base_parameters_of_matrix(factor, regressor.names, regressor.units, tolerance=tolerance)
@@ -120,9 +118,9 @@ def base_parameters_of_matrix(
 
     Args:
         W: Rows of torque, shape ``(m, p)``.
-        names: One per column.
-        units: One per column; the size of a column is compared with columns of the same unit. None: with all columns.
-        tolerance: Relative, see `RANK_TOLERANCE`.
+        names: Name of each column.
+        units: Unit of each column; columns are compared with columns of the same unit. None to compare all columns.
+        tolerance: See `RANK_TOLERANCE`.
 
     Raises:
         ParameterError: If the numbers of names, units and columns differ, or a value is not finite.
@@ -150,5 +148,6 @@ def base_parameters_of_matrix(
 
 
 def _signed(coefficient: float, name: str) -> str:
+    """A term of a sum, such as `` + 0.25 b.m``."""
     size = f"{abs(coefficient):.6g}"
     return f" {'-' if coefficient < 0 else '+'} {'' if size == '1' else size + ' '}{name}"

@@ -1,4 +1,4 @@
-"""Blocks of the equations of a log: which columns each joint's torque can depend on, and their values in the band."""
+"""Computes the equations of a log in blocks of samples, and the columns on which each joint's torque can depend."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 BandedEffect = tuple[list[int], Float[Array, "n _ _"]]
-"""Joints that an effect acts on, ``m`` of them, and its ``k`` columns in the band of the log, shape ``(n, m, k)``."""
+"""The ``m`` joints on which an effect acts, and its ``k`` columns in the band of the log, shape ``(n, m, k)``."""
 
 
 def touched_columns(
     robot: Robot, effects: Sequence[tuple[Sequence[int], int]], *, rigid_body: bool
 ) -> tuple[tuple[int, ...], ...]:
-    """By joint, the columns that its torque can depend on: of bodies that it carries and of effects that act on it.
+    """For each joint, the columns on which its torque can depend: of the bodies that it carries, and of its effects.
 
     Args:
         robot: Gives the bodies.
-        effects: For each effect, the rows that it acts on and its number of columns.
-        rigid_body: True if the first columns are the bodies'.
+        effects: For each effect, the rows on which it acts, and its number of columns.
+        rigid_body: True if the first columns are those of the bodies.
     """
     out: list[list[int]] = [[] for _ in range(robot.nv)]
     column = 0
     if rigid_body:
         column = 10 * (robot.model.njoints - 1)
-        if robot.chain is not None:  # a loop lets every drive feel every body
+        if robot.chain is not None:  # in a closed chain, every torque can depend on every body
             out = [list(range(column)) for _ in range(robot.nv)]
         else:
             for body in range(1, robot.model.njoints):
@@ -49,17 +49,17 @@ def touched_columns(
 
 
 def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...]:
-    """Columns of effects in the band of a log, all its samples.
+    """Columns of effects in the band of a log, for all its samples.
 
     Args:
         log: Gives the band.
-        signatures: Signatures of the effects on the log's whole motion, as some of them remember the past.
+        signatures: Signatures of the effects for the whole motion of the log, as some effects depend on the past.
     """
     return tuple((list(signature.rows), log.band(signature.columns)) for signature in signatures)
 
 
-def _every(motion: Motion, step: int, first: int, last: int) -> Motion:
-    """Samples ``first`` to ``last`` of those that a band without a filter keeps."""
+def _decimated(motion: Motion, step: int, first: int, last: int) -> Motion:
+    """Decimated samples ``first`` to ``last`` of a motion, for a band without a filter."""
     return motion.at(slice(first * step, (last - 1) * step + 1, step))
 
 
@@ -72,29 +72,29 @@ def blocks_of(
     samples: int,
     columns: Sequence[int] | None = None,
 ) -> Iterator[Float[Array, "n nv p"]]:
-    """Blocks of the equations of one log, valid samples only.
+    """Blocks of the equations of one log, with its valid samples only.
 
     Args:
-        robot: Gives the rigid body.
+        robot: Gives the rigid bodies.
         log: The recording.
-        effects: From `banded`.
-        rigid_body: True if the first columns are the bodies'.
-        samples: Samples of the log at its full rate, per block.
-        columns: Which columns to make, ascending; by default all.
+        effects: Effects from `banded`.
+        rigid_body: True if the first columns are those of the bodies.
+        samples: Number of samples of the log, at its full rate, per block.
+        columns: Columns to compute, ascending; by default all.
     """
     band, kept = log.band, log.valid_in_band
     bodies = 10 * (robot.model.njoints - 1) if rigid_body else 0
     total = bodies + sum(values.shape[2] for _, values in effects)
     wanted = range(total) if columns is None else columns
     rigid = tuple(column for column in wanted if column < bodies)
-    chosen = _chosen(effects, np.array([column - bodies for column in wanted[len(rigid) :]], dtype=int))
-    # The ends of a block are made twice, for the filter's reach: a small part of it.
+    chosen = _some_columns(effects, np.array([column - bodies for column in wanted[len(rigid) :]], dtype=int))
+    # Samples at the ends of a block are computed twice, because the filter of two blocks needs them; they are few.
     size = max(1, max(samples, 8 * band.half) // band.step)
     for first in range(0, len(kept), size):
         last = min(first + size, len(kept))
         block = np.zeros((last - first, robot.nv, len(wanted)))
         if rigid and band.half == 0:
-            rigid_body_regressor(robot, _every(log.motion, band.step, first, last), columns=rigid, out=block)
+            rigid_body_regressor(robot, _decimated(log.motion, band.step, first, last), columns=rigid, out=block)
         elif rigid:
             reach = log.motion.at(slice(first * band.step, (last - 1) * band.step + 2 * band.half + 1))
             block[:, :, : len(rigid)] = band(rigid_body_regressor(robot, reach, columns=rigid))
@@ -108,8 +108,8 @@ def blocks_of(
         yield block if valid.all() else block[valid]
 
 
-def _chosen(effects: Sequence[BandedEffect], columns: Array) -> list[BandedEffect]:
-    """Some columns of the effects, numbered from the first effect's first."""
+def _some_columns(effects: Sequence[BandedEffect], columns: Array) -> list[BandedEffect]:
+    """Some columns of the effects; number 0 is the first column of the first effect."""
     out, start = [], 0
     for rows, values in effects:
         stop = start + values.shape[2]

@@ -1,14 +1,14 @@
-"""A recording reduced to one small triangular factor per joint: all that a least-squares fit needs of it.
+"""Reduces a recording to a small triangular factor per joint, which contains everything for a least-squares fit.
 
-Each joint has its own factor of ``[W y]`` (QR decomposition), on the columns that its torque can depend on. So joints
-can be weighted afterwards, and standard deviations account for each joint. Reductions of several recordings are stacked
-(`combined`): a recording is added, removed or weighted without being read again.
+Each joint has its own factor of ``[W y]`` (QR decomposition), with the columns on which its torque can depend. So
+joints can be weighted later, and standard deviations account for each joint. Reductions of several recordings can be
+combined (`combined`): a recording is added, removed or weighted without being read again.
 
-Equations are added block by block, with as few columns as the data allow (`reduce_blocks`). The torque of a joint of a
-serial chain depends only on the bodies beyond it, and many of the columns are linear combinations of others in any
-motion. The first rows show which. From then on only independent columns are added, and random combinations of columns
-test in every row that the others still follow from them. If a row breaks this relation, the factor is widened to all
-columns by the relation, which was true until then, and that row is added with all columns.
+Equations are added block by block, with as few columns as possible (`reduce_blocks`). The torque of a joint of a serial
+chain depends only on the bodies after it, and many columns are linear combinations of others for any motion. The first
+rows determine these relations. Then only independent columns are added, and random combinations of the columns test in
+every row that the relations hold. If they do not hold in a row, the factor is extended to all columns with the
+relations that held so far, and this row is added with all columns.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.random_streams import random_stream
 
-_EXACT = 1e-10
-"""A column is left out if the others reproduce it up to this share of the largest column of its unit. That is ten
-thousand times below what counts as a parameter of its own, and ten thousand times above rounding."""
+_DEPENDENCE = 1e-10
+"""A column is left out if the others reproduce it up to this share of the largest column of its unit. This is ten
+thousand times smaller than `RANK_TOLERANCE`, and ten thousand times larger than rounding."""
 
-_BROKEN = 1e-9
-"""A relation is broken if a random combination of columns that should be zero exceeds this share of one that should
-not."""
+_LARGEST_PROBE = 1e-9
+"""Relations are violated if a random combination of columns that should be zero exceeds this share of a combination
+that should not be zero."""
 
-_PROBES = 4  # a relation that breaks by 1e-6 escapes all of four with a probability of 1e-12
-_ATTEMPTS = 4  # number of broken relations after which no further one is looked for
+_PROBES = 4  # number of such combinations: all of them miss a violation of 1e-6 with a probability of 1e-12
+_ATTEMPTS = 4  # number of violations after which all columns are added
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class Reduction:
     Attributes:
         names: Names of all ``p`` columns.
         units: Units of all columns.
-        joint_names: One per row of a sample.
-        columns: By joint, the columns that its torque can depend on, ascending; all others are zero in its rows.
-        factors: By joint, ``R`` with ``R^T R = [W_j y_j]^T [W_j y_j]`` on these columns and the torque behind them,
-            upper triangular, shape ``(c + 1, c + 1)``.
-        samples: Rows of each joint.
+        joint_names: Names of the joints.
+        columns: For each joint, the columns on which its torque can depend, ascending; others are zero in its rows.
+        factors: For each joint, the upper triangular ``R`` with ``R^T R = [W_j y_j]^T [W_j y_j]``, where ``W_j`` are
+            these columns and ``y_j`` is the torque, shape ``(c + 1, c + 1)``.
+        samples: Number of rows of each joint.
     """
 
     names: tuple[str, ...]
@@ -64,7 +64,7 @@ class Reduction:
         """For each joint, rows with the same products as its equations; columns are ``columns``, then the torque.
 
         Args:
-            columns: Some of the ``p`` columns, in the order wanted.
+            columns: Some of the ``p`` columns, in any order.
         """
         out = []
         for own, factor in zip(self.columns, self.factors, strict=True):
@@ -81,13 +81,13 @@ class Reduction:
         return triangular(np.concatenate(self.rows(range(len(self.names)))))
 
     def weighted(self, weights: float | Float[Array, " nv"]) -> Reduction:
-        """The same equations times a weight: one for all, or one per joint, such as 1 over its noise.
+        """The same equations times weights.
 
         Args:
-            weights: Not negative and finite.
+            weights: One weight for all joints, or one per joint, such as one over its noise.
 
         Raises:
-            ParameterError: If a weight is negative or not finite, or there is not one per joint.
+            ParameterError: If a weight is negative or not finite, or the number of weights is wrong.
         """
         each = np.asarray(weights, dtype=float)
         if each.ndim > 1 or (each.ndim and len(each) != len(self.factors)):
@@ -101,14 +101,14 @@ class Reduction:
 def combined(reductions: Sequence[Reduction]) -> Reduction:
     """The equations of several recordings of one robot as one reduction.
 
-    To remove a recording, combine the others: nothing is subtracted, so nothing is lost to rounding. To weight one, use
+    To remove a recording, combine the others: a subtraction would lose digits. To weight a recording, use
     ``combined([a, b.weighted(0.5)])``.
 
     Args:
-        reductions: At least one, all of the same columns and joints.
+        reductions: One reduction or more, with the same columns and joints.
 
     Raises:
-        ParameterError: If there is none, or their columns or joints differ.
+        ParameterError: If no reduction is given, or columns or joints differ.
     """
     if not reductions:
         raise ParameterError("No reduction was given: give at least one.")
@@ -137,6 +137,7 @@ def combined(reductions: Sequence[Reduction]) -> Reduction:
 
 
 def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Array:
+    """Factor of one joint, extended to more columns."""
     factor = reduction.factors[joint]
     rows = np.zeros((len(factor), len(columns) + 1))
     rows[:, np.searchsorted(columns, reduction.columns[joint])] = factor[:, :-1]
@@ -146,14 +147,14 @@ def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Arr
 
 @dataclass(frozen=True)
 class _Relation:
-    """Independent columns, which are kept, and the linear relation by which the others follow from them.
+    """Independent columns, which are kept, and the linear relations between the other columns and these.
 
     Attributes:
-        places: For each joint, the indices of the kept ones among its columns.
+        places: For each joint, the indices of the kept columns among its columns.
         widen: For each joint, the matrix that maps the kept columns and the torque to all columns and the torque.
-        probes: Random combinations of all columns, ``(p, 5)``. As long as the relation is true, the regressor times all
-            but the last is zero.
-        samples: Number of samples from which the relation was found.
+        probes: Random combinations of all columns, ``(p, 5)``. While the relations hold, the regressor times all but
+            the last of them is zero.
+        samples: Number of samples from which the relations were found.
     """
 
     places: tuple[Array, ...]
@@ -175,7 +176,7 @@ def reduce_blocks(
         names: Names of the ``p`` columns.
         units: Units of the columns.
         joint_names: Joint of each row of a sample.
-        columns: By joint, the columns that its torque can depend on, ascending.
+        columns: For each joint, the columns on which its torque can depend, ascending.
         blocks: Columns ``(n, nv, p)`` and torque ``(n, nv)`` of n samples each.
     """
     own = tuple(np.array(c, dtype=int) for c in columns)
@@ -204,6 +205,7 @@ def reduce_blocks(
 
 
 def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
+    """Some columns of one joint in a block, with the torque in the last column."""
     rows = np.empty((len(block), len(columns) + 1), order="F")
     rows[:, :-1] = block[:, joint, columns]
     rows[:, -1] = torque[:, joint]
@@ -213,15 +215,15 @@ def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
 def _relation_of(
     factors: Sequence[Array], own: Sequence[Array], names: Sequence[str], units: Sequence[str], samples: int
 ) -> _Relation:
-    """Independent columns and their relation to the others, from the rows that were added with all columns."""
+    """Independent columns and their relations to the others, from the rows that were added with all columns."""
     p = len(names)
     stacked = np.zeros((sum(len(factor) for factor in factors), p))
     row = 0
     for columns, factor in zip(own, factors, strict=True):
         stacked[row : row + len(factor), columns] = factor[:, :-1]
         row += len(factor)
-    kept, dependent, grouping, scale = dependent_columns(triangular(stacked), units, _EXACT)
-    # Everything in terms of all p columns: widening, and what is zero because of it.
+    kept, dependent, grouping, scale = dependent_columns(triangular(stacked), units, _DEPENDENCE)
+    # Matrix that maps the kept columns to all p columns, and combinations of columns that are zero because of it.
     matrix = np.zeros((p, p))
     matrix[kept, kept] = 1.0
     matrix[np.ix_(kept, dependent)] = grouping
@@ -243,11 +245,12 @@ def _relation_of(
 
 
 def _wide(factors: Sequence[Array], relation: _Relation) -> list[Array]:
+    """Factors extended from the kept columns to all columns."""
     return [triangular(factor @ wide) for factor, wide in zip(factors, relation.widen, strict=True)]
 
 
 def _is_satisfied(relation: _Relation, block: Array) -> bool:
-    """True if in every row of a block the kept columns reproduce those that were left out."""
+    """True if the relations hold in every row of a block."""
     seen = block.reshape(-1, block.shape[2]) @ relation.probes
     *zero, size = np.einsum("nk,nk->k", seen, seen)
-    return bool(max(zero) <= _BROKEN**2 * (size + len(block) / relation.samples))
+    return bool(max(zero) <= _LARGEST_PROBE**2 * (size + len(block) / relation.samples))

@@ -1,9 +1,9 @@
-"""Robot, logs and effects as the linear equations that an estimator solves, made block by block.
+"""The linear equations of a robot, its logs and effects, which estimators solve; they are computed block by block.
 
-Columns are the rigid body's standard parameters (absolute values) and the coefficients of each effect. Shape parameters
-of effects are held constant, so that the torque is linear in the unknowns. Rows are the torques of every joint at every
-valid sample, in the band of the log. Columns go through the same filter as the torque: filtering the torque alone
-changes the estimated friction by one per cent or more.
+The unknowns are the standard inertial parameters (absolute values) and the coefficients of each effect. Shape
+parameters of effects are constant, so that the torque is linear in the unknowns. The rows are the torques of every
+joint at every valid sample, in the band of the log. The columns go through the same filter as the torque: filtering the
+torque alone changes the estimated friction by one per cent or more.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, Shape | float]
-"""An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold.
+"""An effect, its joint (None for the whole robot) and, if the torque is not linear in all parameters, its shape.
 
-A shape of one number may be given as that number.
+A shape with a single number may be given as a number.
 """
 
 WHOLE_LIMIT = 20_000_000
-"""Entries of the largest ``W`` that is kept whole (160 MB); beyond it, equations are made again for each pass."""
+"""Largest number of entries of a ``W`` that is kept (160 MB); a larger one is computed again for each pass."""
 
-_EFFECTS_LIMIT = 2_000_000  # entries of the columns of effects that are kept (16 MB) for the next pass
+_EFFECTS_LIMIT = 2_000_000  # largest number of entries in columns of effects that are kept (16 MB)
 
-_FEW = 8  # samples that are enough to count the columns of an effect
+_FEW_SAMPLES = 8  # number of samples with which the columns of an effect are counted
 
-_BLOCK = 1024  # full-rate samples per block: 1024 x 6 joints x 80 columns are 4 MB
+_BLOCK = 1024  # samples at the full rate per block: 1024 x 6 joints x 80 columns are 4 MB
 
 
 @dataclass(frozen=True)
 class RegressorTerm:
-    """An effect on a joint with its shape held (empty where it has none)."""
+    """An effect on a joint with a constant shape, which is empty if the effect has none."""
 
     effect: Effect
     joint: str | None
@@ -54,17 +54,17 @@ class RegressorTerm:
 
     @property
     def label(self) -> str:
-        """Start of the names of its coefficients: ``joint.effect``, or the effect alone for the whole robot."""
+        """Beginning of the names of its coefficients: ``joint.effect``, or the effect alone for the whole robot."""
         return self.effect.name if self.joint is None else f"{self.joint}.{self.effect.name}"
 
 
 def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> RegressorTerm:
-    """The term of an effect as a caller gives it.
+    """The term of an effect.
 
     Args:
         robot: The model.
         operation: Motion and torque of a recording.
-        given: The effect and where it acts.
+        given: The effect with its joint, and its shape if necessary.
 
     Raises:
         ParameterError: If the effect is nonlinear in a parameter and no shape is given for it.
@@ -88,13 +88,13 @@ class Regressor:
     r"""The equations :math:`W \theta = y` of a robot, its logs and effects.
 
     Attributes:
-        robot: Gives the rigid body.
+        robot: Gives the rigid bodies.
         logs: Recordings, ready for fitting.
         terms: Effects with their joints and shapes.
-        rigid_body: True if the standard parameters are unknowns too; else the given model is subtracted from ``y``.
+        rigid_body: True if inertial parameters are unknowns; False if the torque of the given model is subtracted.
         names: Names of the columns: ``<body>.m`` and so on, then ``<joint>.<effect>.<coefficient>``.
         units: Units of the columns.
-        touched: By joint, the columns that its torque can depend on, ascending; all others are zero in its rows.
+        touched: For each joint, the columns on which its torque can depend, ascending; others are zero in its rows.
     """
 
     robot: Robot
@@ -118,13 +118,8 @@ class Regressor:
 
     @property
     def first_effect(self) -> int:
-        """First column that belongs to an effect: those before are the rigid body's."""
+        """Index of the first column of an effect; the columns before it are those of inertial parameters."""
         return 10 * (self.robot.model.njoints - 1) if self.rigid_body else 0
-
-    @property
-    def is_small(self) -> bool:
-        """True if ``W`` has at most `WHOLE_LIMIT` entries, so that it is kept."""
-        return self.count * self.robot.nv * len(self.names) <= WHOLE_LIMIT
 
     @cached_property
     def W(self) -> Float[Array, "N nv p"]:
@@ -133,7 +128,7 @@ class Regressor:
         Raises:
             ParameterError: If it has more than `WHOLE_LIMIT` entries.
         """
-        if not self.is_small:
+        if self.count * self.robot.nv * len(self.names) > WHOLE_LIMIT:
             raise ParameterError(
                 f"The whole regressor of {self.count} samples would have more than {WHOLE_LIMIT} entries: "
                 "go through blocks() instead."
@@ -142,7 +137,7 @@ class Regressor:
 
     @cached_property
     def y(self) -> Float[Array, "N nv"]:
-        """Torque that the columns are to explain [N m or N], shape ``(N, nv)``: measured minus `known_torque`."""
+        """Right-hand side [N m or N], shape ``(N, nv)``: measured torque minus `known_torque`."""
         return self.measured - np.concatenate(
             [self.in_band(log, known_torque(self.robot, log.motion, rigid_body=self.rigid_body)) for log in self.logs]
         )
@@ -154,12 +149,12 @@ class Regressor:
 
     @staticmethod
     def in_band(log: Log, values: Float[Array, "M ..."]) -> Float[Array, "n ..."]:
-        """Full-rate ``values`` of a log through its band, valid samples only."""
+        """``values`` of a log at its full rate, filtered and decimated, with valid samples only."""
         return log.band(values)[log.valid_in_band]
 
     @cached_property
     def reduction(self) -> Reduction:
-        """Triangular factors of all equations, made in one pass over `blocks`."""
+        """Triangular factors of all equations."""
         return reduce_blocks(self.names, self.units, self.robot.joint_names, self.touched, self._with_torque())
 
     def blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
@@ -168,7 +163,7 @@ class Regressor:
         They are slices of `W` if it has been computed, which is faster for many passes; else they are computed again.
 
         Args:
-            columns: Which columns to make, ascending; by default all.
+            columns: Columns to compute, ascending; by default all.
         """
         if "W" in self.__dict__:
             for start, stop in pairwise(self.starts):
@@ -189,7 +184,7 @@ class Regressor:
             yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK, columns=columns)
 
     def _effects(self) -> Iterable[tuple[BandedEffect, ...]]:
-        """Columns of the effects by log: kept if they fit in memory, else computed again for each pass."""
+        """Columns of the effects for each log; they are kept up to a size, and else computed again for each pass."""
         fits_in_memory = self.count * (len(self.names) - self.first_effect) <= _EFFECTS_LIMIT
         return self._kept_effects if fits_in_memory else map(self._effects_on, self.logs)
 
@@ -207,14 +202,14 @@ class Regressor:
 
 
 def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint] = ()) -> Regressor:
-    """Equations whose unknowns are the standard parameters of the rigid body and the coefficients of ``effects``.
+    """Equations whose unknowns are the standard inertial parameters and the coefficients of ``effects``.
 
-    Armature and friction of the model are taken as known; the effects are added to them.
+    Armature and friction of the model are known; the effects are added to them.
 
     Args:
-        robot: Gives the rigid body.
+        robot: Gives the rigid bodies.
         logs: One recording or several.
-        effects: Effects that may act on the joints beside the rigid bodies.
+        effects: Effects that may act on the joints in addition to the rigid bodies.
 
     Raises:
         LogError: If a log has other joints than the robot, or no valid sample is left.
@@ -224,12 +219,12 @@ def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[
 
 
 def gap_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint]) -> Regressor:
-    """Equations for the gap to the given model: its inverse dynamics is subtracted, the unknowns are the effects'.
+    """Equations for the gap to the given model: its torque is subtracted, and only effects are unknown.
 
     Args:
-        robot: The model, taken as it is.
+        robot: The given model.
         logs: One recording or several.
-        effects: Candidates for what the model lacks.
+        effects: Effects that the model may lack.
 
     Raises:
         LogError: If a log has other joints than the robot, or no valid sample is left.
@@ -244,7 +239,7 @@ def known_torque(robot: Robot, motion: Motion, *, rigid_body: bool) -> Float[Arr
     Args:
         robot: The model.
         motion: N samples.
-        rigid_body: True if the rigid body is unknown: then armature and modelled friction only.
+        rigid_body: True if inertial parameters are unknown; then only armature and modelled friction are known.
     """
     if not rigid_body:
         return inverse_dynamics(robot, motion)
@@ -265,7 +260,7 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
     signatures = []
     if effects:
         operation = Operation.of(robot, log.motion, log.tau, log.temperature)
-        start = Operation.of(robot, log.motion.at(slice(_FEW)), log.tau[:_FEW])
+        start = Operation.of(robot, log.motion.at(slice(_FEW_SAMPLES)), log.tau[:_FEW_SAMPLES])
         terms = (term_of(robot, operation, given) for given in effects)
         signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]
     effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)
@@ -285,7 +280,7 @@ def term_columns(regressor: Regressor) -> tuple[tuple[int, ...], ...]:
     """Columns of each term, in the order of the terms.
 
     Args:
-        regressor: Its columns stand in the order of its terms, each named after its own.
+        regressor: Regressor, whose columns are in the order of its terms and have their labels in their names.
     """
     out, column = [], regressor.first_effect
     for term in regressor.terms:

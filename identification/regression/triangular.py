@@ -1,4 +1,4 @@
-"""Triangular (QR) factors, updated with blocks of rows, and the columns of a factor that depend on the others."""
+"""Triangular (QR) factors of matrices that come in blocks of rows, and the dependent columns of a factor."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import ParameterError
 
 ROWS = 1024
-"""Number of rows that are added at once: with 70 columns they take 0.6 MB, which fits into the second cache."""
+"""Number of rows that are added at once: with 70 columns they need 0.6 MB, which fits into the level 2 cache."""
 
-_PANEL = 8  # columns that are eliminated together before the others follow as one product of matrices
+_PANEL = 8  # number of columns in a block of LAPACK's algorithm
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """One thread in the linear algebra: sums come in one order, and at 50 columns threads cost more than they save."""
-    # SciPy has a linear algebra library of its own. Its threads are limited only if it is loaded before.
+    """Context with one thread for linear algebra: the order of sums is fixed, and for small matrices it is faster."""
+    # SciPy has its own linear algebra library, which is limited only if it has been loaded before.
     import scipy.linalg  # noqa: F401
 
     with ThreadpoolController().limit(limits=1, user_api="blas"):
@@ -28,14 +28,14 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def absorb(factor: Float[Array, "p p"], rows: Float[Array, "m p"]) -> None:
-    """Replace an upper triangular ``R`` by that of ``R`` on top of more rows, in place.
+    """Replace an upper triangular ``R``, in place, by the factor of ``R`` with more rows below it.
 
-    Householder reflections on the rows (LAPACK's ``tpqrt``), so that the condition number is not squared as in a Gram
-    matrix. Diagonal entries may be negative.
+    The method is Householder reflections (LAPACK's ``tpqrt``), which do not square the condition number as a Gram
+    matrix does. Diagonal entries may be negative.
 
     Args:
-        factor: Fortran order; zeros at the start. Receives the result.
-        rows: Fortran order; overwritten.
+        factor: ``R`` in Fortran order, which is overwritten with the result; zeros at first.
+        rows: Rows in Fortran order, which are overwritten.
     """
     from scipy.linalg import get_lapack_funcs
 
@@ -46,7 +46,7 @@ def absorb(factor: Float[Array, "p p"], rows: Float[Array, "m p"]) -> None:
 
 
 def triangular(rows: Float[Array, "m p"]) -> Float[Array, "p p"]:
-    """Upper triangular ``R`` with ``R^T R = W^T W`` for rows ``W``, ``(p, p)`` also where there are fewer rows.
+    """Upper triangular ``R`` with ``R^T R = W^T W`` for rows ``W``, ``(p, p)`` even with fewer rows.
 
     Args:
         rows: Rows ``W``; they are not changed.
@@ -58,10 +58,10 @@ def triangular(rows: Float[Array, "m p"]) -> Float[Array, "p p"]:
 
 
 def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
-    """Triangular factor ``R`` with ``R^T R = W^T W`` of a regressor that comes in blocks, which are not kept.
+    """Triangular factor ``R`` with ``R^T R = W^T W`` of a regressor ``W`` in blocks, which are not kept.
 
     Args:
-        blocks: Each ``(n, nv, p)`` or rows, ``(m, p)``.
+        blocks: Blocks ``(n, nv, p)``, or rows ``(m, p)``.
 
     Returns:
         Shape ``(min(rows, p), p)``.
@@ -70,7 +70,7 @@ def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
         ParameterError: If there is no block.
     """
     factor: Array | None = None
-    first: list[Array] = []  # rows so far; while these are fewer than the columns, the factor has as few rows
+    first: list[Array] = []  # rows so far, while there are fewer rows than columns
     for block in blocks:
         rows = np.asarray(block).reshape(-1, block.shape[-1])
         if factor is None:
@@ -94,8 +94,8 @@ def dependent_columns(
 ) -> tuple[Int[Array, " r"], Int[Array, " d"], Float[Array, "r d"], Float[Array, " p"]]:
     """Independent and dependent columns, the grouping, and the scale of each column.
 
-    Columns are tested in their order. One is kept if its part outside the span of the kept columns is larger than
-    ``tolerance`` times its scale.
+    Columns are tested in their order. A column is kept if its part outside the span of the columns kept before is
+    larger than ``tolerance`` times its scale.
 
     Args:
         factor: Triangular factor of a regressor, or the regressor itself.
@@ -103,8 +103,8 @@ def dependent_columns(
         tolerance: Share of the scale.
 
     Returns:
-        Kept columns, ascending; the others; ``grouping`` with ``W[:, others] == W[:, kept] @ grouping``; and the norm
-        of the largest column of the same unit (1 where all are zero), of each column.
+        Kept columns, ascending; the other columns; ``grouping`` with ``W[:, others] == W[:, kept] @ grouping``; and
+        the scale of each column, which is the norm of the largest column of the same unit (1 if all are zero).
     """
     p = factor.shape[1]
     norms = np.linalg.norm(factor, axis=0)
@@ -114,16 +114,16 @@ def dependent_columns(
     for k in range(p):
         if len(kept) == basis.shape[1]:
             break
-        rest, so_far = factor[:, k], basis[:, : len(kept)]
-        for _ in range(2):  # twice, as after one pass rounding errors leave a part along the basis
-            rest = rest - so_far @ (so_far.T @ rest)
-        size = np.linalg.norm(rest)
+        outside, so_far = factor[:, k], basis[:, : len(kept)]
+        for _ in range(2):  # the second pass removes rounding errors along the basis
+            outside = outside - so_far @ (so_far.T @ outside)
+        size = np.linalg.norm(outside)
         if size > tolerance * scale[k]:
-            basis[:, len(kept)] = rest / size
+            basis[:, len(kept)] = outside / size
             kept.append(k)
     independent = np.array(kept, dtype=int)
     dependent = np.setdiff1d(np.arange(p), independent)
-    # Coordinates in the orthonormal basis of the kept columns; those of the kept columns are triangular.
+    # Coordinates of the columns in the orthonormal basis of the kept columns.
     coordinates = basis[:, : len(kept)].T @ factor
     grouping = np.linalg.solve(coordinates[:, independent], coordinates[:, dependent])
     return independent, dependent, grouping, np.where(scale > 0, scale, 1.0)

@@ -1,4 +1,4 @@
-"""A replay in the browser, through viser: the copies of the robot, controls of time, and curves under them."""
+"""Shows a replay in the browser with viser: the copies of the robot, controls of time, and curves."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ FRAMES_PER_S = 25.0
 _CHARTS_PER_S, _TABLES_PER_S = 12.0, 4.0
 _LINK_TINT = 0.4  # a link is paler than its joint, as in the report
 _SHADES = 32  # number of shades of a colour: with more of them, a colour would be sent at nearly every frame
-_GHOST = 0.4  # opacity of simulated copies that are shown in the place of the measured one
+_GHOST = 0.4  # opacity of simulated copies that are shown at the place of the measured one
 _SPEEDS = ("0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x")
 _WINDOWS = {"2 s": 2.0, "5 s": 5.0, "20 s": 20.0, "whole recording": np.inf}
 _APART, _TOGETHER = "side by side", "in one place"
 _PANEL, _CHART, _FREE, _FIRST_WIDTH, _LEAST_WIDTH = 384, 132, 12, 900, 320
-"""Width of the controls, height of a chart, space around the charts, their first and their least width [px]."""
+"""Width of the controls, height of a chart, space around the charts, and their first and smallest width [px]."""
 _FITTED_AFTER_S = 0.7
 """Time [s] between two readings of the window's width; two equal ones mean that its layout is finished."""
 _EYES = ((0.4, -1.0, 0.5), (1.0, -0.4, 0.5))
 """Direction from which the first view looks, for copies side by side along x and along y."""
 _FOV, _FAR, _BELOW = 0.7, 1.3, 0.5
-"""Angle of view [rad]; distance, relative to the one at which all copies just fit into the window; and how far below
-the middle of the copies the view is centred, relative to their size, as charts cover the lower part of the window."""
+"""Angle of view [rad]; distance, relative to the one at which all copies just fit into the window; and distance of the
+view's centre below the middle of the copies, relative to their size, as charts cover the lower part of the window."""
 
 
 class _Body:
-    """The nodes of one copy of the robot in the scene.
+    """One copy of the robot in the scene.
 
     Attributes:
         root: The parent of all nodes.
@@ -133,7 +133,7 @@ class Page:
 
     @property
     def time(self) -> float:
-        """Time in the recording [s] that is shown: of the slider if the user has moved it, else of the play."""
+        """Time in the recording [s] that is shown: that of the slider if the user has moved it."""
         if self.slider.value != self._shown_moment:
             self._show_moment(float(self.slider.value))
         return self._moment
@@ -245,7 +245,7 @@ class Page:
         self._panel, self._panel_width, self._seen_width, self._next_fit = panel, _FIRST_WIDTH, _FIRST_WIDTH, 0.0
 
     def _fit_panel(self) -> None:
-        """Fit the width of the charts to the part of the browser's window beside the controls, once it is constant."""
+        """Fit the width of the charts to the browser's window beside the controls, once that width is constant."""
         if time.monotonic() < self._next_fit:
             return
         self._next_fit = time.monotonic() + _FITTED_AFTER_S
@@ -257,7 +257,7 @@ class Page:
         self._seen_width = width
 
     def _look_at(self, solids: Solids) -> None:
-        """The first view: copies in a row from left to right, above the charts."""
+        """Set the first view: copies in a row from left to right, above the charts."""
         row = self._offsets[-1]
         radius = max(float(np.linalg.norm(solids.size + row)) / 2, 1e-2)
         eye = np.array(_EYES[int(np.argmax(row))])
@@ -292,12 +292,12 @@ def served(replay: Replay, *, host: str, port: int | None) -> Iterator[Page]:
 
 
 def _silent() -> contextlib.AbstractContextManager[object]:
-    """Context in which the lines are dropped that viser prints when it starts and stops."""
+    """Context that discards the lines that viser prints when it starts and stops."""
     return contextlib.redirect_stdout(io.StringIO())
 
 
 def _require_free(host: str, port: int | None) -> None:
-    """Refuse an address on which no server can listen; viser would try a thousand ports and raise another error."""
+    """Raise an error for an address on which no server can listen; viser would try a thousand ports first."""
     try:
         family, *_, address = socket.getaddrinfo(host, port or 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -321,7 +321,7 @@ def _rgb(share: float, tint: float = 1.0) -> tuple[int, int, int]:
 
 
 def _added_solids(server: viser.ViserServer, copy: str, kind: str, meshes: tuple[Mesh, ...]) -> list[Any]:
-    """Meshes in the frame of each joint of a copy, None where there is none."""
+    """Nodes of the meshes in the frame of each joint of a copy; None for an empty mesh."""
     out: list[Any] = []
     for k, mesh in enumerate(meshes):
         name = f"/{copy}/{k}/{kind}" if k else f"/{copy}/{kind}"

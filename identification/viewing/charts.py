@@ -1,4 +1,4 @@
-"""Curves of one joint about a moment of a replay: which samples are drawn, and the line that marks the moment."""
+"""Makes the curves of one joint around a time of a replay, with a vertical line at this time."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from identification.viewing.replay import CORRECTED, GIVEN, MEASURED, Replay
 from phantom_dyn.array_types import Array, Float, Int
 
 MOST_POINTS = 1500
-"""Samples of a curve that are sent at once: more than a chart has points."""
+"""Largest number of samples of a curve that are sent at once: more than a chart has pixels."""
 MOST_PARTS = 6
-"""Lines that a curve is drawn with at most, where stretches are left out."""
+"""Largest number of lines for one curve with gaps."""
 _COLOURS = {MEASURED: "#444444", GIVEN: BEFORE, CORRECTED: AFTER}
 _MARGIN = 0.06
-"""Of the range of values: what stays free above and below."""
+"""Free space above and below the curves, as a share of the range of values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Chart:
         names: Names of the curves.
         colours: ``#rrggbb`` of each curve.
         t: Times [s], ``(m,)``.
-        values: One column a curve, ``(m, k)``; NaN where there is nothing to draw.
+        values: One column per curve, ``(m, k)``; NaN for samples without a value.
     """
 
     title: str
@@ -51,7 +51,10 @@ class Chart:
 
     @cached_property
     def runs(self) -> Int[Array, " m"]:
-        """Which unbroken run each sample is in, from 0 on; -1 where a curve has no value. Empty curves do not count."""
+        """Number of the uninterrupted run that each sample belongs to, from 0 on; -1 if a curve has no value there.
+
+        Curves without any value are ignored.
+        """
         finite = np.isfinite(self.values)
         drawn = finite.any(axis=0)
         known = np.all(finite[:, drawn], axis=1) if drawn.any() else np.zeros(len(finite), dtype=bool)
@@ -60,15 +63,15 @@ class Chart:
 
     @property
     def parts(self) -> int:
-        """How many lines a curve is drawn with: one a run, as a chart would draw a line over what is left out."""
+        """Number of lines for each curve: one per run, because a chart would connect a single line across gaps."""
         return int(np.clip(self.runs.max(initial=0) + 1, 1, MOST_PARTS))
 
     def about(self, moment: float, seconds: float) -> Float[Array, "n columns"]:
-        """Time, each curve in all its parts, and a vertical line at a moment, as columns that a chart draws.
+        """Columns for a chart: time, the lines of each curve, and a vertical line at a time.
 
         Args:
             moment: Time [s] in the middle.
-            seconds: Length of what is drawn; infinite for the whole recording.
+            seconds: Length of the drawn interval; infinite for the whole recording.
         """
         rows = np.flatnonzero((np.abs(self.t - moment) <= seconds / 2) & (self.runs >= 0))
         if len(rows) > MOST_POINTS:
@@ -80,7 +83,7 @@ class Chart:
         place = np.arange(len(rows)) + 2 * (np.arange(len(rows)) >= at)
         out[place, 0], out[at : at + 2, 0] = self.t[rows], moment
         out[at : at + 2, -1] = self.limits
-        # Runs beyond the last part share it.
+        # With more runs than lines, the last line has several runs.
         part = np.minimum(np.unique(self.runs[rows], return_inverse=True)[1], parts - 1)
         for k in range(count):
             out[place, 1 + k * parts + part] = self.values[rows, k]
@@ -88,7 +91,7 @@ class Chart:
 
 
 def charts_of(replay: Replay, joint: int) -> tuple[Chart, Chart, Chart]:
-    """Torque, torque residual, and error of the simulated position of one joint.
+    """Charts of torque, torque residual, and error of the simulated position of one joint.
 
     Args:
         replay: Holds the curves.

@@ -1,4 +1,4 @@
-"""Corrections of a model by a diagnosis (findings, changes within tolerance), read from any file that holds them."""
+"""Reads the corrections of a model (findings, changes within tolerances) from a diagnosis or ``corrected.yaml``."""
 
 from __future__ import annotations
 
@@ -48,6 +48,7 @@ def read_correction(path: Path, robot: Robot) -> Correction:
 
 
 def _of_diagnosis(diagnosis: Diagnosis, robot: Robot, path: Path) -> Correction:
+    """The correction in a diagnosis, after a check of its joints."""
     joints = tuple(joint.joint for joint in diagnosis.joints)
     if joints != robot.joint_names:
         raise UsageError(

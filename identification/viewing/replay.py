@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""All that a replay shows, as arrays: where every link of every copy of the robot is, its colours, and the curves.
+"""Computes everything that a replay shows: poses of the links of every copy of the robot, colours, and curves.
 
-Free motion under a recorded torque runs away from any recording, as an error of the torque grows with the time squared.
-A replayed model therefore starts again from the recorded state every few tenths of a second (multiple shooting, as in
-the rollout of a diagnosis).
+A simulation with the recorded torque diverges from any recording, as the error of the position grows with the time
+squared. So a simulated model starts again from the recorded state every few tenths of a second (multiple shooting, as
+in the rollout of a diagnosis).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from phantom_dyn.errors import ChainError, PhantomDynError
 from phantom_dyn.model.robot import Robot
 
 _FEWEST = 3
-"""Samples of a stretch that is simulated: a shorter one at the end belongs to the one before."""
+"""Smallest number of samples of a simulated stretch; a shorter one at the end is added to the stretch before it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +49,9 @@ class ReplayedMotion:
 
     Attributes:
         horizon_s: Length of each simulated stretch [s]; None if nothing could be simulated.
-        q: Readings [rad or m] of each model at every sample, ``(N, nv)``; NaN where a sample must not be used, or
-            where the model cannot be simulated.
-        notes: Sentences: a horizon that was shortened, or why a model was not simulated.
+        q: Positions [rad or m] of each model at every sample, ``(N, nv)``; NaN for samples that must not be used, and
+            if the model cannot be simulated.
+        notes: Sentences on a shortened horizon, or on why a model was not simulated.
     """
 
     horizon_s: float | None
@@ -68,14 +68,14 @@ def replayed_motion(
     controlled: bool = False,
     progress: Progress = lambda _: None,
 ) -> ReplayedMotion:
-    """Motion of each model over the longest horizon at which none that can be simulated leaves all bounds.
+    """Motion of each model over the longest horizon with which no model diverges.
 
     Args:
         log: The recording.
-        states: Its smoothed states.
-        models: The moving models, by name.
-        horizons: To choose from [s], the longest first.
-        controlled: Under the stated controllers and recorded references in place of the recorded torque.
+        states: Smoothed states of the recording.
+        models: The simulated models, by name.
+        horizons: Possible horizons [s], the longest first.
+        controlled: True to simulate the stated controllers with recorded references; False for the recorded torque.
         progress: Called with each stage.
     """
     found: dict[str, tuple[float, Array]] = {}
@@ -107,11 +107,11 @@ def replayed_motion(
 
 
 def stretches(valid: Bool[Array, " N"], length: int) -> tuple[tuple[int, int], ...]:
-    """First sample of each stretch of valid samples, and one after its last; together they are all that can be used.
+    """First sample and end (exclusive) of each stretch; together they cover all valid samples but very short runs.
 
     Args:
         valid: False for samples that must not be used.
-        length: Samples of a stretch; the last one before a gap is shorter, or longer by less than `_FEWEST`.
+        length: Number of samples of a stretch; the last one before a gap may be shorter, or longer by `_FEWEST` - 1.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(int)))
     out = []
@@ -126,7 +126,7 @@ def stretches(valid: Bool[Array, " N"], length: int) -> tuple[tuple[int, int], .
 def _followed(
     log: Log, states: States, model: Model, horizon: float, controlled: bool, progress: Progress
 ) -> Float[Array, "N nv"]:
-    """Readings of one model, NaN where it was not simulated."""
+    """Simulated positions of one model; NaN for samples that are not simulated."""
     step = model.longest_step(states.q[0])
     step = min(step, _step_of_controllers(model, states.q[0])) if controlled else step
     if step < SHORTEST:
@@ -143,29 +143,29 @@ def _followed(
 
 
 def _read(shot: Shot, model: Model, torque: Float[Array, "N nv"], step: float | None) -> Float[Array, "n nv"]:
-    """Readings over one stretch; hidden states are those that the motion before it pulls the model into.
+    """Simulated positions over one stretch; hidden states of the model start from the motion before it.
 
     Args:
         shot: The stretch.
-        model: The moving model.
-        torque: Behind its drives.
-        step: Longest step [s] under the stated controllers; None: under the recorded torque.
+        model: The simulated model.
+        torque: Torque of its drives.
+        step: Longest step [s] with the stated controllers; None to simulate with the recorded torque.
     """
     shot = shot.with_start_by_feedback(model, torque) if has_hidden_states(model) else shot
     return under_torque(shot, model, torque) if step is None else under_control(shot, model, max_step=step)
 
 
 def _step_of_controllers(model: Model, q: Float[Array, " nv"]) -> float:
-    """Longest step [s] that follows how the stated controllers damp the links: half of the fastest decay's time."""
+    """Longest step [s] for the damping of the stated controllers: half of the shortest decay time."""
     gains = [0.0 if a.controller is None else a.controller.kd for a in model.robot.actuators]
     rates = np.linalg.eigvals(np.linalg.solve(mass_matrix(model.robot, q[None])[0], np.diag(gains)))
     return 0.5 / max(float(np.abs(rates).max()), 1e-9)
 
 
 FRAME_HZ = 50.0
-"""Frames per second of the recording at most: more than an eye follows, and than a browser is sent."""
+"""Largest number of frames per second of the recording, which is more than the page shows."""
 MOST_FRAMES = 20_000
-"""Frames of a replay at most; a longer recording has fewer a second."""
+"""Largest number of frames; a long recording has fewer frames per second."""
 
 MEASURED, GIVEN, CORRECTED = "measured", "given model", "corrected model"
 
@@ -176,7 +176,7 @@ class Copy:
 
     Attributes:
         name: Name of the source of its motion: the recording or a model.
-        q: Its joint positions [rad or m], ``(n, nv)``; NaN where it was not simulated.
+        q: Joint positions [rad or m], ``(n, nv)``; NaN for samples that were not simulated.
         poses: Poses of each joint's frame, see `link_poses`, ``(n, J, 7)``.
         strength: Colour of each joint, 0 for no residual to 1 for the full colour, ``(n, nv)``.
     """
@@ -189,17 +189,17 @@ class Copy:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recording with the simulated motion beside it, ready to be drawn.
+    """A recording and simulated motions, ready to be drawn.
 
     Attributes:
         robot: The given model.
         file: Name of the recording.
         t: Times of the frames [s], ``(n,)``.
-        copies: The measured one, that of the given model, and that of the corrected one where there is a correction.
-        curves: Torque measured, and of the models in the same order.
-        full: Share of a joint's usual torque that is shown in full colour.
-        horizon_s: Simulated motion starts again from the recorded one this often [s]; None where there is none.
-        corrections: What the corrected model has, in words.
+        copies: The measured copy, that of the given model, and with a correction that of the corrected model.
+        curves: Torques, measured and of the models in the same order.
+        full: Relative residual that is shown in full colour.
+        horizon_s: Time after which the simulation starts again from the recorded motion [s]; None without simulation.
+        corrections: Corrections of the corrected model in words.
         notes: Sentences about the recording and the simulation.
     """
 
@@ -219,7 +219,7 @@ class Replay:
         return after if self.t[after] - time < time - self.t[after - 1] else after - 1
 
     def strongest_joint(self) -> int:
-        """The joint whose given model is wrong for most of the time, relative to its torque."""
+        """The joint with the largest mean relative residual of the given model."""
         return int(np.argmax(self.copies[1].strength.mean(axis=0)))
 
 
@@ -236,15 +236,15 @@ def replay_of(
 
     Args:
         robot: The given model.
-        recording: With a torque, recorded or asked for by controllers.
-        correction: Changes of the model by a diagnosis; None to simulate the given model alone.
-        known: Effects that belong to the given model already.
+        recording: Recording with torques, either recorded or commanded by controllers.
+        correction: Corrections of the model; None to simulate only the given model.
+        known: Effects that are already part of the given model.
         horizon_s: Time for which motion is simulated [s]; by default that of the diagnosis.
         progress: Called with each stage.
 
     Raises:
-        LogError: If the recording cannot be used, or is certainly wrong and not to be shown anyway.
-        RobotError: If a link of the corrected model would weigh nothing or less.
+        LogError: If the recording cannot be used, or has a certain fault that was not overruled.
+        RobotError: If a link of the corrected model would not have a positive mass.
     """
     require_right((recording,))
     robot, known = with_known_places(robot, known), effects_on_torques(known)
@@ -306,12 +306,13 @@ def _horizons(wanted: float | None, correction: Correction | None) -> tuple[floa
 
 
 def _at(t: Float[Array, " n"], times: Float[Array, " m"], values: Float[Array, "m nv"]) -> Float[Array, "n nv"]:
-    """Values at other times, from 0 to 1; zero outside."""
+    """Values interpolated to other times and limited to 0 to 1; zero outside their range of times."""
     columns = [np.interp(t, times, column, left=0.0, right=0.0) for column in values.T]
     return np.clip(np.column_stack(columns), 0.0, 1.0)
 
 
 def _corrections(correction: Correction | None, robot: Robot) -> tuple[str, ...]:
+    """Corrections of the model in words."""
     if correction is None:
         return ()
     places: dict[str, list[EffectAt]] = {}
@@ -337,12 +338,11 @@ def _named(places: list[EffectAt]) -> str:
 def link_poses(robot: Robot, q: Float[Array, "n nv"]) -> Float[Array, "n J 7"]:
     """Pose of each joint's frame in the root frame: x, y, z [m], then the unit quaternion w, x, y, z.
 
-    Args:
-        robot: Joints are those of Pinocchio's model; the first is the root itself.
-        q: Positions [rad or m].
+    It is NaN if a position is NaN, or if a closed chain cannot be closed there.
 
-    Returns:
-        NaN where a position is none, or the loops of a closed chain cannot be closed.
+    Args:
+        robot: The robot; the joints are those of Pinocchio's model, beginning with the root.
+        q: Positions [rad or m].
     """
     model = robot.model
     data = model.createData()

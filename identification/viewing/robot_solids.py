@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Solids of one drawn copy of the robot: links, joints, rails of linear joints; and the space that it needs."""
+"""Makes the solids that show one copy of the robot: links, joints and rails of linear joints, and their extent."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
 
 _FACES = 12_000
-"""Triangles of the links of one copy."""
+"""Number of triangles for the links of one copy."""
 _POSTURES = 60
-"""Frames from which the room that a robot needs is taken."""
+"""Number of frames from which the extent of the robot is computed."""
 _DRUM = 0.75
-"""Size of a joint, relative to that in the report, where the robot is drawn much smaller."""
+"""Size of a joint relative to the report, in which the robot is drawn much smaller."""
 _PASSIVE = 0.8
-"""Size of a passive joint, relative to others: it may stand in the same place as one that has a colour."""
+"""Size of a passive joint relative to active ones, which have a colour and may be at the same place."""
 _RAIL = 0.008
 """Radius of a rail, relative to its length."""
 _APART, _LEAST_APART = 1.15, 0.3
-"""Distance between copies, relative to a robot's width, and relative to its longest side at least."""
+"""Distance between copies relative to the robot's width, and smallest distance relative to its longest side."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Triangles of one copy, and the room that it takes.
+    """Triangles of one copy, and its extent.
 
     Attributes:
-        links: In the frame of each joint of Pinocchio's model, the first that of the root; empty where there is none.
-        drums: What shows each joint, in its frame; of the root nothing.
-        rails: In the frame of each joint, the rails on which linear joints behind it run.
-        boxes: Lowest and highest corner [m] of some postures of the measured motion, ``(f, 2, 3)``.
+        links: Link of each joint of Pinocchio's model, in the joint's frame, beginning with the root; may be empty.
+        drums: Solid that shows each joint, in the joint's frame; empty for the root.
+        rails: Rails of the linear joints that follow each joint, in its frame.
+        boxes: Lowest and highest corner [m] of the robot in some postures of the measured motion, ``(f, 2, 3)``.
     """
 
     links: tuple[Mesh, ...]
@@ -45,12 +45,12 @@ class Solids:
 
     @property
     def size(self) -> Float[Array, "3"]:
-        """Sides of the largest box around one posture [m]."""
+        """Largest extent of any posture along each axis [m]."""
         return (self.boxes[:, 1] - self.boxes[:, 0]).max(axis=0)
 
     @property
     def middle(self) -> Float[Array, "3"]:
-        """Mean of the middles of all postures [m]."""
+        """Mean of the centres of all postures [m]."""
         return self.boxes.mean(axis=(0, 1))
 
     @property
@@ -60,11 +60,11 @@ class Solids:
 
     @property
     def floor(self) -> float:
-        """Lowest point of what stands still [m]; the height of the root where nothing does."""
+        """Lowest point of the fixed base [m]; zero without a fixed base."""
         return float(self.links[0].points[:, 2].min()) if len(self.links[0].faces) else 0.0
 
     def offsets(self, count: int) -> Float[Array, "count 3"]:
-        """Where copies that move alike stand beside each other: in a row along the narrower side, x or y [m]."""
+        """Positions of copies beside each other [m]: in a row along x or y, whichever side of the robot is narrower."""
         axis = 0 if self.size[0] < self.size[1] else 1
         out = np.zeros((count, 3))
         apart = max(_APART * self.size[axis], _LEAST_APART * self.size.max())
@@ -90,7 +90,7 @@ def robot_solids(replay: Replay) -> Solids:
 
 
 def boxes(poses: Float[Array, "f J 7"], meshes: tuple[Mesh, ...]) -> Float[Array, "f 2 3"]:
-    """Lowest and highest corner [m] of meshes, and of the frames that they are in, at each posture.
+    """Lowest and highest corner [m] of meshes and of the origins of their frames, in each posture.
 
     Args:
         poses: Poses, as `identification.viewing.replay.link_poses` returns them.
@@ -107,7 +107,7 @@ def boxes(poses: Float[Array, "f J 7"], meshes: tuple[Mesh, ...]) -> Float[Array
 
 
 def _rails(model: pin.Model, replay: Replay) -> tuple[Mesh, ...]:
-    """For each linear joint a thin rod along the way that it went, in the frame that it moves in."""
+    """For each linear joint a thin rod along its travel, in the frame of the joint before it."""
     rails: list[list[Mesh]] = [[] for _ in range(model.njoints)]
     for row, name in enumerate(replay.robot.joint_names):
         joint, way = model.getJointId(name), replay.copies[0].q[:, row]

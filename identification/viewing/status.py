@@ -1,4 +1,4 @@
-"""Texts on the page of a replay: its contents, the meaning of the colours, and the values at the current time."""
+"""Makes the texts on the page of a replay: summary, meaning of the colours, and values at the current time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torque of a recording and of models in the judged band, and the relative residual of each joint, for its colour."""
+"""Computes torques of a recording and of models in the judged band, and relative residuals for the joints' colours."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
 WINDOW_S = 0.2
-"""Time [s] over which a residual is averaged for its colour, which would flicker at each zero crossing otherwise."""
+"""Time [s] over which a residual is averaged for its colour; without averaging, it would flicker at zero crossings."""
 LEAST_FULL, MOST_FULL = 0.1, 1.0
-"""Smallest and largest residual that is shown in full colour, as a share of the joint's usual torque. With less than a
-tenth, noise alone would look like a gap; without any model, the residual is the whole torque."""
+"""Limits of the residual that is shown in full colour, as a share of the joint's rms torque. Below a tenth, noise alone
+would look like a gap. The residual of a model without any torque is 1."""
 _PER_PERIOD = 12.0
 """Smallest number of samples of a curve per period of the band's edge, if the recording has as many."""
 _LARGEST = 99.0
-"""Percentile over time that counts as the largest residual, so that a spike does not make all others look small."""
+"""Percentile over time that is used as the largest residual, so that a spike does not make all others look small."""
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueCurves:
-    """Torque of the drives [N m or N] in the judged band; NaN where a sample must not be used.
+    """Torque of the drives [N m or N] in the judged band; NaN for samples that must not be used.
 
     Attributes:
         t: Times [s], ``(m,)``.
@@ -40,7 +40,7 @@ class TorqueCurves:
     modelled: tuple[Float[Array, "m nv"], ...]
 
     def residual(self, model: int) -> Float[Array, "m nv"]:
-        """Measured less modelled torque."""
+        """Measured minus modelled torque."""
         return self.measured - self.modelled[model]
 
 
@@ -52,9 +52,9 @@ def torque_curves(
     Args:
         log: The recording.
         cutoff_hz: Edge of the judged band [Hz].
-        models: Robots, each with the effects that are part of the model as well.
+        models: Robots, each with effects that are part of its model.
     """
-    # A rate that is enough for a fit makes a jagged curve.
+    # Curves need a higher sample rate than fits, or they look jagged.
     fine = max(1, min(log.band.step, int(log.band.rate_hz / (_PER_PERIOD * cutoff_hz))))
     drawn = replace(log, band=replace(log.band, step=fine))
     session = session_of_logs(models[0][0], (drawn,), cutoff_hz)
@@ -68,9 +68,9 @@ def torque_curves(
 
 
 def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]:
-    """Residual of each model, root mean square over a short time, as a share of the joint's usual torque.
+    """Residual of each model, root mean square over `WINDOW_S`, over the root mean square of the measured torque.
 
-    The usual torque is the root mean square of the measured one. For a joint without torque the share is zero.
+    It is zero for a joint without torque.
     """
     usual = _root_mean_square(curves.measured)
     count = max(1, round(WINDOW_S / float(np.median(np.diff(curves.t)))))

@@ -1,1 +1,1 @@
-"""Estimators that simulate the closed loop."""
+"""Estimators that simulate the robot under its position controllers (closed loop)."""

@@ -22,7 +22,7 @@ _TOO_FAST = 1e6
 
 
 class Controllers(NamedTuple):
-    """Position controllers of all joints and how they are integrated.
+    """Position controllers of all joints, and settings of the integration.
 
     Attributes:
         q_ref: References, ``(N, nv)``.
@@ -81,7 +81,7 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Traje
         for i in range(nv):
             out.q[k, i], out.v[k, i], out.a[k, i] = q[i], v[i], a[i]
         for s in range(steps):
-            # The last sample needs one step for its torque and acceleration, and no more.
+            # The last sample needs only one step, for its torque and acceleration.
             if k == N - 1 and s == 1:
                 break
             for i in range(nv):
@@ -144,7 +144,7 @@ def write_command(
 
     Args:
         controllers: References, gains and window.
-        k: The sample before.
+        k: Index of the sample before this time.
         share: Fraction of the time to the next sample.
         q: Positions, ``(nv,)``.
         v: Velocities, ``(nv,)``.
@@ -168,8 +168,8 @@ def write_torque(controllers: Controllers, k: int, s: int, commanded: Array, app
     """Write the torque that acts in step ``s`` after sample ``k``, with delay and limits, and the torque of the sample.
 
     The command of a controller that computes in every step is interpolated linearly at the delayed time. A command that
-    is held for a sample is not interpolated. Simulations that choose their step themselves keep a queue of commands
-    instead, see `phantom_dyn.effects.drive.input_delay`.
+    is held for a sample is not interpolated. Simulations with variable steps keep a queue of commands instead, see
+    `phantom_dyn.effects.drive.input_delay`.
     """
     held, steps = controllers.held, controllers.steps
     if held:
@@ -185,7 +185,7 @@ def write_torque(controllers: Controllers, k: int, s: int, commanded: Array, app
         limit = controllers.gains[2, i]
         applied[i] = min(max(given, -limit), limit)
         if s == 0:
-            # The torque of a step is that at its middle: half a step before and half a step after the sample.
+            # The torque of a step is that at its middle, so the torque at the sample is the mean of two steps.
             tau[k, i] = applied[i] if held or k == 0 else 0.5 * (before + applied[i])
 
 

@@ -1,9 +1,9 @@
-r"""Direct and inverse identification (DIDIM): the torque of a simulated closed loop is fitted to the measured one.
+r"""Direct and inverse dynamic identification (DIDIM): fits the torque of a simulated closed loop to the measured one.
 
-Positions enter through the simulation alone, so that only references and torques are needed. The torque of the
-simulated loop depends on the parameters through the simulated motion, too, but little, as the controllers hold the
-motion: its slope is the regressor on the simulated motion, and a few linear fits converge. Recordings whose torque the
-stated controllers did not give are refused, as the simulated loop would be another one.
+Only references and torques are used, as positions come from the simulation. The simulated motion depends little on the
+parameters, because the controllers keep it near the reference. So the derivative of the simulated torque is nearly the
+regressor on the simulated motion, and a few linear fits converge. Recordings whose torque is not that of the stated
+controllers are refused, as the simulated loop would be another one.
 
 References:
     M. Gautier, A. Janot, P.-O. Vandanjon, A new closed-loop output error method for parameter identification of robot
@@ -27,12 +27,12 @@ from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, LogError
 
-_SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
-_HALVINGS = 6  # of a step after which the robot cannot move
-# Share of a recorded torque that its stated controller may leave: noise of a velocity and a held sample leave less.
-_FOREIGN = 0.5
-# Share that gains read from the recording may leave, so that they are worth a word.
-_READ = 0.2
+_SETTLED = 0.05  # largest step of a converged estimate, in its standard deviations
+_HALVINGS = 6  # largest number of halvings of a step with which the simulation diverges
+# Largest relative difference between recorded and commanded torque; noise of a velocity and held samples cause less.
+_LARGEST_MISFIT = 0.5
+# Largest relative difference with fitted gains for which the message states these gains.
+_FITTED_GAINS = 0.2
 
 
 def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
@@ -40,14 +40,14 @@ def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations:
 
     Args:
         regressor: The equations.
-        feedback: The controllers, where the robot does not state them.
-        iterations: Most simulations of the recordings there may be.
+        feedback: The controllers; by default those of ``robot.yaml``.
+        iterations: Largest number of simulations of the recordings.
 
     Raises:
         LogError: If a log has no references.
         ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
         IdentifiabilityError: If the recording excites no parameter.
-        EstimationError: If the simulated robot cannot move, or the estimates do not settle.
+        EstimationError: If the simulation diverges, or the estimates do not converge.
     """
     start = start_of(regressor, feedback)
     require_own_controllers(start.loops)
@@ -77,7 +77,7 @@ def _damped_step(
     theta: Float[Array, " r"],
     step: Float[Array, " r"],
 ) -> tuple[Float[Array, " r"], Resimulation]:
-    """The estimates after a step, or as much of it as leaves a robot that can move, and their simulation."""
+    """The estimates after a step, and their simulation; the step is halved while the simulation diverges."""
     for _ in range(_HALVINGS):
         try:
             return theta + step, resimulated(regressor, loops, base, theta + step)
@@ -101,30 +101,30 @@ def _fit(
 
 
 def require_own_controllers(loops: Iterable[Loop]) -> None:
-    """Refuse a recording whose torque is not what the stated controllers ask for on its motion.
+    """Raise an error for a recording whose torque differs much from the torque that the stated controllers command.
 
     Args:
-        loops: Controllers and references around the recordings.
+        loops: Recordings with their controllers and references.
 
     Raises:
-        LogError: Names the joint, how far the torques are apart, and gains that would give it where some do.
+        LogError: The message names the joint, the difference, and gains that would give the torque if there are any.
     """
     for loop in loops:
         log, feedback = loop.log, loop.feedback
         if log.q_ref is None:
             continue
         error, v = log.q_ref - log.motion.q, log.motion.v
-        asked = _at_joints(loop, np.clip(feedback.kp * error - feedback.kd * v, -feedback.limit, feedback.limit))
-        parts = np.stack([_at_joints(loop, error), _at_joints(loop, -v)], axis=2)
+        asked = _torque_in_band(loop, np.clip(feedback.kp * error - feedback.kd * v, -feedback.limit, feedback.limit))
+        parts = np.stack([_torque_in_band(loop, error), _torque_in_band(loop, -v)], axis=2)
         recorded = Regressor.in_band(log, log.tau)
         for j, joint in enumerate(log.joint_names):
             tau = recorded[:, j]
-            left = _share(tau - asked[:, j], tau)
-            if feedback.kp[j] == 0.0 or left <= _FOREIGN:
+            left = _relative_rms(tau - asked[:, j], tau)
+            if feedback.kp[j] == 0.0 or left <= _LARGEST_MISFIT:
                 continue
             gains = np.linalg.lstsq(parts[:, j], tau, rcond=None)[0]
             said = ""
-            if _share(tau - parts[:, j] @ gains, tau) < _READ:
+            if _relative_rms(tau - parts[:, j] @ gains, tau) < _FITTED_GAINS:
                 if np.all(gains > 0.0):
                     said = f"; kp = {gains[0]:.3g} and kd = {gains[1]:.3g} would give it"
                 elif np.all(gains < 0.0):
@@ -137,7 +137,7 @@ def require_own_controllers(loops: Iterable[Loop]) -> None:
             )
 
 
-def _at_joints(loop: Loop, asked: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+def _torque_in_band(loop: Loop, asked: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Torque that the controllers command, with the delay and hold of the loop, in the band."""
     t, late = loop.log.motion.t, loop.feedback.delay
     if late:
@@ -145,7 +145,7 @@ def _at_joints(loop: Loop, asked: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     return Regressor.in_band(loop.log, align_held_torque(asked) if loop.align else asked)
 
 
-def _share(part: Float[Array, " n"], whole: Float[Array, " n"]) -> float:
-    """Root mean square of a part over that of the whole; zero where there is no torque."""
+def _relative_rms(part: Float[Array, " n"], whole: Float[Array, " n"]) -> float:
+    """Root mean square of a part over that of the whole; zero if the whole is zero."""
     size = float(np.sqrt(np.mean(whole**2)))
     return float(np.sqrt(np.mean(part**2))) / size if size > 0.0 else 0.0

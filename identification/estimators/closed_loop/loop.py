@@ -1,7 +1,7 @@
-"""Recordings simulated again: the same references and controllers, a robot with estimated parameters.
+"""Simulates recordings again, with their references and controllers and a robot with estimated parameters.
 
-Estimators that simulate closed loops begin with the robot that least squares finds (`start_of`); the equations on the
-simulated motion give their instruments and regressors.
+The estimators that simulate closed loops begin with the parameters of least squares (`start_of`). The equations on the
+simulated motion are their instruments, or their regressor.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from identification.estimators.closed_loop.plant import (
     plant_of,
     require_simulable,
 )
-from identification.estimators.fit import Fit
 from identification.estimators.linear.least_squares import base_of, base_rows
 from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import BaseParameters
@@ -40,11 +39,11 @@ class Feedback:
     Attributes:
         kp: Position gains, shape ``(nv,)``.
         kd: Velocity gains, shape ``(nv,)``.
-        limit: Largest torques, infinite where there is none, shape ``(nv,)``.
+        limit: Largest torques, infinite without a limit, shape ``(nv,)``.
         delay: Time [s] by which the torque is late.
-        held: True if the controllers work once a sample of the recording and hold their torque in between, else they
-            work all the time.
-        window: Samples over which controllers that are held differentiate the position; 0 for the true velocity.
+        held: True if the controllers compute a torque once per sample of the recording and hold it; False if they
+            compute it continuously.
+        window: Number of samples over which held controllers differentiate the position; 0 for the true velocity.
     """
 
     kp: Float[Array, " nv"]
@@ -75,7 +74,8 @@ def feedback_of(robot: Robot) -> Feedback:
         robot: Gives the actuators.
 
     Raises:
-        ParameterError: If a driven joint has no controller, one that is not simulated, or they differ in delay.
+        ParameterError: If a joint with a drive has no controller, or one that cannot be simulated, or if the delays of
+            the controllers differ.
     """
     pairs = list(zip(robot.joint_names, robot.actuators, strict=True))
     lacking = [joint for joint, actuator in pairs if actuator.actuated and actuator.controller is None]
@@ -109,7 +109,7 @@ def feedback_of(robot: Robot) -> Feedback:
 
 @dataclass(frozen=True)
 class Loop:
-    """Controllers and references around one recording.
+    """One recording with its controllers.
 
     Attributes:
         log: The recording, ready for fitting; it has references.
@@ -130,16 +130,16 @@ class Loop:
 
 
 def loop_of(robot: Robot, log: Log, feedback: Feedback) -> Loop:
-    """The loop around a log.
+    """The loop of a log, after a check of its references.
 
     Args:
         robot: The robot of the log.
         log: One recording.
-        feedback: Its controllers.
+        feedback: The controllers.
 
     Raises:
-        LogError: If the log has no references.
-        ParameterError: If the controllers are not those of this robot.
+        LogError: If the log has no finite references.
+        ParameterError: If the number of controllers is not that of the joints.
     """
     if log.q_ref is None:
         raise LogError(
@@ -159,14 +159,14 @@ def loop_of(robot: Robot, log: Log, feedback: Feedback) -> Loop:
 
 
 def simulated(loop: Loop, plant: Plant) -> tuple[Motion, Float[Array, "N nv"]]:
-    """Motion and drive torque [N m or N] from the first recorded state on.
+    """Simulated motion and drive torque [N m or N], from the first recorded state on.
 
     Args:
         loop: Controllers and references.
         plant: The robot.
 
     Raises:
-        EstimationError: If the robot cannot move with these parameters.
+        EstimationError: If the simulation diverges.
     """
     log, feedback = loop.log, loop.feedback
     assert log.q_ref is not None
@@ -192,14 +192,14 @@ def simulated(loop: Loop, plant: Plant) -> tuple[Motion, Float[Array, "N nv"]]:
 
 
 def simulated_log(loop: Loop, plant: Plant) -> Log:
-    """The log that the simulated robot gives, in the band and with the valid samples of the recorded one.
+    """The log of the simulated robot, with the band and the valid samples of the recorded one.
 
     Args:
         loop: Controllers and references.
         plant: The robot.
 
     Raises:
-        EstimationError: If the robot cannot move with these parameters.
+        EstimationError: If the simulation diverges.
     """
     motion, tau = simulated(loop, plant)
     return replace(loop.log, motion=motion, tau=tau, raw_q=None)
@@ -207,10 +207,10 @@ def simulated_log(loop: Loop, plant: Plant) -> Log:
 
 @dataclass(frozen=True)
 class Resimulation:
-    """Simulated motion of all recordings at one set of parameters.
+    """Simulation of all recordings with one set of parameters.
 
     Attributes:
-        full: Values of all columns.
+        full: Values of all columns of the regressor.
         regressor: Equations on the simulated motion and the simulated torque.
     """
 
@@ -223,11 +223,11 @@ class Resimulation:
 
 
 def loops_of(regressor: Regressor, feedback: Feedback | None) -> tuple[Loop, ...]:
-    """The closed loops around the recordings of a regressor.
+    """The closed loops of the recordings of a regressor.
 
     Args:
         regressor: Gives robot and logs.
-        feedback: The controllers; those that the robot states by default.
+        feedback: The controllers; by default those of ``robot.yaml``.
 
     Raises:
         ParameterError: If robot or effects cannot be simulated, or a controller is not stated.
@@ -241,16 +241,16 @@ def loops_of(regressor: Regressor, feedback: Feedback | None) -> tuple[Loop, ...
 def resimulated(
     regressor: Regressor, loops: tuple[Loop, ...], base: BaseParameters, theta: Float[Array, " r"]
 ) -> Resimulation:
-    """The recordings again, by a robot with these base parameters.
+    """Simulation of the recordings by a robot with the given base parameters.
 
     Args:
         regressor: Gives robot, terms and recordings.
-        loops: Controllers with what each recording started from.
+        loops: Recordings with their controllers.
         base: The unknowns.
-        theta: Their values.
+        theta: Values of the unknowns.
 
     Raises:
-        EstimationError: If the robot cannot move with these parameters.
+        EstimationError: If the simulation diverges.
     """
     plant = plant_of(regressor, base, theta)
     logs = tuple(simulated_log(loop, plant) for loop in loops)
@@ -262,11 +262,11 @@ class Start:
     """A first simulation of all recordings.
 
     Attributes:
-        loops: Around the recordings.
-        simulation: By a robot with the parameters that least squares finds, or as given where that one cannot move.
-        base: Base parameters that the simulated motion excites, which no noise excites.
-        theta: Their values in that robot.
-        weights: One over the noise of each joint that least squares leaves.
+        loops: Recordings with their controllers.
+        simulation: Simulation with the parameters of least squares, or if that diverges, of the given robot.
+        base: Base parameters that the simulated motion excites; it has no noise that could excite others.
+        theta: Values of the base parameters in the simulated robot.
+        weights: One over the noise of each joint, from the residual of least squares.
     """
 
     loops: tuple[Loop, ...]
@@ -281,31 +281,27 @@ def start_of(regressor: Regressor, feedback: Feedback | None) -> Start:
 
     Args:
         regressor: The equations.
-        feedback: The controllers; those that the robot states by default.
+        feedback: The controllers; by default those of ``robot.yaml``.
 
     Raises:
         LogError: If a log has no references.
         ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
-        IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
-        EstimationError: If neither the robot of least squares nor the given one can move.
+        IdentifiabilityError: If the recording excites no parameter, or has too few equations to estimate the noise.
+        EstimationError: If the simulation diverges both with the parameters of least squares and with the given ones.
     """
     loops = loops_of(regressor, feedback)
     first = wls(regressor)
-    simulation = _simulated(regressor, loops, first)
+    try:
+        simulation = resimulated(regressor, loops, first.base, first.theta)
+    except EstimationError:
+        simulation = resimulated(regressor, loops, first.base, first.base.values(model_parameters(regressor)))
     base = base_of(simulation.regressor)
     weights = 1.0 / floored(first.sigma, regressor)
     return Start(loops, simulation, base, base.values(simulation.full), weights)
 
 
 def not_settled(iterations: int) -> EstimationError:
-    """The error of an estimator whose estimates still move after the iterations allowed."""
+    """The error of an estimator that does not converge within the allowed iterations."""
     return EstimationError(
         f"The estimates did not settle within {iterations} simulations: check references, controllers and the delay."
     )
-
-
-def _simulated(regressor: Regressor, loops: tuple[Loop, ...], first: Fit) -> Resimulation:
-    try:
-        return resimulated(regressor, loops, first.base, first.theta)
-    except EstimationError:
-        return resimulated(regressor, loops, first.base, first.base.values(model_parameters(regressor)))

@@ -1,4 +1,4 @@
-"""The robot of a simulated closed loop, with the parameters that are estimated, as arrays for the compiled steps."""
+"""The robot with estimated parameters as arrays, for the compiled simulation of a closed loop."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class Plant(NamedTuple):
         joint_constants: Constants of each joint of the tree, root first, from
             `phantom_dyn._kernels.single_state.joint_rows`.
         joint_indices: Parent, kind and velocity index of each joint, from the same function.
-        root: Motion of the root from `phantom_dyn._kernels.single_state.at_root`; copied before it is used.
+        root: Motion of the root from `phantom_dyn._kernels.single_state.at_root`; the simulation copies it.
         chain: Motion of the tree for that of the active joints; friction of the passive joints is in ``friction``.
         rotor: Rotor inertia that is added to the mass matrix, ``(nv, nv)``.
         passive: Indices of the passive joints in the tree, ``(ne - nv,)``.
         J_friction: Velocity of each joint with friction per velocity of the active joints, ``(ne, nv)``. The
             first ``nv`` rows are the active joints; the rows of the passive ones are overwritten at every state.
-        friction: Parameters of each joint with friction, ``(ne, 5)``: Coulomb torque, what is added to it at standstill
+        friction: Parameters of each joint with friction, ``(ne, 5)``: Coulomb torque, additional torque at standstill
             (Stribeck), Stribeck velocity, viscous coefficients forward and backward.
         constant_torque: Constant torques on the joints, ``(nv,)``.
         stiffness: Stiffness of springs at the joints, which are relaxed at position zero, ``(nv,)``.
@@ -56,7 +56,7 @@ class Plant(NamedTuple):
 def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Plant:
     """The robot with the given base parameters, for the compiled simulation.
 
-    Dependent parameters keep the values of the model: inertial parameters those of its links, effects zero.
+    Dependent parameters have the values of the model: its inertial parameters, and zero for effects.
 
     Args:
         regressor: Gives robot and terms.
@@ -98,7 +98,7 @@ def model_parameters(regressor: Regressor) -> Float[Array, " p"]:
 
 
 def require_simulable(regressor: Regressor) -> None:
-    """Refuse effects that the compiled simulation does not know, before anything is computed.
+    """Raise an error for effects that the compiled simulation does not know, before anything is computed.
 
     Args:
         regressor: Gives robot and terms.
@@ -111,6 +111,7 @@ def require_simulable(regressor: Regressor) -> None:
 
 
 def _law_of(term: RegressorTerm) -> Callable[[Plant, Robot, RegressorTerm, Array], None]:
+    """The function that adds the effect of a term to a plant."""
     name = term.effect.name
     if name not in _LAWS:
         raise ParameterError(

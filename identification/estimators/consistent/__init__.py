@@ -1,1 +1,1 @@
-"""Estimates among what is physically possible."""
+"""Estimates of physically consistent parameters."""

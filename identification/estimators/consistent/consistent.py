@@ -1,7 +1,7 @@
-"""Weighted least squares under physical consistency: positive masses, possible inertias, no negative friction.
+"""Weighted least squares with physically consistent parameters: positive masses, possible inertias, positive friction.
 
-Base parameters do not determine the standard parameters. Of all consistent ones those nearest to given bodies are
-returned.
+Base parameters do not determine the standard parameters. Of all consistent standard parameters, those nearest to the
+given bodies are returned.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class FullParameters:
-    """All parameters of a robot, physically possible.
+    """All parameters of a robot, which are physically consistent.
 
     Attributes:
         names: Names of all ``p`` columns of the fit.
@@ -52,7 +52,7 @@ class FullParameters:
 
 
 def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
-    """Consistent parameters nearest to fitted base parameters in the metric of their covariance, then to the robot's.
+    """Consistent parameters nearest to fitted base parameters (in the metric of their covariance), and to the robot's.
 
     Args:
         robot: The robot that was fitted; its inertias are the reference.
@@ -76,7 +76,7 @@ def covariance_root(fit: Fit) -> Float[Array, "r r"]:
     """
     if not np.isfinite(fit.cov).all():
         raise ParameterError("The fit has no covariance, as it has no more equations than unknowns: record more.")
-    # A recording without noise leaves rounding errors as deviations, or none at all.
+    # Without noise, the standard deviations are rounding errors or zero.
     size = np.abs(fit.theta).max(initial=0.0)
     deviation = np.maximum(fit.std(), 1e-12 * (size if size > 0 else 1.0))
     values, vectors = np.linalg.eigh(fit.cov / np.outer(deviation, deviation))
@@ -94,10 +94,10 @@ def selection(base: BaseParameters) -> Float[Array, "r p"]:
 def coefficient_bounds(
     robot: Robot, terms: Sequence[RegressorTerm], names: Sequence[str]
 ) -> tuple[Float[Array, " e"], Float[Array, " e"]]:
-    """Physical bounds of the coefficients of terms, ``-inf`` and ``inf`` where there are none.
+    """Physical bounds of the coefficients of terms, ``-inf`` and ``inf`` without a bound.
 
     Args:
-        robot: Its modelled friction and rotor inertia shift the bounds of the coefficients that add to them.
+        robot: The robot; its friction and rotor inertia shift the bounds of coefficients that add to them.
         terms: Terms of a regressor, in its order.
         names: Names of all their coefficients.
     """
@@ -133,12 +133,12 @@ def _full(fit: Fit, pi: Array) -> FullParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class ConsistentFit(Fit):
-    """A `Fit` whose base parameters belong to bodies that can exist.
+    """A `Fit` with physically consistent parameters.
 
     Attributes:
-        pi: Standard parameters of all bodies, then the coefficients of the effects, shape ``(p,)``; those that the
-            recording does not determine are nearest to the robot's.
-        held: One sentence per body or coefficient with an active constraint; empty without one.
+        pi: Standard parameters of all bodies, then the coefficients of the effects, shape ``(p,)``; parameters that the
+            recording does not determine are near those of the robot.
+        held: One sentence per body or coefficient with an active constraint.
     """
 
     pi: Float[Array, " p"]
@@ -146,16 +146,16 @@ class ConsistentFit(Fit):
 
 
 def consistent(regressor: Regressor, *, prior: float | None = None) -> ConsistentFit:
-    """Physically possible parameters, each joint weighted by its noise; friction and rotor inertia is not negative.
+    """Physically consistent parameters by least squares, each joint weighted by its noise.
 
     Args:
-        regressor: The equations, with the rigid body among the unknowns; its robot is the reference of the prior.
-        prior: Weight of the distance from the robot's bodies, see `Program`; None: the distance only decides among
+        regressor: The equations, with inertial parameters among the unknowns; its robot is the reference of the prior.
+        prior: Weight of the distance from the robot's bodies, see `Program`. By default the distance only decides among
             parameters that fit equally well.
 
     Raises:
-        ParameterError: If the rigid body is not among the unknowns.
-        IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
+        ParameterError: If inertial parameters are not among the unknowns.
+        IdentifiabilityError: If the recording excites no parameter, or has too few equations to estimate the noise.
         EstimationError: If the solver fails.
     """
     if not regressor.rigid_body:
@@ -178,7 +178,7 @@ def consistent(regressor: Regressor, *, prior: float | None = None) -> Consisten
 def _constrained(
     free: Fit, regressor: Regressor, program: Program, solution: ProgramSolution, prior: float | None
 ) -> ConsistentFit:
-    """The unconstrained fit with the solution of the constrained program in place of its own."""
+    """The unconstrained fit with the solution of the constrained program instead of its own."""
     held = _held_sentences(regressor, solution)
     fit = replace(free, theta=free.base.values(solution.pi))
     if held or prior is not None:
@@ -189,7 +189,7 @@ def _constrained(
         at_bound = {regressor.names[regressor.first_effect + at] for at in solution.held_bounds}
         without = "The deviations are those without these constraints: the true ones are smaller, and not symmetric."
         cautions = (
-            # The sentence on the constraint says already that the value is at its bound.
+            # The sentences in `held` already state that a value is at its bound.
             *(one for one in free.cautions if one.about is not About.BOUND or at_bound.isdisjoint(one.names)),
             *map(Caution, (*held, without)),
         )
@@ -209,9 +209,9 @@ def _relative_error(regressor: Regressor, fit: Fit) -> Float[Array, " nv"]:
 
 
 def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
-    r"""Covariance of an estimate with a prior: from the noise, and from the error of the prior itself.
+    r"""Covariance of an estimate with a prior, from the noise and from the error of the prior.
 
-    With the information ``A`` of the equations and ``H`` of the prior in all parameters, both to second order:
+    With the information ``A`` of the equations and ``H`` of the prior, it is
     :math:`S (A + H)^{-1} (A_\theta C A_\theta + H) (A + H)^{-1} S^T`.
     """
     free_columns = program.factor.shape[1] - 10 * len(program.bodies)
@@ -219,7 +219,7 @@ def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
     prior = np.asarray(block_diag(*metrics, np.zeros((0, free_columns))))
     equations = program.factor * program.scale
     finite = FREE * np.eye(len(program.scale))[10 * len(program.bodies) :]
-    # Through a triangular factor, as the square of 1e9 cannot be inverted beside one of 1.
+    # A triangular factor is inverted, because the product matrix would have entries from 1 to 1e18.
     triangle = np.linalg.qr(np.vstack([equations, prior, finite]), mode="r")
     inverse = np.linalg.inv(triangle)
     out = (selection(free.base) * program.scale) @ inverse

@@ -1,6 +1,7 @@
-r"""Which inertial parameters a body can have, as matrices that are linear in them.
+r"""The physical consistency of a body's inertial parameters, as a matrix that is linear in them.
 
-A body exists exactly if its pseudo-inertia :math:`P = \int [x; 1][x; 1]^T dm` (4 x 4, [Wensing]_) is not negative.
+A body with given parameters can exist if and only if its pseudo-inertia :math:`P = \int [x; 1][x; 1]^T dm` (4 x 4,
+[Wensing]_) is positive semidefinite.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
@@ -20,11 +21,12 @@ from phantom_dyn.errors import ParameterError
 _ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # order of the six inertia entries
 
 _FLOOR = 1e-4
-"""A reference body counts as at least 1 % as thick as its radius of gyration: files state rods and points, to which no
-distance is finite, and vendors' inertias that break the triangle inequality."""
+"""Smallest eigenvalue of a reference body's pseudo-inertia: a thickness of 1 % of its radius of gyration. Files contain
+rods and points, to which every distance would be infinite, and inertias that violate the triangle inequality."""
 
 
 def _pseudo_basis() -> Array:
+    """Pseudo-inertia per unit of each of the ten parameters."""
     basis = np.zeros((10, 4, 4))
     basis[0, 3, 3] = 1.0
     for axis in range(3):
@@ -45,7 +47,7 @@ def pseudo_inertia(standard: Float[Array, "*b 10"]) -> Float[Array, "*b 4 4"]:
     """Pseudo-inertia [kg m^2, kg m, kg] from the ten standard parameters about the joint origin.
 
     Args:
-        standard: In the order of `phantom_dyn.model.inertia.STANDARD_NAMES`.
+        standard: Parameters in the order of `phantom_dyn.model.inertia.STANDARD_NAMES`.
     """
     return np.einsum("...k,kij->...ij", standard, PSEUDO)
 
@@ -59,12 +61,12 @@ def standard_of(pseudo: Float[Array, "4 4"]) -> Float[Array, " 10"]:
 
 @dataclass(frozen=True)
 class ReferenceBody:
-    """A body to measure another one by, in units of its own mass and radius of gyration.
+    """A body from which distances are measured, in units of its own mass and radius of gyration.
 
     Attributes:
-        standard: Its ten parameters, made possible where they are not.
+        standard: Ten parameters of the body, changed to the nearest possible ones if necessary.
         scale: Unit of each of the ten parameters.
-        whitening: ``C^-1`` with ``C C^T`` its pseudo-inertia in those units.
+        whitening: ``C^-1``, where ``C C^T`` is the body's pseudo-inertia in these units.
     """
 
     standard: Float[Array, " 10"]
@@ -79,11 +81,11 @@ class ReferenceBody:
 
 
 def reference_body(standard: Float[Array, " 10"], *, mass: float | None = None) -> ReferenceBody:
-    """How to measure bodies by a given one; eigenvalues that are too small or negative are lifted, see `_FLOOR`.
+    """The reference for a given body; eigenvalues below `_FLOOR` are raised to it.
 
     Args:
-        standard: Its ten parameters.
-        mass: Unit of mass [kg]; by default its own, 1 for a body without mass.
+        standard: Ten parameters of the body.
+        mass: Unit of mass [kg]; by default the body's mass, or 1 for a body without mass.
     """
     unit = mass if mass is not None else float(standard[0])
     unit = unit if unit > 0 else 1.0
@@ -99,7 +101,7 @@ def reference_body(standard: Float[Array, " 10"], *, mass: float | None = None) 
 
 
 def reference_bodies(standard: Float[Array, " p"]) -> tuple[ReferenceBody, ...]:
-    """One reference per ten parameters; bodies without mass are measured by the mean of those that have some."""
+    """The reference for each body; the unit of mass of a body without mass is the mean of the other masses."""
     bodies = standard.reshape(-1, 10)
     if not np.isfinite(bodies).all():
         raise ParameterError("The parameters of a reference body are not finite: give finite ones.")

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""The convex program of physically consistent parameters: what is minimised, and its solution.
+"""The convex program for physically consistent parameters, and its solution.
 
-Where no constraint is active the solution is a closed form; else cvxpy states the program and Clarabel solves it. The
-program sees the recording through a triangular factor alone, so that its size does not depend on the number of samples.
+If no constraint is active, the solution is a closed form; else cvxpy states the program and Clarabel solves it. The
+program contains the recording only as a triangular factor, so that its size does not depend on the number of samples.
 """
 
 from __future__ import annotations
@@ -18,39 +18,39 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError
 
 FREE = 1e-3
-"""Prior distance of a coefficient whose torque is as large as that of all bodies together; that of a body as far from
-its reference as the reference is large is 1. Where a recording cannot separate the two, the coefficient gives way."""
+"""Prior distance of a coefficient whose torque is as large as that of all bodies together. The prior distance of a body
+that is as far from its reference as the reference is large is 1. So if a recording does not separate a coefficient from
+bodies, mainly the coefficient changes."""
 
 CHOOSING = 1e-6
-"""Weight of a prior that only chooses among parameters that the recording cannot tell apart."""
+"""Weight of a prior that only chooses among parameters that the recording cannot distinguish."""
 
 _ATTEMPTS = ((1e7, 1e-10), (1e7, 1e-9), (1e7, 1e-7), (1e5, 1e-7), (1e4, 1e-6), (1e3, 1e-6))
-"""Attempts in turn: the largest root of the information that a recording is taken to have, and Clarabel's tolerance in
-units of the log-likelihood. Without noise the information is 1e9 and more, beside which a solver in double precision
-does not see a prior."""
+"""Settings of the attempts in turn: the largest norm of the equations, and Clarabel's tolerance in units of the
+log-likelihood. Without noise the norm is 1e9 and more, and a prior would be lost in the solver's double precision."""
 
-_AT_EDGE = 1e-5  # slack of an inequality, in units of its row, up to which it is active
-_PUSHED = 1e-3  # multiplier (gain of the log-likelihood per unit of slack) from which an active inequality matters
+_ACTIVE_SLACK = 1e-5  # largest slack of an active inequality, in units of its row
+_LEAST_MULTIPLIER = 1e-3  # smallest multiplier (gain of the log-likelihood per unit of slack) of an active inequality
 
 
 @dataclass(frozen=True)
 class Program:
-    """Minimise ``|factor pi - target|^2 / 2`` plus the prior, among what is physically possible.
+    """Minimise ``|factor pi - target|^2 / 2`` plus the prior over physically consistent parameters ``pi``.
 
-    The first ten columns per body are its standard parameters, the others free or bounded coefficients.
+    The first ten columns per body are its standard parameters; the other columns are coefficients.
 
     Attributes:
-        factor: Shape ``(k, p)``.
-        target: Shape ``(k,)``.
+        factor: Matrix of the equations, shape ``(k, p)``.
+        target: Right-hand side of the equations, shape ``(k,)``.
         bodies: References, one per body.
-        lower: Bounds of the coefficients after the bodies', ``-inf`` for none.
-        upper: ``inf`` for none.
-        weight: Weight of the prior, half the squared distance from the references, in units of the log-likelihood:
-            ``1 / s^2`` if the bodies are known to a share ``s`` (one sigma). The default only chooses among parameters
-            that the recording cannot distinguish.
-        margin: Smallest eigenvalue of each pseudo-inertia in units of the reference's mass and radius of gyration; by
-            default a thickness of one per mil of the radius, about what a file's digits can state.
-        exact: True if ``factor pi == target`` is to hold, so that the prior alone is minimised.
+        lower: Lower bounds of the coefficients, ``-inf`` without a bound.
+        upper: Upper bounds of the coefficients, ``inf`` without a bound.
+        weight: Weight of the prior, which is half the squared distance from the references, in units of the
+            log-likelihood: ``1 / s^2`` if the bodies are known to a share ``s`` (one sigma). The default only chooses
+            among parameters that the recording cannot distinguish.
+        margin: Smallest eigenvalue of each pseudo-inertia in units of the reference's mass and radius of gyration. The
+            default is a thickness of one per mil of the radius, which is about the precision of numbers in a file.
+        exact: True if ``factor pi == target`` has to hold, so that only the prior is minimised.
     """
 
     factor: Float[Array, "k p"]
@@ -64,7 +64,7 @@ class Program:
 
     @property
     def scale(self) -> Float[Array, " p"]:
-        """Unit of each column: the reference's; of a coefficient, what makes its column as large as all bodies'."""
+        """Unit of each column: that of the reference body; for a coefficient, its column is as large as all bodies'."""
         own = np.concatenate([np.zeros(0), *(body.scale for body in self.bodies)])
         rest = np.linalg.norm(self.factor[:, len(own) :], axis=0)
         size = float(np.linalg.norm(self.factor[:, : len(own)] * own)) or float(rest.max(initial=0.0)) or 1.0
@@ -76,9 +76,9 @@ class ProgramSolution:
     """Solution of a `Program`.
 
     Attributes:
-        pi: Shape ``(p,)``.
-        held_bodies: Indices of bodies whose pseudo-inertia is at its margin.
-        held_bounds: Indices of coefficients, from 0 after the bodies, that are at a bound.
+        pi: Parameters, shape ``(p,)``.
+        held_bodies: Indices of bodies with an active constraint.
+        held_bounds: Indices of coefficients at a bound; index 0 is the first coefficient after the bodies.
     """
 
     pi: Float[Array, " p"]
@@ -87,7 +87,7 @@ class ProgramSolution:
 
 
 def is_possible(program: Program, pi: Float[Array, " p"]) -> bool:
-    """True if all bodies and bounds of a program allow these parameters."""
+    """True if parameters satisfy the constraints of all bodies and all bounds of a program."""
     n = len(program.bodies)
     scaled = pi / program.scale
     if n and np.linalg.eigvalsh(pseudo_inertia(scaled[: 10 * n].reshape(n, 10)))[:, 0].min() < program.margin:
@@ -97,7 +97,7 @@ def is_possible(program: Program, pi: Float[Array, " p"]) -> bool:
 
 
 def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
-    """Parameters nearest to the reference that solve the equations best, possible or not: a closed form."""
+    """Least-squares solution of the equations nearest to the reference, without constraints."""
     roots = [_root(body) for body in program.bodies]
     free = program.factor.shape[1] - 10 * len(program.bodies)
     inverse = np.asarray(block_diag(*roots, np.eye(free) / FREE))
@@ -111,17 +111,17 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
 
 
 def _root(body: ReferenceBody) -> Array:
-    """``U`` with ``|U^-1 d|`` the distance of a change ``d`` in units of the reference's scale."""
+    """``U``, where ``|U^-1 d|`` is the distance of a change ``d`` in units of the reference's scale."""
     return np.asarray(solve_triangular(np.linalg.qr(body.metric, mode="r"), np.eye(10)))
 
 
 def solve_program(program: Program) -> ProgramSolution:
-    """The parameters that a program asks for.
+    """Solution of a program.
 
     Raises:
-        EstimationError: If there are none, or the solver does not get to them.
+        EstimationError: If there is none, or the solver does not find it.
     """
-    # In units of the prior where that is strong: a solver wants an objective of order one.
+    # With a strong prior, the objective is scaled by its weight, as a solver needs an objective of order one.
     strength = max(1.0, program.weight)
     root, weight = np.sqrt(strength), program.weight / strength
     scaled = program if program.exact else replace(
@@ -141,12 +141,14 @@ def solve_program(program: Program) -> ProgramSolution:
 
 
 def _attempt(program: Program, largest: float, tolerance: float) -> tuple[ProgramSolution | None, str]:
+    """Solution with one entry of `_ATTEMPTS`, or None, and the status of the solver."""
     n, scale = len(program.bodies), program.scale
     start, back = _coordinates(program, largest)
     if is_possible(program, start * scale):
         return ProgramSolution(start * scale), ""
     at, rows, least = _inequalities(program, scale)
-    # Where no equation is exact, coordinates are those of a triangular factor, and few have to do with the last bodies.
+    # Unless equations are exact, the coordinates are those of a triangular factor: a body depends only on coordinates
+    # from its own first one on.
     first = tuple(0 if program.exact else 10 * body for body in range(n))
     bodies = [slice(10 * body, 10 * body + 10) for body in range(n)]
     slopes = [np.einsum("kd,kij->ijd", back[body], PSEUDO).reshape(1, 16, -1) for body in bodies]
@@ -165,15 +167,15 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
     if n and eigenvalues.min() < 0.5 * program.margin:
         return None, "a body that cannot exist"
     near = eigenvalues <= 10 * program.margin
-    held = [body for body in range(n) if near[body] and np.abs(pushes[body]).max() > _PUSHED]
-    bounds = sorted(set(at[(rows @ x - least <= _AT_EDGE) & (forces > _PUSHED)].tolist()))
+    held = [body for body in range(n) if near[body] and np.abs(pushes[body]).max() > _LEAST_MULTIPLIER]
+    bounds = sorted(set(at[(rows @ x - least <= _ACTIVE_SLACK) & (forces > _LEAST_MULTIPLIER)].tolist()))
     return ProgramSolution(x * scale, tuple(held), tuple(bounds)), status
 
 
 def _coordinates(program: Program, largest: float) -> tuple[Array, Array]:
-    """Scaled parameters as ``start + back @ u``, where equations and prior together are ``|u|^2 / 2`` and a constant.
+    """Scaled parameters as ``start + back @ u``, where equations and prior together are ``|u|^2 / 2`` plus a constant.
 
-    In these coordinates parameters that are known to 1e-8 and others that are not known at all are alike to a solver.
+    In these coordinates, all directions have the same curvature for the solver, however well they are determined.
     """
     n, p = len(program.bodies), len(program.scale)
     columns = program.factor * program.scale
@@ -195,7 +197,7 @@ def _coordinates(program: Program, largest: float) -> tuple[Array, Array]:
 
 
 def _inequalities(program: Program, scale: Array) -> tuple[Array, Array, Array]:
-    """Whose each inequality is (coefficients from 0), its row of norm one, and its least value."""
+    """For each inequality the index of its coefficient, its row of norm one, and its right-hand side."""
     first, units = 10 * len(program.bodies), np.eye(len(scale))
     lower, upper = (np.flatnonzero(np.isfinite(bounds)) for bounds in (program.lower, program.upper))
     least = np.concatenate([program.lower[lower], -program.upper[upper]])

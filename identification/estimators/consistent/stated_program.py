@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""The cvxpy program of physically consistent parameters: built once for each shape of its arrays, solved repeatedly.
+"""The cvxpy program for physically consistent parameters, built once per shape of its arrays and solved repeatedly.
 
-Most of the time of a solution is the translation into cones, which depends on the shapes of the arrays only. The
-numbers are therefore parameters (disciplined parametrised programming, [Agrawal]_).
+Most of the time of a solution is its translation to a cone program, which depends only on the shapes of the arrays. So
+the numbers are parameters of the program (disciplined parametrised programming, [Agrawal]_).
 
 References:
     .. [Agrawal] A. Agrawal, B. Amos, S. Barratt, S. Boyd, S. Diamond, J. Z. Kolter, Differentiable convex optimization
@@ -23,7 +23,7 @@ import numpy as np
 from phantom_dyn.array_types import Array
 
 _KEPT = 8
-"""Number of shapes whose programs are kept: each takes some megabytes, and a run needs two or three."""
+"""Number of programs that are kept: each needs some megabytes, and a run needs two or three."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Shape:
 
     Attributes:
         unknowns: Number of coordinates.
-        bodies: For each body the first coordinate on which its matrix depends, which has to be positive semidefinite.
+        bodies: For each body, the first coordinate on which its matrix depends.
         inequalities: Number of linear inequalities.
     """
 
@@ -43,14 +43,14 @@ class Shape:
 
 @dataclass(frozen=True)
 class Values:
-    """Numbers of a program in its coordinates ``u``.
+    """Numbers of a program with coordinates ``u``.
 
     Attributes:
         rows: Rows of the inequalities ``rows @ u >= least``.
         least: Right-hand sides of the inequalities.
         slopes: Derivatives of the matrix of each body, row by row, ``(bodies, 16, unknowns)``.
-        constants: The matrix at ``u = 0``, ``(bodies, 4, 4)``.
-        margins: Lower bound of the matrix, ``(bodies, 4, 4)``.
+        constants: Matrix of each body at ``u = 0``, ``(bodies, 4, 4)``.
+        margins: Lower bound of each matrix in the order of semidefinite matrices, ``(bodies, 4, 4)``.
     """
 
     rows: Array
@@ -62,7 +62,7 @@ class Values:
 
 @dataclass(frozen=True)
 class Stated:
-    """A program that gets its numbers at each solution; one solution at a time.
+    """A program whose numbers are set at each solution; a lock allows one solution at a time.
 
     Attributes:
         shape: Sizes of its arrays.
@@ -87,7 +87,7 @@ class Stated:
 
         size = self.unknowns.size
         with self._alone, warnings.catch_warnings():
-            # The warning on inaccurate solutions is not needed: the status tells it, and callers check it.
+            # The warning on inaccurate solutions is not needed, as callers check the status.
             warnings.simplefilter("ignore", UserWarning)
             for parameter, value in zip(self.parameters, _numbers(self.shape, values), strict=True):
                 parameter.value = value
@@ -118,9 +118,9 @@ def _numbers(shape: Shape, values: Values) -> list[Array]:
 
 @lru_cache(maxsize=_KEPT)
 def stated(shape: Shape) -> Stated:
-    """The program of a shape, built once.
+    """The program of a shape, which is built once.
 
-    cvxpy takes most of a second to load, and is loaded here.
+    cvxpy is imported here because it takes most of a second to load.
     """
     import cvxpy as cp
 

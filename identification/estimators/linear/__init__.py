@@ -1,1 +1,1 @@
-"""Functions that the linear estimators share: least squares, scatter, cautions."""
+"""Functions that linear estimators share: least squares, covariances, warnings."""

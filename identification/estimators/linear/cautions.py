@@ -1,4 +1,4 @@
-"""Warnings about an estimate: parameters not separable, ill-conditioned or at a bound; a robot at its limits."""
+"""Warnings about an estimate: inseparable, ill-conditioned or bounded parameters, and recordings at a limit."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from identification.regression.regressor import Regressor, term_columns
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
 
-_POOR_CONDITION = 1000.0  # above it, an error of one per mil in a column may become one of 100 % in a parameter
-_AT_BOUND = 2.0  # standard deviations from a bound within which a value may as well lie on it
-_NAMED = 0.3  # least weight, over the largest, of a parameter that is named in the worst determined combination
-# A joint rests on its stop if it moves slower than this share of its largest speed, closer to it than this share of its
-# range. It is reported if it does so in more than this share of the samples.
+_POOR_CONDITION = 1000.0  # condition number above which a relative error of 1e-3 in a column may double a parameter
+_AT_BOUND = 2.0  # distance from a bound, in standard deviations, up to which a value may be at the bound
+_NAMED = 0.3  # smallest weight, relative to the largest, of a named parameter in the worst determined combination
+# A joint rests on its stop if it is slower than the first share of its largest speed, and closer to the stop than the
+# second share of its range. It is reported if it does so in more than the third share of the samples.
 _STANDSTILL, _NEAR, _OFTEN = 1e-2, 1e-3, 5e-3
 _NOTHING = 100.0  # relative error of a model that predicts no torque [%]
 _CLIPPED = 0.999  # share of a torque limit above which the drive is at its limit
 
 
 class About(Enum):
-    """What a caution is about: a caller that knows more about it leaves the caution out."""
+    """Subject of a warning, by which callers leave some warnings out."""
 
     SEPARATION = auto()
     BOUND = auto()
@@ -33,7 +33,7 @@ class About(Enum):
 
 @dataclass(frozen=True)
 class Caution:
-    """A sentence on what to be careful with, what it is about, and the coefficients that it names."""
+    """A warning as a sentence, its subject, and the coefficients that it names."""
 
     sentence: str
     about: About = About.OTHER
@@ -41,7 +41,7 @@ class Caution:
 
 
 def condition_of(factor: Float[Array, "r r"]) -> float:
-    """Condition number of equations from their triangular factor, each column divided by its norm."""
+    """Condition number of equations with columns of norm one, from their triangular factor."""
     scaled = np.linalg.svd(factor / np.linalg.norm(factor, axis=0), compute_uv=False)
     return float(scaled[0] / scaled[-1])
 
@@ -53,13 +53,13 @@ def cautions(
     std: Float[Array, " r"],
     factor: Float[Array, "r r"],
 ) -> tuple[Caution, ...]:
-    """Cautions on parameters that are not separable, ill-conditioned or at a bound, and on recordings at limits.
+    """Warnings on parameters that are inseparable, ill-conditioned or at a bound, and on recordings at a limit.
 
     Args:
         regressor: The equations.
         base: The unknowns.
-        theta: Their values.
-        std: Their standard deviations, nan where they are not known.
+        theta: Values of the unknowns.
+        std: Standard deviations of the unknowns, NaN if they are not known.
         factor: Triangular factor of the equations.
     """
     others = (*_at_stops(regressor), *_at_torque_limits(regressor))
@@ -72,11 +72,11 @@ def cautions(
 
 
 def misfit_sentences(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
-    """A sentence on each joint whose fitted torque is worse than none.
+    """A sentence on each joint whose residual is larger than its torque.
 
     Args:
         robot: The robot.
-        error: Root mean square of the residual over that of the measured torque [%], nan where there is none.
+        error: Root mean square of the residual over that of the measured torque [%], NaN without torque.
     """
     for joint, share in zip(robot.joint_names, error, strict=True):
         if share > _NOTHING:
@@ -116,7 +116,7 @@ def _uncertain(std: Array) -> Iterator[str]:
 
 def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[Caution]:
     lower, upper = (bound + 0.0 for bound in coefficient_limits(regressor))  # no "-0" in sentences
-    # A coefficient into which others are regrouped may have any value.
+    # A coefficient into which others are regrouped has no bounds.
     alone = [not row.any() for row in np.abs(base.grouping) > 1e-9]
     for k, column in enumerate(base.independent):
         for bound, side, beyond in (
@@ -137,7 +137,7 @@ def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Ar
 
 
 def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Lower and upper physical bound of the coefficient of each column, infinite where there is none.
+    """Lower and upper physical bound of the coefficient of each column, infinite without a bound.
 
     Args:
         regressor: The equations.

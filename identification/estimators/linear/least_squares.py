@@ -1,4 +1,4 @@
-"""Weighted linear least squares on base equations: block by block, or on whole arrays for several passes."""
+"""Weighted linear least squares for base parameters: of equations in blocks, or of whole arrays."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError
 
 _KEPT = 5_000_000
-"""Entries of the base equations that are kept from one pass to the next (40 MB); of more, they are made again."""
+"""Largest number of entries of the base equations that are kept between passes (40 MB); others are computed again."""
 
-_LEAST = 1e-11  # a column that adds less than this share of its norm to those before it is lost in rounding
+_DEPENDENT = 1e-11  # a column is dependent if less than this share of its norm is independent of the columns before it
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class Solution:
     Attributes:
         theta: Base parameters, shape ``(r,)``.
         factor: Triangular factor of the weighted base regressor, shape ``(r, r)``.
-        residual: Torque that is left, not weighted, shape ``(N, nv)``.
-        grams: Share of each joint in the information, ``(X_j R^-1)^T (X_j R^-1)`` with the unweighted rows of joint
-            ``j`` and ``R`` the factor, shape ``(nv, r, r)``.
-        rows: By joint, the columns that its torque can depend on (`base_places`), each contiguous, ``(c, N)``; none
-            where they are too many to be kept.
+        residual: Residual torque, not weighted, shape ``(N, nv)``.
+        grams: Gram matrix ``(X_j R^-1)^T (X_j R^-1)`` of each joint, with its unweighted rows ``X_j`` and the factor
+            ``R``, shape ``(nv, r, r)``.
+        rows: For each joint, the columns on which its torque can depend (`base_places`), ``(c, N)``; empty if they are
+            too large to be kept.
     """
 
     theta: Float[Array, " r"]
@@ -42,7 +42,7 @@ class Solution:
 
 
 def base_of(regressor: Regressor, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
-    """Base parameters of a regressor that excites at least one.
+    """Base parameters of a regressor.
 
     Raises:
         IdentifiabilityError: If no column produces torque.
@@ -63,27 +63,30 @@ def solve(regressor: Regressor, base: BaseParameters, weights: Float[Array, "N n
     Args:
         regressor: The equations.
         base: Which columns are the unknowns.
-        weights: Weight of each row; 1 over its noise.
+        weights: Weight of each row, which is one over its noise.
 
     Raises:
-        IdentifiabilityError: If the weights leave fewer independent rows than unknowns.
+        IdentifiabilityError: If the weighted equations do not determine the unknowns.
     """
     factor = _weighted_factor(regressor, base, weights)
     theta, square = solve_factor(factor)
-    residual, rows = _left_over(regressor, base, theta)
+    residual, rows = _residual_and_rows(regressor, base, theta)
     return Solution(theta, square, residual, joint_grams(regressor.reduction.rows(base.independent), square), rows)
 
 
 def solve_factor(factor: Float[Array, "q q"]) -> tuple[Float[Array, " r"], Float[Array, "r r"]]:
-    """Base parameters and the triangular factor of the base regressor from that of ``[W y]``, ``(r + 1, r + 1)``.
+    """Base parameters and the triangular factor of the base regressor.
+
+    Args:
+        factor: Triangular factor of ``[W y]``, ``(r + 1, r + 1)``.
 
     Raises:
-        IdentifiabilityError: If there are fewer independent rows than unknowns.
+        IdentifiabilityError: If the equations do not determine the unknowns.
     """
     r = len(factor) - 1
     square, right = factor[:r, :r], factor[:r, r]
     norms = np.linalg.norm(square, axis=0)
-    # Rows with weight zero can take a column away that the base set has counted on.
+    # With rows of weight zero, columns may be dependent that were independent without weights.
     if (np.abs(np.diag(square)) < 1e-12 * norms).any() or not norms.all():
         raise IdentifiabilityError(
             f"The weighted equations do not determine the {r} base parameters: record more motion or leave effects out."
@@ -92,10 +95,10 @@ def solve_factor(factor: Float[Array, "q q"]) -> tuple[Float[Array, " r"], Float
 
 
 def joint_grams(rows: Sequence[Float[Array, "_ q"]], factor: Float[Array, "r r"]) -> Float[Array, "nv r r"]:
-    """Share of each joint in the information, see `Solution`.
+    """Gram matrix of each joint, see `Solution`.
 
     Args:
-        rows: For each joint, rows with the same products as its base regressor, and the torque behind it.
+        rows: For each joint, rows with the same products as its base regressor; the last column is the torque.
         factor: Triangular factor ``R``.
     """
     white = [solve_triangular(factor, joint[:, :-1].T, trans=1) for joint in rows]
@@ -103,7 +106,7 @@ def joint_grams(rows: Sequence[Float[Array, "_ q"]], factor: Float[Array, "r r"]
 
 
 def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[slice, Array]]:
-    """Blocks of the base regressor with the samples they hold.
+    """Blocks of the base regressor, each with the slice of its samples.
 
     Args:
         regressor: The equations.
@@ -116,7 +119,7 @@ def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[sl
 
 
 def base_places(regressor: Regressor, base: BaseParameters) -> list[list[int]]:
-    """By joint, which of the base columns its torque can depend on: the others are zero in its rows.
+    """For each joint, the indices of the base columns on which its torque can depend; the others are zero in its rows.
 
     Args:
         regressor: The equations.
@@ -126,8 +129,8 @@ def base_places(regressor: Regressor, base: BaseParameters) -> list[list[int]]:
     return [[k for k, column in enumerate(base.independent) if column in touched] for touched in own]
 
 
-def _left_over(regressor: Regressor, base: BaseParameters, theta: Array) -> tuple[Array, tuple[Array, ...]]:
-    """Residual, ``(N, nv)``, and the rows that it came from (see `Solution`)."""
+def _residual_and_rows(regressor: Regressor, base: BaseParameters, theta: Array) -> tuple[Array, tuple[Array, ...]]:
+    """Residual, ``(N, nv)``, and the rows of each joint (see `Solution`)."""
     places, y = base_places(regressor, base), regressor.y
     residual = np.empty_like(y)
     few = len(y) * sum(map(len, places)) <= _KEPT
@@ -147,7 +150,7 @@ def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array)
     """Triangular factor of the weighted base regressor and torque."""
     reduction = regressor.reduction
     kept = base.independent
-    if (weights == weights[:1]).all():  # then the rows have been reduced already
+    if (weights == weights[:1]).all():  # with constant weights, the reduction of the rows can be used
         return triangular(np.concatenate(reduction.weighted(weights[0]).rows(kept)))
     r = len(kept)
     own = base_places(regressor, base)
@@ -182,7 +185,7 @@ def base_rows(regressor: Regressor, base: BaseParameters) -> Float[Array, "N nv 
 
 
 def factor_of(rows: Float[Array, "N nv r"], weights: Float[Array, " nv"]) -> Float[Array, "r r"]:
-    """Triangular factor of rows that count by the weights of their joints.
+    """Triangular factor of weighted rows.
 
     Args:
         rows: Regressor of the unknowns.
@@ -194,7 +197,7 @@ def factor_of(rows: Float[Array, "N nv r"], weights: Float[Array, " nv"]) -> Flo
     r = rows.shape[2]
     factor = np.asarray(np.linalg.qr((rows * weights[:, None]).reshape(-1, r), mode="r"))
     norms = np.linalg.norm(factor, axis=0)
-    if len(factor) < r or not norms.all() or (np.abs(np.diag(factor)) < _LEAST * norms).any():
+    if len(factor) < r or not norms.all() or (np.abs(np.diag(factor)) < _DEPENDENT * norms).any():
         raise IdentifiabilityError(
             f"The simulated motion does not determine the {r} base parameters: record more motion or leave effects out."
         )
@@ -226,7 +229,7 @@ def influence_of(
 
     Args:
         rows: Regressor of the unknowns.
-        factor: Their triangular factor.
+        factor: Triangular factor of the weighted rows.
         weights: One over the noise of each joint.
     """
     flat = (rows * weights[:, None] ** 2).reshape(-1, rows.shape[2]).T

@@ -1,4 +1,4 @@
-"""Covariance of an estimate: noise of each joint, its autocorrelation, and the sandwich covariance that follows."""
+"""Covariance of an estimate, from the noise of each joint and its autocorrelation (sandwich covariance)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 
-_FEWEST = 4  # samples from which an autocorrelation can be estimated
-_STRETCH = 4096  # samples at the full rate within which pairs count: longer than the memory of any residual
+_FEWEST = 4  # smallest number of samples for an autocorrelation
+_STRETCH = 4096  # length of the stretches [samples at the full rate] within which samples may be correlated
 
 
 def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
-    """Autocorrelation from lag 0 up to the lag at which it cannot be distinguished from its noise.
+    """Autocorrelation from lag 0 to the lag from which on it cannot be distinguished from noise.
 
-    Pairs of samples from different recordings do not count.
+    Pairs of samples from different recordings are not used.
 
     Args:
         score: Residual of one joint.
@@ -48,7 +48,7 @@ def leverage(solution: Solution, information: Float[Array, " nv"]) -> Float[Arra
 
 
 def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Float[Array, " nv"]:
-    """Standard deviation of each joint's noise; nan where no equation is left over.
+    """Standard deviation of each joint's noise; NaN if there are no more equations than parameters.
 
     Args:
         residual: Residual of the fit.
@@ -60,7 +60,7 @@ def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Fl
 
 
 def white_scatter(solution: Solution, scatter: Float[Array, " nv"]) -> Float[Array, "r r"]:
-    """Covariance of the score if every sample's noise were independent.
+    """Covariance of the score if the noise of all samples were independent.
 
     Args:
         solution: Gram matrices of each joint.
@@ -76,11 +76,12 @@ def coloured_scatter(
     scatter: Float[Array, " nv"],
     rho: Sequence[Float[Array, " _"]],
 ) -> Float[Array, "r r"]:
-    r"""Covariance of the score with noise that has a memory: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
+    r"""Covariance of the score with autocorrelated noise: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
 
-    For a column that varies slowly compared with the noise the variance grows by `integrated_autocorrelation_time`, for
-    a fast one by less. The spectrum of the noise is at least that of white noise, so that no deviation is smaller than
-    for white noise: residuals also contain errors of the model. Pairs in different blocks do not count.
+    For a column that varies slowly compared with the noise, the variance is larger than for white noise by
+    `integrated_autocorrelation_time`; for a faster column, the factor is smaller. The spectrum of the noise is limited
+    from below to that of white noise, so that no variance is smaller than with white noise, because residuals also
+    contain errors of the model. Pairs of samples in different stretches are not used.
 
     Args:
         regressor: The equations.
@@ -91,9 +92,9 @@ def coloured_scatter(
     """
     out = np.zeros((base.rank, base.rank))
     inverse = solve_triangular(solution.factor, np.eye(base.rank))
-    # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
+    # Columns on which a joint does not depend are zero in its rows, and are left out.
     places = base_places(regressor, base)
-    # Whitening is a square matrix of the joint's columns, then orthonormal rows: the long product needs the first only.
+    # Whitening is a square matrix times orthonormal rows; the product over all samples needs only the square matrix.
     turned = [np.linalg.qr(inverse[place].T) for place in places]
     grams = [np.zeros((len(place), len(place))) for place in places]
     for stretch in _stretches(regressor, base, solution, places):
@@ -108,7 +109,7 @@ def coloured_scatter(
 def _stretches(
     regressor: Regressor, base: BaseParameters, solution: Solution, places: Sequence[Sequence[int]]
 ) -> Iterator[list[Float[Array, "n _"]]]:
-    """Some base columns of each joint's rows, by joint, over stretches of one log."""
+    """The base columns of each joint's rows, over stretches of at most `_STRETCH` samples of one log."""
     longest = max(1, _STRETCH // min(log.band.step for log in regressor.logs))
     if solution.rows:
         for start, stop in pairwise(regressor.starts):
@@ -146,11 +147,11 @@ def scatter_of_rows(
 
 
 def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -> Float[Array, "f k"]:
-    """Spectrum of columns, real and imaginary part in turn, each times the root of the noise at its frequency."""
+    """Spectrum of columns (real and imaginary parts alternate), times the root of the noise's spectrum."""
     if not len(columns):
         return columns
     kept = lags[: len(columns)]
-    # Padded with zeros, so that the end of a column is not correlated with its beginning.
+    # Zeros are added, so that the end of a column is not correlated with its beginning.
     length = 2 * int(next_fast_len((len(columns) + 1) // 2 + len(kept), real=True) or 0)
     padded = np.zeros(length)
     padded[: len(kept)] = kept
@@ -159,7 +160,7 @@ def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -
     # The two ends of a real spectrum count once, all other frequencies twice.
     share = np.full(len(colour), 2.0 / length)
     share[[0, -1]] = 1.0 / length
-    # Contiguous, so that the spectrum can be viewed as pairs of real numbers.
+    # The spectrum has to be contiguous to be viewed as pairs of real numbers.
     spectrum = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
     spectrum *= np.sqrt(colour * share)
     return spectrum.view(float).T
@@ -177,7 +178,7 @@ def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Floa
     """
     bread = np.einsum("j,jkl->kl", information, solution.grams)
     middle = np.linalg.solve(bread, np.linalg.solve(bread, scatter).T)
-    # Not finite where the noise is not known.
+    # The values are not finite if the noise is not known.
     left = solve_triangular(solution.factor, middle, check_finite=False)
     covariance = solve_triangular(solution.factor, left.T, check_finite=False)
     return 0.5 * (covariance + covariance.T)
@@ -189,7 +190,7 @@ def covariances(
     sigma: Float[Array, " nv"],
     starts: tuple[int, ...],
 ) -> tuple[Float[Array, "r r"], Float[Array, "r r"], Float[Array, " nv"]]:
-    """Covariance with the memory of the noise, without it, and samples per independent sample of each joint.
+    """Covariance with and without autocorrelation of the noise, and samples per independent sample of each joint.
 
     Args:
         influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.

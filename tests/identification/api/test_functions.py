@@ -1,5 +1,7 @@
 """Each function of the entrance, by the commands' own results, known truths, and what it says of a wrong argument."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -108,7 +110,8 @@ def test_a_held_out_recording_is_what_the_figures_are_of(rubbing, reference):
 
 def test_every_episode_of_a_dataset_that_is_held_out_is_held_out(rubbing, made_up, monkeypatch):
     # Known truth: three episodes are held out, and one recording is left for the fits.
-    monkeypatch.setattr(inputs, "_episodes", lambda given: [rubbing] * 3 if given == "dataset" else [given])
+    monkeypatch.setattr(inputs, "is_lerobot", lambda folder: folder == Path("dataset"))
+    monkeypatch.setattr(inputs, "with_episodes", lambda logs, _: [rubbing] * 3)
     seen = {}
 
     def diagnose(_, read, *, held_out, **__):
