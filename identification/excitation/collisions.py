@@ -21,9 +21,7 @@ from phantom_dyn.shapes.robot_shapes import shapes_of_mjcf
 CLEARANCE = 0.01
 """Default distance between bodies [m], which allows for tracking errors."""
 _POSTURES = 100
-_NEAR = (
-    0.05  # distance beyond the clearance [m] above which a pair does not restrict the motion, and needs no derivative
-)
+_NEAR = 0.05  # A pair further apart than the clearance plus this [m] does not restrict the motion.
 _TOUCHING_BY_DESIGN = 0.5
 """A pair touches by design, as shapes that overlap at a joint do, if it touches in this share of random postures."""
 

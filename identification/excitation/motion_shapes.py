@@ -179,7 +179,7 @@ class BSplines:
         def part(times: Array) -> Array:
             inside = np.clip(times, 0.0, self.duration)
             values = np.stack([spline(inside), spline.derivative(1)(inside), spline.derivative(2)(inside)])
-            # The first three splines are left out, as they are not at rest at the start. The factor makes speeds near 1.
+            # The first three splines do not start at rest, so they are left out. The factor makes speeds near 1.
             return values[:, :, 3:] * self.duration / self.pieces
 
         return _from_rest(part(t), part(_ends(self)))
