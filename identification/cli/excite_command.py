@@ -194,13 +194,12 @@ def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
     from identification.data.reading import read_recording
     from identification.data.signals import process
     from identification.excitation.design_problem import earlier_factor
-    from phantom_dyn.motion import Motion
 
     motions = []
     for path in arguments.earlier:
         log = process(read_recording(path, robot), robot)
         rows = log.valid.nonzero()[0][:: max(1, round(log.band.rate_hz / arguments.rate))]
-        motions.append(Motion(log.motion.t[rows], log.motion.q[rows], log.motion.v[rows], log.motion.a[rows]))
+        motions.append(log.motion.at(rows))
     return earlier_factor(robot, motions)
 
 

@@ -212,11 +212,11 @@ def local(name: str) -> Path | None:
         LogError: If a file in the folder of ``PHANTOM_DYN_DATA`` has another SHA-256 than the list states.
     """
     dataset = find(name)
-    mirror = _mirror(name)
-    if mirror is not None and all((mirror / file.name).is_file() for file in dataset.files):
+    root = os.environ.get("PHANTOM_DYN_DATA")
+    if root and all((Path(root) / name / file.name).is_file() for file in dataset.files):
         for file in dataset.files:
-            _check(mirror / file.name, file)
-        return mirror
+            _check(Path(root) / name / file.name, file)
+        return Path(root) / name
     cached = cache_folder(name)
     intact = ((cached / file.name).is_file() and _sha256(cached / file.name) == file.sha256 for file in dataset.files)
     return cached if all(intact) else None
@@ -256,11 +256,6 @@ def cache_folder(name: str) -> Path:
     import pooch
 
     return Path(pooch.os_cache("phantom-dyn")) / name
-
-
-def _mirror(name: str) -> Path | None:
-    root = os.environ.get("PHANTOM_DYN_DATA")
-    return Path(root) / name if root else None
 
 
 def _check(path: Path, file: File) -> None:

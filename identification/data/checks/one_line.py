@@ -84,9 +84,8 @@ def separated(robot: Robot, motion: Motion) -> Separated:
     count = len(motion.t)
     rows = np.linspace(0, count - 1, min(count, _ROWS)).astype(int)
     shifts = [int(count * (joint * 0.381966 % 1.0)) for joint in range(robot.nv)]
-    here = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
     apart = Motion(motion.t[rows], *(_shifted(x, shifts)[rows] for x in (motion.q, motion.v, motion.a)))
-    w, free = rigid_body_regressor(robot, here), rigid_body_regressor(robot, apart)
+    w, free = rigid_body_regressor(robot, motion.at(rows)), rigid_body_regressor(robot, apart)
     usual = np.sqrt(np.mean((w @ standard_parameters(robot)) ** 2, axis=0))
     usual = np.where(usual > 0.0, usual, max(float(usual.max()), 1e-300))[None, :, None]
     w, free = ((part / usual).reshape(-1, part.shape[2]) for part in (w, free))

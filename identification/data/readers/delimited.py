@@ -86,12 +86,6 @@ def _data_lines(data: bytes):
             yield number, _decoded(stripped)
 
 
-def _last_comment_before(data: bytes, line_number: int) -> str:
-    """Last comment before a line, without its ``#``: some programs write the column names there."""
-    comments = [line.strip() for line in data.split(b"\n")[: line_number - 1] if line.strip().startswith(b"#")]
-    return _decoded(comments[-1].lstrip(b"# ")).strip() if comments else ""
-
-
 def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
     """Column names, separator, and whether the names are on a line of their own (and not in a comment)."""
     first = next(_data_lines(data), None)
@@ -102,7 +96,9 @@ def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
     cells = _cells(line, separator)
     if not all(_number(cell) is not None for cell in cells):
         return cells, separator, True
-    comment = _last_comment_before(data, number)
+    # Some programs write the column names into the last comment.
+    before = [line.strip() for line in data.split(b"\n")[: number - 1]]
+    comment = next((_decoded(line.lstrip(b"# ")).strip() for line in reversed(before) if line.startswith(b"#")), "")
     names = _cells(comment, _separator(comment))
     if comment and len(names) == len(cells):
         return names, separator, False
@@ -197,19 +193,13 @@ def _line_by_line(
     columns, problems = {}, {}
     for k, name in enumerate(names):
         cells = [row[k] for row in rows]
-        read = _list_columns if cells[:1] and _LIST.fullmatch(cells[0]) and column_of(name) is None else _own_column
-        result = read(file, name, cells, lines)
+        is_list = cells[:1] and _LIST.fullmatch(cells[0]) and column_of(name) is None
+        result = (_list_columns if is_list else _column_or_problem)(file, name, cells, lines)
         if isinstance(result, str):
             problems[name] = result
         else:
-            columns |= result
+            columns |= result if isinstance(result, dict) else {name: result}
     return columns, problems
-
-
-def _own_column(file: str, name: str, cells: list[str], lines: list[int]) -> dict[str, Array] | str:
-    """A column of numbers under its own name, or a message on its first value that is no number."""
-    result = _column_or_problem(file, name, cells, lines)
-    return result if isinstance(result, str) else {name: result}
 
 
 def _list_columns(file: str, name: str, cells: list[str], lines: list[int]) -> dict[str, Array] | str:

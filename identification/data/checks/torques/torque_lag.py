@@ -27,10 +27,8 @@ from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 _ROWS = 400  # largest number of samples in the regression
 _FEWEST = 100  # smallest number of samples with which a lag is estimated
 _BLOCKS = 8  # blocks of the record, each left out once (jackknife) for the standard error
-# Largest lag that is tried [samples]; it is also limited to a quarter of a period at the cut-off.
-_LARGEST_LAG = 12
-# Smallest lag that is reported [samples], and in standard errors.
-_SMALLEST, _SIGNIFICANT = 0.4, 5.0
+_LARGEST_LAG = 12  # largest lag that is tried [samples], unless a quarter of a period at the cut-off is shorter
+_SMALLEST, _SIGNIFICANT = 0.4, 5.0  # smallest lag that is reported [samples], and in standard errors
 # Largest residual of the fit as a share of the torque's variance, and smallest share of the squared residual that the
 # shift removes: with a poor model, any lag fits a little better than none.
 _LARGEST_RESIDUAL, _REMOVED = 0.05, 0.4
@@ -43,8 +41,7 @@ _CREEPING, _CREEPING_TIME = 0.05, 0.05
 # which samples a filtered one depends on. Their gain is one half at 3.3 and at 1.4 times the cut-off.
 _FIRST, _SECOND = 0.15, 0.35
 _TAPS = 5  # samples of the second filter to either side, at distances of half the length of the first or less
-# Number of points of the piecewise linear friction in each direction of motion.
-_KNOTS = 4
+_KNOTS = 4  # number of points of the piecewise linear friction in each direction of motion
 # Smallest number of independent samples (two per period of the cut-off) per column: with fewer, noise fits any lag.
 _PER_COLUMN = 2.0
 _DEPENDENT = 1e-7  # singular value of columns of length one up to which they count as linearly dependent
@@ -123,16 +120,10 @@ def lags_and_low_passes(
         recording: Raw samples; its torque includes that of measured forces.
         smooth: Gives the uniform times, the cut-off and the samples that are used.
     """
-    lags = _lags(smooth)
-    return tuple(
-        (_lag(one, lags), _low_pass(one)) for one in _samples_without_reversals(robot, recording, smooth, lags)
-    )
-
-
-def _lags(smooth: Smooth) -> Float[Array, " m"]:
-    """Lags that are tried [samples], in steps of a half, with zero in the middle."""
     most = max(2.0, min(_LARGEST_LAG, np.floor(0.25 / (smooth.cutoff_hz * smooth.step))))
-    return np.arange(-most, most + 0.25, 0.5)
+    lags = np.arange(-most, most + 0.25, 0.5)  # in samples, with zero in the middle
+    clear = _samples_without_reversals(robot, recording, smooth, lags)
+    return tuple((_lag(samples, lags), _low_pass(samples)) for samples in clear)
 
 
 def _samples_without_reversals(
@@ -159,7 +150,7 @@ def _samples_without_reversals(
         shifted = np.column_stack([measured(t + lag * smooth.step) @ weights for lag in lags])
         independent = 2 * smooth.cutoff_hz * smooth.step * len(at)
         for columns_of in (_columns, _few_columns):
-            columns = columns_of(robot, motion, needed.ravel(), j).reshape(*needed.shape, -1)
+            columns = columns_of(robot, motion.at(needed.ravel()), j).reshape(*needed.shape, -1)
             columns = _normalised(np.einsum("nmk,m->nk", columns, weights))
             if independent >= _PER_COLUMN * np.linalg.matrix_rank(columns, tol=_DEPENDENT):
                 out.append(_ClearSamples(joint, columns, shifted, measured(t) @ weights, measured(t, 1) @ weights))
@@ -197,22 +188,21 @@ def _lightly_smoothed(
     return Motion(t, q, *quintic_derivatives(q, 1.0 / smooth.step)), filtered(tau)
 
 
-def _columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -> Float[Array, "n k"]:
+def _columns(robot: Robot, motion: Motion, j: int) -> Float[Array, "n k"]:
     """Columns of one joint's torque: rigid bodies, its rotor and its friction."""
-    part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
+    v, a = motion.v[:, j], motion.a[:, j]
     # The regressor does not contain rotors: their torque is proportional to the joint's own acceleration.
-    return np.column_stack([rigid_body_regressor(robot, part)[:, j], part.a[:, j], friction_columns(part.v[:, j])])
+    return np.column_stack([rigid_body_regressor(robot, motion)[:, j], a, friction_columns(v)])
 
 
-def _few_columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -> Float[Array, "n k"]:
+def _few_columns(robot: Robot, motion: Motion, j: int) -> Float[Array, "n k"]:
     """Columns of one joint's torque with fewer parameters: the model torque, rotor, two of friction, and an offset.
 
     They are for slow motions with many reversals, which have few samples in between.
     """
-    part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
-    bodies = (rigid_body_regressor(robot, part) @ standard_parameters(robot))[:, j]
-    v = part.v[:, j]
-    return np.column_stack([bodies, part.a[:, j], v, np.sign(v), np.ones(len(v))])
+    bodies = (rigid_body_regressor(robot, motion) @ standard_parameters(robot))[:, j]
+    v, a = motion.v[:, j], motion.a[:, j]
+    return np.column_stack([bodies, a, v, np.sign(v), np.ones(len(v))])
 
 
 def clear_samples(v: Float[Array, " N"], inside: Bool[Array, " N"], half: int, step: float) -> Bool[Array, " N"]:

@@ -39,7 +39,7 @@ def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]
         tau: Recorded torque [N m or N].
     """
     rows = np.linspace(0, len(motion.t) - 1, min(len(motion.t), _ROWS)).astype(int)
-    moved = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
+    moved = motion.at(rows)
     still = _at_rest(moved)
     needed = inverse_dynamics(robot, moved) - inverse_dynamics(robot, still)
     weights = rigid_body_regressor(robot, still)
