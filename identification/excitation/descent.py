@@ -118,12 +118,12 @@ def descend(
     for number in range(rounds):
         penalty = Penalty(bounds, _FIRST_WEIGHT * _GROWTH ** (first + number), multipliers)
 
-        def of(x: Array, penalty: Penalty = penalty) -> tuple[float, Array]:
+        def cost_of(x: Array, penalty: Penalty = penalty) -> tuple[float, Array]:
             value, slope = problem.cost(grid, x.reshape(unit.shape) * unit, penalty, criterion)
             return value, (slope * unit).ravel()
 
         x = (weights / unit).ravel()
-        cost = _Cost(of, x)
+        cost = _Cost(cost_of, x)
         options = {"maxiter": iterations, "maxcor": _CORRECTIONS}
         minimize(cost, x, jac=True, method="L-BFGS-B", options=options, callback=cost.accept)
         weights = cost.accepted.reshape(unit.shape) * unit

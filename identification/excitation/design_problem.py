@@ -1,6 +1,7 @@
-"""The optimisation problem of an exciting motion: cost and limited quantities of its weights, with exact derivatives.
+"""The optimisation problem of an exciting motion, with exact derivatives of the cost and of all limited quantities.
 
-The cost is a criterion of the information on base parameters, in units of their sizes, with earlier recordings.
+The unknowns are the weights of the motion's shapes. The cost is a criterion of the information matrix of the base
+parameters, each in units of its size in an ordinary motion. Earlier recordings add to the information.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Base(ReadOnlyArrays):
         """Rows of a regressor, divided by noise and sizes."""
         return ((W / self.noise[:, None])[:, :, list(self.columns)] / self.sizes).reshape(-1, len(self.columns))
 
-    def pulled_back(self, W: Float[Array, "N nv p"], by_information: Float[Array, "r r"]) -> Float[Array, "N nv p"]:
+    def by_regressor(self, W: Float[Array, "N nv p"], by_information: Float[Array, "r r"]) -> Float[Array, "N nv p"]:
         """Derivative of a scalar by each entry of a regressor, from its derivative by the information matrix."""
         out = np.zeros_like(W)
         slope = 2.0 / len(W) * self.rows(W) @ by_information
@@ -183,7 +184,7 @@ class DesignProblem:
     def _viscous(self) -> Float[Array, " nt"]:
         return tree_friction(self.robot)[0]
 
-    def _driven(self, tree: TreeMotion) -> Float[Array, "N nt"]:
+    def _drive_torque(self, tree: TreeMotion) -> Float[Array, "N nt"]:
         """Torque of rotors and viscous friction on the joints of the tree, shape ``(N, nt)``."""
         return np.asarray(self.robot.model.armature) * tree.a + self._viscous * tree.v
 
@@ -204,7 +205,7 @@ class DesignProblem:
         self, motion: Motion, W: Float[Array, "N nv p"], *, slopes: bool
     ) -> tuple[Float[Array, "N m"], Float[Array, "N l nt"] | None]:
         tree = tree_motion(self.robot, motion)
-        tau = W @ standard_parameters(self.robot) + project(tree.G, self._driven(tree))
+        tau = W @ standard_parameters(self.robot) + project(tree.G, self._drive_torque(tree))
         parts = [tree.q, tree.v, motion.a, tau, singularity_distance(self.robot, motion)]
         if not self.limits.boxes and self.limits.collisions is None:
             return np.concatenate(parts, axis=1), None
@@ -232,38 +233,40 @@ class DesignProblem:
         motion = grid.motion(weights)
         W = self.regressor(motion)
         value, by_information = (criterion or self.criterion).cost(self.information(W))
-        limited, placed_slope = self._limited(motion, W, slopes=True)
-        paid, pull = penalty(limited)
+        limited, place_slopes = self._limited(motion, W, slopes=True)
+        excess_cost, by_limited = penalty(limited)
         tree, numeric = tree_motion(self.robot, motion), solved_numerically(self.robot)
         nt, nv = tree.G.shape[1:]
+        # Limited are positions and velocities of the tree, accelerations and torques of active joints, and the others.
         cuts = np.cumsum([nt, nt, nv, nv, int(numeric)])
-        of_x, of_u, of_a, of_tau, of_clear, of_places = np.split(pull, cuts, axis=1)
-        S = self.base.pulled_back(W, by_information)
-        S += of_tau[:, :, None] * standard_parameters(self.robot)
-        on_bodies = S if self.robot.chain is None else np.einsum("nti,nip->ntp", tree.G, S, optimize=True)
-        _, slope = regressor_slope(self.robot.model, tree.q, tree.v, tree.a, on_bodies)
-        if placed_slope is not None:
-            of_x = of_x + np.einsum("nm,nmt->nt", of_places, placed_slope)
-        on_tree = apply(tree.G, of_tau)
-        pulls = TreeGradient(
-            slope.q + of_x,
-            slope.v + of_u + self._viscous * on_tree,
-            slope.a + np.asarray(self.robot.model.armature) * on_tree,
-            self._pull_of_slopes(tree, S, of_tau) if numeric else np.zeros_like(tree.G),
-            of_clear.sum(axis=1),
+        by_q, by_v, by_a, by_tau, by_distance, by_places = np.split(by_limited, cuts, axis=1)
+        by_W = self.base.by_regressor(W, by_information)
+        by_W += by_tau[:, :, None] * standard_parameters(self.robot)
+        by_tree_W = by_W if self.robot.chain is None else np.einsum("nti,nip->ntp", tree.G, by_W, optimize=True)
+        _, slope = regressor_slope(self.robot.model, tree.q, tree.v, tree.a, by_tree_W)
+        if place_slopes is not None:
+            by_q = by_q + np.einsum("nm,nmt->nt", by_places, place_slopes)
+        by_tree_torque = apply(tree.G, by_tau)
+        by_tree = TreeGradient(
+            slope.q + by_q,
+            slope.v + by_v + self._viscous * by_tree_torque,
+            slope.a + np.asarray(self.robot.model.armature) * by_tree_torque,
+            self._by_projection(tree, by_W, by_tau) if numeric else np.zeros_like(tree.G),
+            by_distance.sum(axis=1),
         )
-        active = gradient_of_active(self.robot, motion, tree, pulls)
-        slopes = (active[0], active[1], active[2] + of_a)
-        gradient = sum(part.T @ pulled for part, pulled in zip(grid.values, slopes, strict=True))
-        return value + paid, np.asarray(gradient)
+        active = gradient_of_active(self.robot, motion, tree, by_tree)
+        slopes = (active[0], active[1], active[2] + by_a)
+        gradient = sum(values.T @ by_values for values, by_values in zip(grid.values, slopes, strict=True))
+        return value + excess_cost, np.asarray(gradient)
 
-    def _pull_of_slopes(
-        self, tree: TreeMotion, S: Float[Array, "N nv p"], of_tau: Float[Array, "N nv"]
+    def _by_projection(
+        self, tree: TreeMotion, by_W: Float[Array, "N nv p"], by_tau: Float[Array, "N nv"]
     ) -> Float[Array, "N nt nv"]:
         """Derivative by ``G``, which projects the regressor of the tree and the torque of its drives."""
         model, arrays = self.robot.model, self.robot.arrays
         W = rigid_body.regressor(model, arrays, tree.configuration, tree.v, tree.a)
-        return np.einsum("ntp,nip->nti", W, S, optimize=True) + self._driven(tree)[:, :, None] * of_tau[:, None]
+        from_regressor = np.einsum("ntp,nip->nti", W, by_W, optimize=True)
+        return from_regressor + self._drive_torque(tree)[:, :, None] * by_tau[:, None]
 
 
 @dataclass(frozen=True)

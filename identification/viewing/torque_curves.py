@@ -68,15 +68,15 @@ def torque_curves(
 
 
 def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]:
-    """Residual of each model, root mean square over `WINDOW_S`, over the root mean square of the measured torque.
+    """Moving root mean square of each model's residual over `WINDOW_S`, relative to that of the measured torque.
 
     It is zero for a joint without torque.
     """
-    usual = _root_mean_square(curves.measured)
+    measured_rms = _root_mean_square(curves.measured)
     count = max(1, round(WINDOW_S / float(np.median(np.diff(curves.t)))))
     with np.errstate(divide="ignore", invalid="ignore"):
         return tuple(
-            np.nan_to_num(_moving_rms(curves.residual(k), count) / usual, nan=0.0, posinf=0.0)
+            np.nan_to_num(_moving_rms(curves.residual(k), count) / measured_rms, nan=0.0, posinf=0.0)
             for k in range(len(curves.modelled))
         )
 

@@ -36,12 +36,12 @@ def rows_once_read(columns: Mapping[str, Float[Array, " N"]]) -> tuple[Bool[Arra
     if len(rows) < _FEWEST:
         return every, 1.0
     moving = rows[rows <= _STANDSTILL * np.median(rows)]
-    each = float(moving.mean())
-    at_one_rate = np.mean((moving == np.floor(each)) | (moving == np.ceil(each)))
-    if 1.0 - 1.0 / each < _LEAST_REPEATED or at_one_rate < _AT_ONE_RATE:
+    rows_per_reading = float(moving.mean())
+    at_one_rate = np.mean((moving == np.floor(rows_per_reading)) | (moving == np.ceil(rows_per_reading)))
+    if 1.0 - 1.0 / rows_per_reading < _LEAST_REPEATED or at_one_rate < _AT_ONE_RATE:
         return every, 1.0
     kept = np.zeros(len(values), dtype=bool)
     for first, count in zip(new, np.append(rows, len(values) - new[-1]), strict=True):
-        readings = max(round(count / each), 1)
-        kept[first + np.floor(np.arange(readings) * each).astype(int)] = True
-    return kept, each
+        readings = max(round(count / rows_per_reading), 1)
+        kept[first + np.floor(np.arange(readings) * rows_per_reading).astype(int)] = True
+    return kept, rows_per_reading

@@ -125,15 +125,15 @@ def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Ar
         ):
             if not alone[k] or not np.isfinite(bound) or not beyond <= _AT_BOUND * std[k]:
                 continue
-            said = f"at its {side} bound of {bound:.4g} within its uncertainty: its effect may be absent."
+            finding = f"at its {side} bound of {bound:.4g} within its uncertainty: its effect may be absent."
             if beyond < -_AT_BOUND * std[k]:
-                said = (
+                finding = (
                     f"beyond its {side} bound of {bound:.4g}, which is impossible: something that the model "
                     "lacks takes its place; check the torque's sign and delay, or add effects."
                 )
             name = base.names[column]
             value = f"{name} is {theta[k]:.4g} {base.units[column]}".rstrip()
-            yield Caution(f"{value}, {said}", About.BOUND, (name,))
+            yield Caution(f"{value}, {finding}", About.BOUND, (name,))
 
 
 def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
