@@ -41,9 +41,9 @@ _FEWEST_FOR_CHANGE = 6
 ORDERS = 4999
 """Number of random orders or draws: a probability of 0.01 is then known to a tenth of it."""
 _MOST_ORDERS = 199_999
-"""Largest number of them; with more than a thousand sizes, the smallest probability they show is above the level."""
+"""Largest number of random orders; with over a thousand sizes, even the rarest change is then not significant."""
 _PER_LEVEL = 10
-"""Number of draws below the level of the strictest comparison."""
+"""Number of random orders that are expected below the level of the strictest comparison."""
 
 
 class Size(NamedTuple):
@@ -228,8 +228,11 @@ def _with_enough_draws(one: Series, scatter: Float[Array, " m"] | None, orders: 
 
 def _significant_without_any(one: Series, scatter: Float[Array, " m"]) -> bool:
     """True if there is a significant change whichever single recording is left out."""
-    left = (np.delete(np.arange(len(one.values)), k) for k in range(len(one.values)))
-    return all(change_point(one.values[rows], one.stds[rows], scatter).p <= LEVEL for rows in left)
+    every = np.arange(len(one.values))
+    return all(
+        change_point(one.values[kept], one.stds[kept], scatter).p <= LEVEL
+        for kept in (np.delete(every, k) for k in every)
+    )
 
 
 def change_point(
@@ -252,14 +255,14 @@ def change_point(
     known = 0.0 if scatter is None else float(np.median(weights) * scatter @ scatter)
     best, place, levels = _best_change(values[None], weights[None], known)
     rng = np.random.default_rng(0)
-    as_good, left = 0, orders
-    while left > 0:
-        count = min(left, ORDERS)
+    as_good, remaining = 0, orders
+    while remaining > 0:
+        count = min(remaining, ORDERS)
         drawn = _drawn(rng, np.stack([values, weights]), scatter, count)
         chance, _, _ = _best_change(*drawn, known)
         # The factor allows for rounding.
         as_good += int(np.sum(chance >= best[0] * (1 - 1e-9)))
-        left -= count
+        remaining -= count
     drifts, first = divmod(int(place[0]), len(values))
     # A level that is small beside all sizes is rounding of zero.
     before, after = np.where(np.abs(levels[0]) > 1e-9 * np.abs(values).max(), levels[0], 0.0).tolist()

@@ -59,17 +59,19 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
         if loop is None or loop.computed or recording.torque_from.get(joint) != "u":
             continue
         warm = 1.0 if recording.temperature is None else copper_share(recording.temperature[:, j])
-        own = per_volt(robot.actuators[j]) * np.interp(t, recording.t, np.broadcast_to(warm, recording.t.shape))
+        torque_per_volt = per_volt(robot.actuators[j]) * np.interp(
+            t, recording.t, np.broadcast_to(warm, recording.t.shape)
+        )
         means = np.array([_mean_voltage(loop, recording, t, j, part) for part in _PARTS])
-        arrival[:, j] = own * (means[-1] - means[0])
+        arrival[:, j] = torque_per_volt * (means[-1] - means[0])
         if loop.dropped:
             line = np.convolve(_read_voltage(loop, recording, t, j), [0.125, 0.75, 0.125], "same")
             middle = means[len(_PARTS) // 2]
-            bent = means - middle - np.outer(_PARTS, means[-1] - means[0])
-            largest = np.argmax(np.abs(bent), axis=0)
-            sign = np.sign(bent[largest, np.arange(len(t))])
-            torque[1:-1, j] = (own * (middle - line))[1:-1]
-            doubt[1:-1, j] = (own * sign * np.sqrt(np.mean(bent**2, axis=0)))[1:-1]
+            deviation = means - middle - np.outer(_PARTS, means[-1] - means[0])
+            largest = np.argmax(np.abs(deviation), axis=0)
+            sign = np.sign(deviation[largest, np.arange(len(t))])
+            torque[1:-1, j] = (torque_per_volt * (middle - line))[1:-1]
+            doubt[1:-1, j] = (torque_per_volt * sign * np.sqrt(np.mean(deviation**2, axis=0)))[1:-1]
     return BetweenReadings(torque, arrival, doubt) if arrival.any() else None
 
 

@@ -88,16 +88,16 @@ def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Arra
 
     out = {}
     for k, axis in enumerate("xyz"):
-        own, accelerations = np.tile(gyroscope[:, k], (len(w), 1)), np.tile(accelerometer[:, k], (len(w), 1))
+        of_gyroscope, of_accelerometer = (np.tile(axes[:, k], (len(w), 1)) for axes in (gyroscope, accelerometer))
         unit = np.tile(np.eye(3)[k], (len(w), 1))
 
         def along(x: Array, direction: Array) -> Array:
             return (x @ direction[0])[:, None] * direction
 
-        out[f"accelerometer offset {axis}"] = base_change(none, none, accelerations)
-        out[f"accelerometer scale {axis}"] = base_change(none, none, along(force, accelerations))
-        out[f"gyroscope offset {axis}"] = base_change(own, none, none)
-        out[f"gyroscope scale {axis}"] = base_change(along(w, own), along(dw, own), none)
+        out[f"accelerometer offset {axis}"] = base_change(none, none, of_accelerometer)
+        out[f"accelerometer scale {axis}"] = base_change(none, none, along(force, of_accelerometer))
+        out[f"gyroscope offset {axis}"] = base_change(of_gyroscope, none, none)
+        out[f"gyroscope scale {axis}"] = base_change(along(w, of_gyroscope), along(dw, of_gyroscope), none)
         turned = (np.cross(unit, x) for x in (w, dw, force))
         out[f"turn of the base's sensors {axis}"] = base_change(*turned)
         out[f"place of the accelerometer {axis}"] = np.hstack(

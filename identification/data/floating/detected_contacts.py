@@ -77,22 +77,22 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
             f"{robot.name} is not bolted down (base: floating): add one for every foot, 1 while it touches something "
             "and 0 while it does not (0 throughout if the robot hangs)."
         )
-    t, rest = unmodelled_torque(recording, robot)
+    t, unmodelled = unmodelled_torque(recording, robot)
     rate = (len(t) - 1) / (t[-1] - t[0])
     mass = sum(float(inertia.mass) for inertia in robot.model.inertias)  # of all bodies, with the base
     weight = mass * float(np.linalg.norm(robot.model.gravity.linear))
     contacts = {}
     for frame, length in _legs(robot).items():
-        largest = rest[:, carrying_joints(robot, frame)].max(axis=1)
+        largest = unmodelled[:, carrying_joints(robot, frame)].max(axis=1)
         reach = 2 * max(1, round(_MARGIN * rate)) + 1
         touches = ndimage.maximum_filter1d(_standing(largest, weight * length), reach, axis=0)
         contacts[frame] = read_only(np.interp(recording.t, t, touches) > 0.5, float)
     shares = ", ".join(f"{frame} {100 * x.mean():.0f} %" for frame, x in contacts.items())
-    said = (
+    warning = (
         f"{recording.file} has no column contact.<frame>: contacts were detected from torques, as shares of the time: "
         f"{shares}. Add what the feet measure if you have it: a light touch looks like a wrong model."
     )
-    return replace(recording, base=replace(base, contacts=contacts), warnings=(*recording.warnings, said))
+    return replace(recording, base=replace(base, contacts=contacts), warnings=(*recording.warnings, warning))
 
 
 def _standing(largest: Float[Array, " N"], torque: float) -> Bool[Array, " N"]:

@@ -108,28 +108,29 @@ def _gyroscope(
     w, up = both[:, :3], both[:, 3:]
     up = up / np.maximum(np.linalg.norm(up, axis=1), 1e-300)[:, None]
     turning = np.gradient(up, 1 / rate_hz, axis=0)
-    whole = max(float(np.mean(np.sum(turning**2, axis=1))), 1e-300)
+    squared = max(float(np.mean(np.sum(turning**2, axis=1))), 1e-300)
 
-    def left(matrix: Array) -> float:
-        return float(np.mean(np.sum((turning + np.cross(w @ matrix.T, up)) ** 2, axis=1))) / whole
+    def residual(matrix: Array) -> float:
+        """Share of the squared turning that the gyroscope does not explain after its readings go through a matrix."""
+        return float(np.mean(np.sum((turning + np.cross(w @ matrix.T, up)) ** 2, axis=1))) / squared
 
-    given = left(np.eye(3))
+    given = residual(np.eye(3))
     column = f"w.{base.gyroscope}"
     why = f"it leaves {100 * given:.0f} % of the squares of gravity's turning in the axes of the base"
-    degrees = left(_DEGREE * np.eye(3))
-    others = sorted(((left(matrix), matrix.tolist()) for matrix in _other_axes()), key=lambda one: one[0])
+    degrees = residual(_DEGREE * np.eye(3))
+    others = sorted(((residual(matrix), matrix.tolist()) for matrix in _other_axes()), key=lambda pair: pair[0])
     best, matrix = others[0]
-    spins = given * whole > _SPINS**2 and degrees < _FAR * min(given, best)
-    if spins or (whole > _TURNS**2 and degrees < min(_GOOD, _BETTER * given)):
+    spins = given * squared > _SPINS**2 and degrees < _FAR * min(given, best)
+    if spins or (squared > _TURNS**2 and degrees < min(_GOOD, _BETTER * given)):
         entries = {f"{column}.{axis}": f"{{from: {column}.{axis}, unit: deg/s}}" for axis in "xyz"}
         return (), (Fault(f"{column} is in deg/s and not in rad/s", why, entries_words(recording, entries)),)
-    accelerated = whole > _FASTER**2 * np.mean(np.sum(w**2, axis=1))
-    if whole < _TURNS**2 or accelerated or best > min(_GOOD, _BETTER * given):
+    accelerated = squared > _FASTER**2 * np.mean(np.sum(w**2, axis=1))
+    if squared < _TURNS**2 or accelerated or best > min(_GOOD, _BETTER * given):
         return (), ()
-    alone = others[1][0] > best + _DISTINCT
-    read = f", but only {100 * best:.0f} % {_axes_words(matrix)}" if alone else ""
+    distinct = others[1][0] > best + _DISTINCT
+    better = f", but only {100 * best:.0f} % {_axes_words(matrix)}" if distinct else ""
     return (
-        f"{recording.file}: {column} and sf.{base.accelerometer} do not turn alike: {why}{read}: correct the axes or "
+        f"{recording.file}: {column} and sf.{base.accelerometer} do not turn alike: {why}{better}: correct the axes or "
         "signs of one of them, or the places of their frames.",
     ), ()
 
@@ -155,14 +156,14 @@ def _contacts(recording: Recording, base: BaseReadings, robot: Robot) -> tuple[s
     """Warnings on frames whose column of contacts contradicts the torques."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
-    t, rest = unmodelled_torque(recording, robot)
+    t, unmodelled = unmodelled_torque(recording, robot)
     out = []
     for frame, values in base.contacts.items():
         touches = np.interp(t, recording.t, values) > 0.5
         if min(touches.sum(), (~touches).sum()) < _FEWEST:
             continue
         rows = carrying_joints(robot, frame)
-        air, ground = (float(np.median(rest[some][:, rows].max(axis=1))) for some in (~touches, touches))
+        air, ground = (float(np.median(unmodelled[at][:, rows].max(axis=1))) for at in (~touches, touches))
         if air > _WORSE * ground:
             out.append(
                 f"{recording.file}: contact.{frame} seems to be inverted: the model leaves {air:.2g} N m where it is "

@@ -15,8 +15,8 @@ from phantom_dyn.model.robot import Robot
 
 # Share of a measured torque's standard deviation from which on the weight of the links would be visible in the torque.
 _MATTERS = 0.2
-# Share of gravity above which torques contain the weight; wrong torque constants may halve it.
-_FELT = 0.3
+# Share of gravity, as estimated from torques, above which they contain the weight; wrong torque constants may halve it.
+_CONTAINED = 0.3
 # Largest cosine between the gravity estimated from the torques and the given one with which the base is mounted another
 # way (the diagnosis finds smaller tilts), and smallest cosine between the estimate and an axis with which it is along
 # that axis.
@@ -36,8 +36,8 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
     # A joint at rest has a constant torque, whether its weight was subtracted or a brake bears it.
     joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     size = float(np.linalg.norm(robot.model.gravity.linear))
-    most = size if loaded else _FELT * size
-    if not joints or np.linalg.norm(felt_gravity(robot, reading, joints)) > most:
+    most = size if loaded else _CONTAINED * size
+    if not joints or np.linalg.norm(gravity_from_torques(robot, reading, joints)) > most:
         return []
     return [
         Suspect(
@@ -63,12 +63,12 @@ def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     joints = tuple(np.flatnonzero(varies(reading.tau)).tolist())
     if not joints:
         return []
-    felt = felt_gravity(robot, reading, joints)
-    length = float(np.linalg.norm(felt))
-    if length <= _FELT * size or felt @ given > _UPRIGHT * length * size:
+    estimate = gravity_from_torques(robot, reading, joints)
+    length = float(np.linalg.norm(estimate))
+    if length <= _CONTAINED * size or estimate @ given > _UPRIGHT * length * size:
         return []
-    along = np.eye(3)[np.argmax(np.abs(felt))] * np.sign(felt[np.argmax(np.abs(felt))])
-    directions = [along] if felt @ along > _ALONG * length else [along, felt / length]
+    along = np.eye(3)[np.argmax(np.abs(estimate))] * np.sign(estimate[np.argmax(np.abs(estimate))])
+    directions = [along] if estimate @ along > _ALONG * length else [along, estimate / length]
     tried = [size * way for way in directions if way @ given <= _UPRIGHT * size]
     return [suspect for gravity in tried for suspect in _under(robot, reading, joints, gravity)]
 
@@ -77,15 +77,15 @@ def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float
     """The suspected mistake that gravity [m/s^2] is another one; empty if it would not be visible in any torque."""
     given = np.array(robot.model.gravity.linear)
     change = gravity_torque(robot, reading.motion.q, gravity - given)
-    turns = tuple(j for j in joints if change[:, j].std() > _MATTERS * reading.tau[:, j].std())
-    if not turns:
+    visible = tuple(j for j in joints if change[:, j].std() > _MATTERS * reading.tau[:, j].std())
+    if not visible:
         return []
     mounted = "the base is mounted in another way than gravity in the model says"
     return [
         Suspect(
             "attitude",
-            turns,
-            mounted if given.any() else "the model has no gravity, and the torques feel it",
+            visible,
+            mounted if given.any() else "the model has no gravity, but the torques contain the weight of the links",
             {"gravity": f"[{', '.join(f'{x:.3g}' for x in gravity + 0.0)}]"},
             lambda reading: reading,
             model=with_gravity(robot, gravity),
@@ -93,20 +93,20 @@ def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float
     ]
 
 
-def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> Float[Array, " 3"]:
+def gravity_from_torques(robot: Robot, reading: Reading, joints: Sequence[int]) -> Float[Array, " 3"]:
     """Gravity [m/s^2] in the axes of the base, estimated from the torques of some joints.
 
     It is a least-squares fit of all these torques. Gravity is the same for all joints; each joint has coefficients of
     its own for the other torque of its links, viscous and Coulomb friction, and an offset.
     """
-    pulls = np.stack([gravity_torque(robot, reading.motion.q, axis) for axis in np.eye(3)], axis=2)
+    per_axis = np.stack([gravity_torque(robot, reading.motion.q, axis) for axis in np.eye(3)], axis=2)
     moving = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     moving = moving - gravity_torque(robot, reading.motion.q)
-    n, each = len(moving), len(joints)
-    rows, wanted = np.zeros((n * each, 3 + 4 * each)), np.zeros(n * each)
+    n, count = len(moving), len(joints)
+    columns, torques = np.zeros((n * count, 3 + 4 * count)), np.zeros(n * count)
     for k, j in enumerate(joints):
-        size, part = reading.tau[:, j].std(), slice(k * n, (k + 1) * n)
-        own = np.column_stack([moving[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(n)])
-        rows[part, :3], rows[part, 3 + 4 * k : 7 + 4 * k] = pulls[:, j] / size, own / size
-        wanted[part] = (reading.tau[:, j] + reading.external[:, j]) / size
-    return np.linalg.lstsq(rows, wanted, rcond=1e-6)[0][:3]
+        size, rows = reading.tau[:, j].std(), slice(k * n, (k + 1) * n)
+        of_joint = np.column_stack([moving[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(n)])
+        columns[rows, :3], columns[rows, 3 + 4 * k : 7 + 4 * k] = per_axis[:, j] / size, of_joint / size
+        torques[rows] = (reading.tau[:, j] + reading.external[:, j]) / size
+    return np.linalg.lstsq(columns, torques, rcond=1e-6)[0][:3]

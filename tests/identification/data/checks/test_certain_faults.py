@@ -10,7 +10,7 @@ import pytest
 from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.plausible_fit import unexplained
 from identification.data.checks.readings.reading import of_voltages, reading_of
-from identification.data.checks.readings.weights import compensated_suspects, felt_gravity
+from identification.data.checks.readings.weights import compensated_suspects, gravity_from_torques
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.reading import read_recording
 from identification.data.recording import Fault, Recording
@@ -292,7 +292,7 @@ def test_a_robot_that_stands_askew_lacks_no_weight(clean, planar2):
 def test_the_gravity_that_the_torques_feel(planar2, taken, felt, planar_log):
     tau = planar_log.tau - taken * gravity_torque(planar2, planar_log.q)
     reading = reading_of(smoothed(replace(planar_log, tau=tau)))
-    assert np.linalg.norm(felt_gravity(planar2, reading, (0, 1))) == pytest.approx(felt, abs=0.1)
+    assert np.linalg.norm(gravity_from_torques(planar2, reading, (0, 1))) == pytest.approx(felt, abs=0.1)
 
 
 @pytest.mark.parametrize("constant", [0.0, 1.5])

@@ -9,7 +9,7 @@ import pytest
 
 from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.reading import reading_of
-from identification.data.checks.readings.weights import attitude_suspects, felt_gravity
+from identification.data.checks.readings.weights import attitude_suspects, gravity_from_torques
 from identification.data.checks.smoothed_copy import smoothed
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.support.changed_robot import with_gravity
@@ -38,7 +38,7 @@ def loaded(robot, gravity, place=(0.0, 0.0, -0.3), share=0.4):
 def test_a_wrong_gravity_is_refused_although_the_model_lacks_a_load(clean, planar2, given, place, feels):
     # Known truth: gravity is downwards. With the model's masses twice as much of it is felt, or some from the side.
     robot, recording = with_gravity(planar2, np.array(given)), clean(robot=loaded(planar2, (0.0, 0.0, -9.81), place))
-    felt = felt_gravity(robot, reading_of(smoothed(recording)), range(planar2.nv))
+    felt = gravity_from_torques(robot, reading_of(smoothed(recording)), range(planar2.nv))
     assert np.linalg.norm(felt) == pytest.approx(feels, rel=0.02)
     (fault,) = checked(recording, robot).wrong
     assert fault.what.startswith("the base is mounted in another way than gravity in the model says")
@@ -57,7 +57,7 @@ def test_another_zero_of_the_first_joint_is_named_beside_another_base(clean, pla
 def test_a_model_without_gravity_is_refused_where_the_torques_feel_it(clean, planar2, load):
     recorded = loaded(planar2, (0.0, 0.0, -9.81)) if load else planar2
     (fault,) = checked(clean(robot=recorded), with_gravity(planar2, np.zeros(3))).wrong
-    assert fault.what == "the model has no gravity, and the torques feel it"
+    assert fault.what == "the model has no gravity, but the torques contain the weight of the links"
     assert "write gravity: [0, 0, -9.81] into robot.yaml" in fault.mend
 
 
