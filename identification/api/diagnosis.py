@@ -172,10 +172,10 @@ class Diagnosis:
         """
         xarray = optional_library("xarray")
         evidence = self._evidence()
-        left = np.stack([evidence.residual(tau) for tau in (evidence.tau_before, evidence.tau_after)], axis=-1)
+        residuals = np.stack([evidence.residual(tau) for tau in (evidence.tau_before, evidence.tau_after)], axis=-1)
         joints = [gap.joint for gap in self.joints]
         return xarray.DataArray(
-            left,
+            residuals,
             dims=("time", "joint", "model"),
             coords={
                 "time": ("time", evidence.t, {"units": "s"}),
@@ -203,17 +203,17 @@ class Diagnosis:
         import matplotlib.pyplot as plt
 
         every = [gap.joint for gap in self.joints]
-        wanted = every if joints is None else [joints] if isinstance(joints, str) else list(joints)
-        unknown = [joint for joint in wanted if joint not in every]
-        if unknown or not wanted:
+        chosen = every if joints is None else [joints] if isinstance(joints, str) else list(joints)
+        unknown = [joint for joint in chosen if joint not in every]
+        if unknown or not chosen:
             raise UsageError(
                 f"joint {unknown[0] if unknown else ''!r} was asked for, wanted some of {', '.join(every)}."
             )
-        left = self.residuals()
-        height = 0.8 + 1.6 * len(wanted)
-        axes = plt.subplots(len(wanted), 1, sharex=True, squeeze=False, figsize=(9, height), layout="constrained")[1]
-        for panel, joint in zip(axes[:, 0], wanted, strict=True):
-            self._draw(panel, joint, left.sel(joint=joint))
+        residuals = self.residuals()
+        height = 0.8 + 1.6 * len(chosen)
+        axes = plt.subplots(len(chosen), 1, sharex=True, squeeze=False, figsize=(9, height), layout="constrained")[1]
+        for panel, joint in zip(axes[:, 0], chosen, strict=True):
+            self._draw(panel, joint, residuals.sel(joint=joint))
         axes[0, 0].legend(loc="upper right", ncols=3, frameon=False)
         axes[-1, 0].set_xlabel("time [s]")
         return axes[:, 0]
@@ -266,17 +266,17 @@ class Diagnosis:
             raise UsageError(_FROM_FILE.format("samples"))
         return self.result.evidence
 
-    def _draw(self, panel: Axes, joint: str, left: xarray.DataArray) -> None:
+    def _draw(self, panel: Axes, joint: str, residuals: xarray.DataArray) -> None:
         gap = next(gap for gap in self.joints if gap.joint == joint)
         # NaN interrupts the lines in the gap between two recordings.
-        t = left.time.to_numpy()
+        t = residuals.time.to_numpy()
         steps = np.diff(t)
         breaks = np.flatnonzero(steps > 20 * np.median(steps)) + 1 if len(steps) else []
         for model, label, colour in (
             ("before", "given model", "#d55e00"),
             ("after", "corrected model", "#0072b2"),
         ):
-            values = left.sel(model=model).to_numpy()
+            values = residuals.sel(model=model).to_numpy()
             panel.plot(np.insert(t, breaks, np.nan), np.insert(values, breaks, np.nan), colour, lw=0.8, label=label)
         panel.axhspan(-gap.noise_floor, gap.noise_floor, color="0.5", alpha=0.25, lw=0, label="noise floor")
         panel.set_ylabel(f"{joint} [{gap.unit}]")

@@ -281,13 +281,13 @@ def check(
         UsageError: If an argument is of the wrong kind.
         LogError: If the file cannot be read as a recording.
     """
-    alone = recording is None
-    given = robot if alone else recording
+    only_recording = recording is None
+    given = robot if only_recording else recording
     if isinstance(given, Recording):
         return checked_recording(given, with_robot=True)
-    if not isinstance(given, str | Path) or (looks_like_robot(str(given)) and alone):
+    if not isinstance(given, str | Path) or (looks_like_robot(str(given)) and only_recording):
         raise UsageError(f"{described(given)} was given as a recording, wanted a path or a recording.")
-    loaded = None if alone or isinstance(robot, Recording) else robot_of(robot, given)
+    loaded = None if only_recording or isinstance(robot, Recording) else robot_of(robot, given)
     return checked_file(given, loaded, columns=columns, topic=topic, ref_topic=ref_topic)
 
 

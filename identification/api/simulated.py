@@ -84,12 +84,12 @@ def with_named_effects(robot: Robot, given: object) -> Robot:
         EffectError: If an effect cannot be used.
     """
     if isinstance(given, Diagnosis):
-        own = () if given.robot is None else cast("tuple[Effect, ...]", given.robot.user_effects)
+        given_effects = () if given.robot is None else cast("tuple[Effect, ...]", given.robot.user_effects)
     else:
         firsts = [one[0] for one in listed(given) if isinstance(one, tuple | list) and one]
-        own = tuple(one for one in firsts if isinstance(one, Effect | type))
+        given_effects = tuple(one for one in firsts if isinstance(one, Effect | type))
     known = {effect.name for effect in robot.user_effects}
-    new = {getattr(one, "name", ""): one for one in own if getattr(one, "name", "") not in known}
+    new = {getattr(one, "name", ""): one for one in given_effects if getattr(one, "name", "") not in known}
     return with_user_effects(robot, tuple(new.values()))
 
 

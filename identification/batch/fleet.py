@@ -150,15 +150,17 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
             seen.setdefault(key, []).append(std)
     names = short_names(robots)
     out = []
-    for folder, own in robots.items():
-        own = sorted(own, key=lambda row: Path(row.log).name)
+    for folder, of_robot in robots.items():
+        of_robot = sorted(of_robot, key=lambda row: Path(row.log).name)
         for key, stds in seen.items():
-            usual = float(np.median(stds))
-            beside = {other.effect for found in sizes.values() if key in found for other in found}
-            known_rows = [row for row in own if key in sizes[row.log] or not _others(sizes[row.log], key) - beside]
+            typical_std = float(np.median(stds))
+            found_together = {other.effect for found in sizes.values() if key in found for other in found}
+            known_rows = [
+                row for row in of_robot if key in sizes[row.log] or not _others(sizes[row.log], key) - found_together
+            ]
             if not known_rows:
                 continue
-            values, deviations = np.array([sizes[row.log].get(key, (0.0, usual)) for row in known_rows]).T
+            values, deviations = np.array([sizes[row.log].get(key, (0.0, typical_std)) for row in known_rows]).T
             logs = tuple(Path(row.log).name for row in known_rows)
             finding, parameter = capital(effect_at(EffectAt(key.effect, key.joint))), parameter_name(key.parameter)
             out.append(Series(names[folder], finding, parameter, key.unit, logs, values, deviations))
@@ -328,12 +330,12 @@ def _scatter(others: list[Series]) -> Float[Array, " m"] | None:
         return None
     # The factor corrects for the mean, which is estimated from the same recordings.
     parts = [(v - v.mean()) * np.sqrt(len(v) / (len(v) - 1)) for v in (one.values for one in several)]
-    apart = np.concatenate(parts)
-    usual = float(np.median(np.concatenate([one.stds for one in several])))
+    deviations = np.concatenate(parts)
+    typical_std = float(np.median(np.concatenate([one.stds for one in several])))
     # Without the finding all sizes are zero; the scatter is then a normal one with the usual standard deviation.
-    if float(np.sqrt(np.mean(apart**2))) < usual:
-        return usual * np.asarray(ndtri((np.arange(len(apart)) + 0.5) / len(apart)))
-    return apart
+    if float(np.sqrt(np.mean(deviations**2))) < typical_std:
+        return typical_std * np.asarray(ndtri((np.arange(len(deviations)) + 0.5) / len(deviations)))
+    return deviations
 
 
 def _sizes(document: Any) -> dict[Size, tuple[float, float]]:

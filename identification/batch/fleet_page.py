@@ -56,8 +56,8 @@ def fleet_page(result: DiagnosedRecordings) -> str:
         key=lambda quantity: not any(one.quantity == quantity for one in (*outliers, *changed)),
     )
     for quantity in quantities:
-        own = [one for one in series if one.quantity == quantity]
-        parts.append(_figure(own, [one for one in outliers if one.quantity == quantity],
+        of_quantity = [one for one in series if one.quantity == quantity]
+        parts.append(_figure(of_quantity, [one for one in outliers if one.quantity == quantity],
                              [one for one in changed if one.quantity == quantity]))  # fmt: skip
     if not series:
         parts.append("<p>No recording has a finding with a size.</p>")

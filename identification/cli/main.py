@@ -162,8 +162,8 @@ def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentP
     out = argparse.ArgumentParser(prog="phantom-dyn", add_help=False)
     below = out.add_subparsers()
     for name, (module, purpose) in commands.items():
-        own: argparse.ArgumentParser = importlib.import_module(module).parser()
-        below.add_parser(name, parents=[_without_help(own)], help=purpose)
+        parser: argparse.ArgumentParser = importlib.import_module(module).parser()
+        below.add_parser(name, parents=[_without_help(parser)], help=purpose)
     return out
 
 

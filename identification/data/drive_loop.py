@@ -170,17 +170,17 @@ def _drop(
         ee, ez, zz, zs = (np.cumsum(x) for x in (e * e, e * z, z * z, z))
         ahead = np.arange(len(e) - 1, 0, -1)
         gain, level = ez[:-1] / np.maximum(ee[:-1], 1e-300), (zs[-1] - zs[:-1]) / ahead
-        left = zz[-1] - gain * ez[:-1] - level * (zs[-1] - zs[:-1])
-        there = (level < _DROPPED * gain * e[:-1]) & (ahead > _SHARE_DROPPED * len(e))
-        left = np.where(there, left, np.inf)
-        k = int(np.argmin(left))
-        if left[k] < min(least, _TWO_LEVELS * (zz[-1] - ez[-1] ** 2 / max(ee[-1], 1e-300))):
-            least, best = float(left[k]), (float(delay), float(0.5 * (e[k] + e[k + 1])))
+        squares = zz[-1] - gain * ez[:-1] - level * (zs[-1] - zs[:-1])
+        dropped = (level < _DROPPED * gain * e[:-1]) & (ahead > _SHARE_DROPPED * len(e))
+        squares = np.where(dropped, squares, np.inf)
+        k = int(np.argmin(squares))
+        if squares[k] < min(least, _TWO_LEVELS * (zz[-1] - ez[-1] ** 2 / max(ee[-1], 1e-300))):
+            least, best = float(squares[k]), (float(delay), float(0.5 * (e[k] + e[k + 1])))
     if best is None:
         return None
     # A real drop lasts for several samples; single rows are wrong readings.
-    there = use & _beyond(t, q_ref, q, *best)
-    return best if 2 * int(np.sum(there[1:] & there[:-1])) > there.sum() else None
+    dropped = use & _beyond(t, q_ref, q, *best)
+    return best if 2 * int(np.sum(dropped[1:] & dropped[:-1])) > dropped.sum() else None
 
 
 def _beyond(t: Array, q_ref: Array, q: Array, delay: float, error: float) -> Bool[Array, " N"]:
@@ -211,11 +211,11 @@ def delay_intervals(
 def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float | None, Bool[Array, " N"]]:
     """Limit of the output, and True for rows at the limit; None and no rows if the largest values are only peaks."""
     largest = float(np.abs(y[finite]).max())
-    there = finite & (np.abs(y) >= (1.0 - _AT_LIMIT) * largest)
-    runs = int(np.sum(there[1:] & there[:-1]))
-    if there.sum() < _SHARE_AT_LIMIT * finite.sum() or runs < 0.5 * there.sum():
+    at_limit = finite & (np.abs(y) >= (1.0 - _AT_LIMIT) * largest)
+    runs = int(np.sum(at_limit[1:] & at_limit[:-1]))
+    if at_limit.sum() < _SHARE_AT_LIMIT * finite.sum() or runs < 0.5 * at_limit.sum():
         return None, np.zeros(len(y), dtype=bool)
-    return float(np.median(np.abs(y[there]))), there
+    return float(np.median(np.abs(y[at_limit]))), at_limit
 
 
 def _exceeds_limit(
@@ -294,8 +294,8 @@ def _best(sums: Float[Array, "d 6"], delays: Float[Array, " d"]) -> tuple[float,
     variance = np.maximum(yy - y * y / n - gain * cov, 0.0) / n
     k = int(np.argmin(variance))
     if 0 < k < len(delays) - 1:
-        before, here, after = variance[k - 1 : k + 2]
-        bend = before - 2 * here + after
+        before, lowest, after = variance[k - 1 : k + 2]
+        bend = before - 2 * lowest + after
         shift = 0.5 * (before - after) / bend if bend > 0 else 0.0
         delay = delays[k] + shift * (delays[1] - delays[0])
         return float(np.interp(delay, delays, gain)), float(delay), float(np.sqrt(variance[k]))
@@ -325,7 +325,7 @@ def _hold(t: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) -> floa
         return None
     spans = np.diff(t[changes])
     # Long spans without a change are rests of the reference; the median is that of its motion.
-    usual = float(np.median(spans))
-    moving = spans < 5 * usual
+    typical = float(np.median(spans))
+    moving = spans < 5 * typical
     repeated = 1.0 - step * moving.sum() / max(float(spans[moving].sum()), 1e-300)
     return float(spans[moving].mean()) if repeated > _REPEATED else None

@@ -70,12 +70,6 @@ class ReadOptions:
     anyway: bool = False
 
 
-def _joints_of(table: Table, quantity: str) -> list[str]:
-    """Joints that have a column of a quantity, in the file's order."""
-    start = f"{quantity}."
-    return [name.removeprefix(start) for name in table.columns if name.startswith(start)]
-
-
 def _per_joint(table: Table, quantity: str, joints: Sequence[str]) -> Array | None:
     """Columns of a quantity, shape ``(N, nv)``; None if no joint has one, NaN where a joint has none."""
     if not any(f"{quantity}.{joint}" in table.columns for joint in joints):
@@ -147,13 +141,13 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
                 f"the excluded stretch {time_text(start)}:{time_text(stop)} lies outside {table.file}, which "
                 f"goes from {time_text(t[0])} s to {time_text(t[-1])} s: give times of the log."
             )
-    left = (
+    remaining = (
         int(np.sum(~np.any([(t >= start) & (t <= stop) for start, stop in excluded], axis=0))) if excluded else len(t)
     )
-    if left < FEWEST_ROWS <= len(t):
+    if remaining < FEWEST_ROWS <= len(t):
         raise LogError(
-            f"the excluded stretches leave {left} of the {len(t)} rows of {table.file}, too few to tell anything: "
-            "leave out less."
+            f"the excluded stretches leave {remaining} of the {len(t)} rows of {table.file}, too few to tell "
+            "anything: leave out less."
         )
     return tuple((float(start), float(stop)) for start, stop in excluded)
 
@@ -172,15 +166,15 @@ def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) ->
         return table
     ends = slice(int(inside[0]), int(inside[-1]) + 1)
     columns = {name: values[ends] for name, values in table.columns.items()}
-    left, kept = columns["t"][out[ends]], columns["t"][~out[ends]]
-    for name, values in columns.items() if len(left) else ():
+    excluded_t, known_t = columns["t"][out[ends]], columns["t"][~out[ends]]
+    for name, values in columns.items() if len(excluded_t) else ():
         if name == "t":
             continue
         known = values[~out[ends]]
         far = _WILD * float(np.abs(known - np.median(known)).max())
         if np.abs(values[out[ends]] - np.median(known)).max() > far:
             bridged = np.array(values)
-            bridged[out[ends]] = np.interp(left, kept, known)
+            bridged[out[ends]] = np.interp(excluded_t, known_t, known)
             columns[name] = bridged
     return replace(table, columns=columns)
 
@@ -259,8 +253,9 @@ def recording(
     require_frames(robot, forces)
     positions, orientations = _poses(table, robot)
     warnings = [*table.warnings, *_require_joints(table, robot), *unknown_words(table.file, robot)]
-    base, said = base_readings(table, robot, {quantity: _of_frames(table, quantity) for quantity in ("w", "sf")})
-    warnings += said
+    sensors = {quantity: _of_frames(table, quantity) for quantity in ("w", "sf")}
+    base, base_warnings = base_readings(table, robot, sensors)
+    warnings += base_warnings
     optional = {}
     for key, quantity in _OPTIONAL.items():
         optional[key], sentences = _complete(table, quantity, joints)
@@ -370,9 +365,9 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
         found = replace(found, t=read_only(found.t * usual_clock(found)))
     found = without_unknown_torques(mended(found, robot.prismatic), robot)
     # Closed chains come first: if they do not close, there is no model to compare with.
-    passive, rest = check_passive(found, robot), checked(found, robot)
-    wrong = rest.wrong if clock is None or clock in rest.wrong else (clock, *rest.wrong)
-    return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=wrong, anyway=anyway)
+    passive, checks = check_passive(found, robot), checked(found, robot)
+    wrong = checks.wrong if clock is None or clock in checks.wrong else (clock, *checks.wrong)
+    return replace(found, warnings=(*found.warnings, *passive, *checks.warnings), wrong=wrong, anyway=anyway)
 
 
 def unassigned_recording(table: Table) -> Recording:
@@ -380,7 +375,7 @@ def unassigned_recording(table: Table) -> Recording:
 
     A quantity other than the position is left out unless all joints have it.
     """
-    joints = _joints_of(table, "q")
+    joints = [name.removeprefix("q.") for name in table.columns if name.startswith("q.")]
     q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
     if q is None:
         raise LogError(f"{table.file} has no column q.<joint> (measured position): add it or map it with --columns.")

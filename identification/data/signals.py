@@ -100,9 +100,11 @@ def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple
     early = 1.0 - late
     out = [float(np.mean(early**2 + late**2))]
     for step in (1, 2):
-        apart = first[step:] - first[:-step]
+        distance = first[step:] - first[:-step]
         same = early[:-step] * early[step:] + late[:-step] * late[step:]
-        out.append(float(np.mean(np.where(apart == 0, same, np.where(apart == 1, late[:-step] * early[step:], 0.0)))))
+        out.append(
+            float(np.mean(np.where(distance == 0, same, np.where(distance == 1, late[:-step] * early[step:], 0.0))))
+        )
     return out[0], out[1], out[2]
 
 
@@ -194,9 +196,9 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     held_references = holds_references(recording, robot)
     if q_ref is not None and held_references:
         held = align_held_torque(q_ref)
-        sent = _references(recording, robot, t, q_ref, q, _on_grid(recording.t, differences(recording), t))
+        references = _references(recording, robot, t, q_ref, q, _on_grid(recording.t, differences(recording), t))
         # The torque was computed with references that act without delay.
-        tau = tau if sent is None else tau + sent.with_references(held)
+        tau = tau if references is None else tau + references.with_references(held)
         q_ref = held
     if robot.torque_hold == "zoh":
         tau = align_held_torque(tau)

@@ -49,7 +49,7 @@ def without_unknown_torques(recording: Recording, robot: Robot) -> Recording:
 
 def unknown_words(file: str, robot: Robot) -> tuple[str, ...]:
     """One sentence on the joints of which only the motion is used; empty if there are no such joints."""
-    names = [name for name, own in zip(robot.joint_names, unknown_drives(robot), strict=True) if own]
+    names = [name for name, is_unknown in zip(robot.joint_names, unknown_drives(robot), strict=True) if is_unknown]
     if not names:
         return ()
     joints = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -104,9 +104,9 @@ class Fit:
             robot: The robot that was fitted.
             motion: N samples.
         """
-        everything = Band(1.0, 0.5, np.ones(1), 1)
+        whole_band = Band(1.0, 0.5, np.ones(1), 1)
         nothing = np.zeros_like(motion.q)
-        log = Log("prediction", robot.joint_names, motion, nothing, everything, np.ones(len(motion.t), dtype=bool))
+        log = Log("prediction", robot.joint_names, motion, nothing, whole_band, np.ones(len(motion.t), dtype=bool))
         given = [(term.effect, term.joint, term.shape) for term in self.effects]
         regressor = (torque_regressor if self.rigid_body else gap_regressor)(robot, log, given)
         out = [block[:, :, list(self.base.independent)] @ self.theta for block in regressor.blocks()]
@@ -230,10 +230,10 @@ def fit_of(
         values: Values of the unknowns.
     """
     measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
-    left = np.sqrt(np.mean(values.residual**2, axis=0))
+    residual_rms = np.sqrt(np.mean(values.residual**2, axis=0))
     # The error of a joint without torque is NaN.
-    error = np.full(len(left), np.nan)
-    np.divide(100 * left, measured, out=error, where=measured > 0)
+    error = np.full(len(residual_rms), np.nan)
+    np.divide(100 * residual_rms, measured, out=error, where=measured > 0)
     general = cautions(regressor, base, values.theta, np.sqrt(np.diag(values.cov)), values.factor)
     return Fit(
         estimator=estimator,
@@ -333,9 +333,9 @@ def refit(reduction: Reduction, base: BaseParameters | None = None) -> ReducedFi
     solution = Solution(theta, square, np.empty((0, len(rows))), joint_grams(rows, square))
     ones = np.ones(len(rows))
     spare = reduction.samples - leverage(solution, ones)
-    left = spare > 1e-6 * reduction.samples
+    has_spare = spare > 1e-6 * reduction.samples
     squares = np.array([np.sum((joint[:, -1] - joint[:, :-1] @ theta) ** 2) for joint in rows])
-    sigma = np.sqrt(np.where(left, squares, np.nan) / np.where(left, spare, 1.0))
+    sigma = np.sqrt(np.where(has_spare, squares, np.nan) / np.where(has_spare, spare, 1.0))
     return ReducedFit(
         theta, sandwich(solution, ones, white_scatter(solution, sigma**2)), sigma, base, reduction.samples
     )

@@ -55,10 +55,10 @@ def wls(regressor: Regressor) -> Fit:
     base = base_of(regressor)
     noise = sigma = np.ones(regressor.robot.nv)
     solution = solve(regressor, base, np.ones_like(regressor.y))
-    for again in reversed(range(PASSES)):
+    for remaining in reversed(range(PASSES)):
         sigma = joint_noise(solution.residual, leverage(solution, noise**-2))
         following = floored(sigma, regressor)
-        if not again or weights_agree(noise, following):
+        if not remaining or weights_agree(noise, following):
             break
         noise = following
         solution = solve(regressor, base, np.broadcast_to(1 / noise, regressor.y.shape))

@@ -305,11 +305,11 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
     if shapes != (len(tree), len(tree), robot.nv, robot.nv):
         raise ParameterError(f"The limits are not those of {robot.name}: make them with limits_of for this robot.")
     usable = limits.torque - _coulomb(robot)
-    for name, limit, left in zip(robot.joint_names, limits.torque, usable, strict=True):
-        if not left > 0:
+    for name, limit, usable_torque in zip(robot.joint_names, limits.torque, usable, strict=True):
+        if not usable_torque > 0:
             raise ParameterError(
                 f"The drive of {name} gives {limit:.4g}, and its modelled Coulomb friction alone takes "
-                f"{limit - left:.4g}: correct torque_limit or the friction of the robot file."
+                f"{limit - usable_torque:.4g}: correct torque_limit or the friction of the robot file."
             )
     parts = [
         ("position", tree, units, limits.lower, limits.upper),
@@ -347,10 +347,10 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
 
 def _coulomb(robot: Robot) -> Float[Array, " nv"]:
     """Largest torque of each drive against modelled Coulomb friction, with that of passive joints."""
-    own = np.array(robot.coulomb_friction)
+    coulomb = np.array(robot.coulomb_friction)
     if robot.chain is None or not robot.chain.coulomb_friction.any():
-        return own
-    return own + robot.chain.coulomb_friction @ largest_slope(robot)
+        return coulomb
+    return coulomb + robot.chain.coulomb_friction @ largest_slope(robot)
 
 
 def places(
@@ -383,7 +383,7 @@ def places(
                 slope[k, 3 * m : 3 * m + 3] = J[:3]
     if limits.collisions is None or not len(limits.collisions.names):
         return values, slope
-    apart, apart_slope = distances(model, limits.collisions, configuration, slopes=slopes)
-    if slope is None or apart_slope is None:
-        return np.concatenate([values, apart], axis=1), None
-    return np.concatenate([values, apart], axis=1), np.concatenate([slope, apart_slope], axis=1)
+    gaps, gap_slopes = distances(model, limits.collisions, configuration, slopes=slopes)
+    if slope is None or gap_slopes is None:
+        return np.concatenate([values, gaps], axis=1), None
+    return np.concatenate([values, gaps], axis=1), np.concatenate([slope, gap_slopes], axis=1)

@@ -86,14 +86,15 @@ class Triangle:
         since_turn = (self.frequency * t + self.phase + 0.25) % 1.0
         sign = np.where(since_turn < 0.5, 1.0, -1.0)
         u = since_turn % 0.5
-        into = np.minimum(u, 0.5 - u)  # distance from the nearer turn
-        turning = into < 0.5 * self.turn
-        angle = np.pi * into / self.turn
-        way = np.where(turning, self.turn / np.pi * (1 - np.cos(angle)), self.turn / np.pi + into - 0.5 * self.turn)
-        way = np.where(u < 0.25, way, self._rise - way)
+        from_turn = np.minimum(u, 0.5 - u)  # distance from the nearer turn
+        turning = from_turn < 0.5 * self.turn
+        angle = np.pi * from_turn / self.turn
+        during_turn = self.turn / np.pi * (1 - np.cos(angle))
+        distance = np.where(turning, during_turn, self.turn / np.pi + from_turn - 0.5 * self.turn)
+        distance = np.where(u < 0.25, distance, self._rise - distance)
         a = np.where(turning, np.pi / self.turn * np.cos(angle), 0.0) * np.where(u < 0.25, 1.0, -1.0)
         shape = np.stack(
-            [way - 0.5 * self._rise, self.frequency * np.where(turning, np.sin(angle), 1.0), self.frequency**2 * a]
+            [distance - 0.5 * self._rise, self.frequency * np.where(turning, np.sin(angle), 1.0), self.frequency**2 * a]
         )
         return 2 * self.amplitude / self._rise * sign * shape
 

@@ -74,10 +74,10 @@ def fit_pretension(
     slope = float(np.sum(weight * (pretension - middle) * coulomb) / spread)
     rest = float(np.sum(weight * coulomb) / total - slope * middle)
     square = np.sum(weight * pretension**2)
-    left = np.sum(weight * (coulomb - rest - slope * pretension) ** 2)
+    squares = np.sum(weight * (coulomb - rest - slope * pretension) ** 2)
     return PretensionFit(
         ratio=(slope, 1.0 / math.sqrt(spread)),
         rest=(rest, math.sqrt(1.0 / total + middle**2 / spread)),
         through_origin=(float(np.sum(weight * pretension * coulomb) / square), 1.0 / math.sqrt(square)),
-        misfit=float(left / (len(pretension) - 2)) if len(pretension) > 2 else math.nan,
+        misfit=float(squares / (len(pretension) - 2)) if len(pretension) > 2 else math.nan,
     )

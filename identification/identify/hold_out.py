@@ -215,15 +215,15 @@ def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ..
     times, torques, pieces = [], [], []
     start = 0.0
     for log in logs:
-        whole = [log.tau, fit.predict(fitted, log.motion), inverse_dynamics(given, log.motion)]
-        torques.append([Regressor.in_band(log, values) for values in whole])
+        log_torques = [log.tau, fit.predict(fitted, log.motion), inverse_dynamics(given, log.motion)]
+        torques.append([Regressor.in_band(log, values) for values in log_torques])
         t = log.motion.t[log.samples][log.valid_in_band]
         # One recording keeps its own times; each further one follows after a gap.
         shift = start - t[0] if times and len(t) else 0.0
         times.append(t + shift)
         if len(t):
             start = float(t[-1] + shift) + _BETWEEN * log.band.step / log.band.rate_hz
-        pieces += _stretches(log, whole[0], whole[0] - whole[1])
+        pieces += _stretches(log, log_torques[0], log_torques[0] - log_torques[1])
     measured, predicted, model = (np.concatenate([torque[k] for torque in torques]) for k in range(3))
     return Evidence(np.concatenate(times), measured, predicted, model, *_densities(pieces))
 

@@ -57,10 +57,10 @@ def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
                 "relative_error": _number(joint.relative),
                 "relative_error_given_model": _number(joint.given),
                 "relative_error_fit": _number(joint.fitted),
-                "full_model_rms_from_fit": _number(off),
+                "full_model_rms_from_fit": _number(departure),
                 "hold_out_samples": joint.samples,
             }
-            for joint, off in zip(found.joints, found.departure, strict=True)
+            for joint, departure in zip(found.joints, found.departure, strict=True)
         ],
         "full_model": found.full_words,
         "exports": [_export(export) for export in found.exports],

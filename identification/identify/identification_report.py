@@ -53,8 +53,8 @@ def torque_figure(found: IdentifiedModel, joint: int) -> str:
         curve_over_time(t, predicted[rows], AFTER, 1.2, "identified model"),
     )
     top = Panel(f"torque [{error.unit}]" if error.unit != "N" else "force [N]", torques, height=3.0)
-    left = curve_over_time(t, (measured - predicted)[rows], AFTER, 0.9)
-    bottom = Panel(f"residual [{error.unit}]", (left,), height=2.0, zero=True)
+    residual = curve_over_time(t, (measured - predicted)[rows], AFTER, 0.9)
+    bottom = Panel(f"residual [{error.unit}]", (residual,), height=2.0, zero=True)
     title = f"Measured and predicted torque of joint {error.joint} on held-out data"
     return chart((top, bottom), "time [s]", (7.2, 3.9), title)
 

@@ -79,8 +79,8 @@ def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
     """
     if list(words) == ["none"]:
         return ()
-    short = {effect: term for term, effect in TERMS.items()}
-    found = tuple(short.get(word, word) for word in words)
+    terms = {effect: term for term, effect in TERMS.items()}
+    found = tuple(terms.get(word, word) for word in words)
     for word in found:
         if word not in TERMS:
             known = known_names(word, [*TERMS, "none"], "terms")

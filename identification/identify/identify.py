@@ -162,8 +162,8 @@ def _score(fit: Fit) -> float:
 def _held_out(robot: Robot, split: Split, fit: Fit) -> Float[Array, " nv"]:
     """Relative error of each joint on held-out data, shape ``(nv,)``; NaN without torque."""
     measured = np.concatenate([Regressor.in_band(log, log.tau) for log in split.test])
-    left = measured - np.concatenate([Regressor.in_band(log, fit.predict(robot, log.motion)) for log in split.test])
-    return relative_to(np.sqrt(np.mean(left**2, axis=0)), np.sqrt(np.mean(measured**2, axis=0)))
+    residual = measured - np.concatenate([Regressor.in_band(log, fit.predict(robot, log.motion)) for log in split.test])
+    return relative_to(np.sqrt(np.mean(residual**2, axis=0)), np.sqrt(np.mean(measured**2, axis=0)))
 
 
 def missed_sentences(joints: Sequence[JointError], shared: Sequence[Shared]) -> tuple[str, ...]:
@@ -282,7 +282,7 @@ def identify(
                     *fault_warnings(every),
                     *missed_sentences(errors, shared),
                     *robot.warnings,
-                    *(sentence(said) for recording in every for said in recording.said),
+                    *(sentence(finding) for recording in every for finding in recording.said),
                     *_lacking_excitation(fit, excited.rank, lacking),
                     *caution(split),
                     *(one.sentence for one in fit.cautions if one.about is not About.SEPARATION),
@@ -319,17 +319,19 @@ def _lacking_excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> t
     """A warning on parameters that the recording does not identify although a motion could; else empty."""
     if not lacking:
         return ()
-    some = ", ".join(lacking[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")
+    named = ", ".join(lacking[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")
     return (
         f"The recording separates {fit.rank} of the {excitable} parameters that motion of this robot can separate; it "
-        f"lacks {some}: record a motion that moves every joint, in several postures.",
+        f"lacks {named}: record a motion that moves every joint, in several postures.",
     )
 
 
 def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) -> Float[Array, " nv"]:
     """For each joint, root mean square of the torque by which the full model differs from the fit, shape ``(nv,)``."""
-    off = [Regressor.in_band(log, model_torque(full, log.motion) - fit.predict(fitted, log.motion)) for log in logs]
-    return np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0))
+    differences = [
+        Regressor.in_band(log, model_torque(full, log.motion) - fit.predict(fitted, log.motion)) for log in logs
+    ]
+    return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0))
 
 
 def without_worse_files(
@@ -351,10 +353,10 @@ def without_worse_files(
     out = []
     for file in files:
         robot = robots[file.file]
-        left = replay.squares(lambda k, robot=robot: inverse_dynamics(robot, logs[k].motion))
-        worse = leaves_more(left, before)
+        remaining = replay.squares(lambda k, robot=robot: inverse_dynamics(robot, logs[k].motion))
+        worse = leaves_more(remaining, before)
         if file.text and worse.any():
-            after, had = rms(left), rms(before)
+            after, had = rms(remaining), rms(before)
             j = int(np.argmax(np.where(worse, after / np.maximum(had, 1e-300), 0.0)))
             unit = given.torque_units[j]
             reason = (

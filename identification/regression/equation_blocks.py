@@ -82,17 +82,17 @@ def blocks_of(
         samples: Number of samples of the log, at its full rate, per block.
         columns: Columns to compute, ascending; by default all.
     """
-    band, kept = log.band, log.valid_in_band
+    band, valid_rows = log.band, log.valid_in_band
     bodies = 10 * (robot.model.njoints - 1) if rigid_body else 0
     total = bodies + sum(values.shape[2] for _, values in effects)
-    wanted = range(total) if columns is None else columns
-    rigid = tuple(column for column in wanted if column < bodies)
-    chosen = _some_columns(effects, np.array([column - bodies for column in wanted[len(rigid) :]], dtype=int))
+    chosen_columns = range(total) if columns is None else columns
+    rigid = tuple(column for column in chosen_columns if column < bodies)
+    chosen = _some_columns(effects, np.array([column - bodies for column in chosen_columns[len(rigid) :]], dtype=int))
     # Samples at the ends of a block are computed twice, because the filter of two blocks needs them; they are few.
     size = max(1, max(samples, 8 * band.half) // band.step)
-    for first in range(0, len(kept), size):
-        last = min(first + size, len(kept))
-        block = np.zeros((last - first, robot.nv, len(wanted)))
+    for first in range(0, len(valid_rows), size):
+        last = min(first + size, len(valid_rows))
+        block = np.zeros((last - first, robot.nv, len(chosen_columns)))
         if rigid and band.half == 0:
             rigid_body_regressor(robot, _decimated(log.motion, band.step, first, last), columns=rigid, out=block)
         elif rigid:
@@ -104,7 +104,7 @@ def blocks_of(
             for place, row in enumerate(rows):
                 block[:, row, column : column + wide] = values[first:last, place]
             column += wide
-        valid = kept[first:last]
+        valid = valid_rows[first:last]
         yield block if valid.all() else block[valid]
 
 
@@ -113,8 +113,8 @@ def _some_columns(effects: Sequence[BandedEffect], columns: Array) -> list[Bande
     out, start = [], 0
     for rows, values in effects:
         stop = start + values.shape[2]
-        own = columns[(columns >= start) & (columns < stop)] - start
-        if len(own):
-            out.append((rows, values if len(own) == values.shape[2] else values[:, :, own]))
+        of_effect = columns[(columns >= start) & (columns < stop)] - start
+        if len(of_effect):
+            out.append((rows, values if len(of_effect) == values.shape[2] else values[:, :, of_effect]))
         start = stop
     return out

@@ -67,11 +67,11 @@ class Reduction:
             columns: Some of the ``p`` columns, in any order.
         """
         out = []
-        for own, factor in zip(self.columns, self.factors, strict=True):
-            place = {column: k for k, column in enumerate(own)}
+        for columns_of_joint, factor in zip(self.columns, self.factors, strict=True):
+            place = {column: k for k, column in enumerate(columns_of_joint)}
             wide = np.zeros((len(factor), len(columns) + 1))
-            here = [k for k, column in enumerate(columns) if column in place]
-            wide[:, here] = factor[:, [place[columns[k]] for k in here]]
+            present = [k for k, column in enumerate(columns) if column in place]
+            wide[:, present] = factor[:, [place[columns[k]] for k in present]]
             wide[:, -1] = factor[:, -1]
             out.append(wide)
         return out
@@ -179,8 +179,8 @@ def reduce_blocks(
         columns: For each joint, the columns on which its torque can depend, ascending.
         blocks: Columns ``(n, nv, p)`` and torque ``(n, nv)`` of n samples each.
     """
-    own = tuple(np.array(c, dtype=int) for c in columns)
-    factors = [np.zeros((len(c) + 1, len(c) + 1), order="F") for c in own]
+    columns_of_joints = tuple(np.array(c, dtype=int) for c in columns)
+    factors = [np.zeros((len(c) + 1, len(c) + 1), order="F") for c in columns_of_joints]
     relation: _Relation | None = None
     samples = attempts = 0
     with one_blas_thread():
@@ -188,7 +188,7 @@ def reduce_blocks(
             for start in range(0, len(block), ROWS):
                 part, torque = block[start : start + ROWS], y[start : start + ROWS]
                 if relation is None and samples > 0 and attempts < _ATTEMPTS:
-                    relation, attempts = _relation_of(factors, own, names, units, samples), attempts + 1
+                    relation, attempts = _relation_of(factors, columns_of_joints, names, units, samples), attempts + 1
                     factors = [
                         triangular(factor[:, [*place, -1]])
                         for factor, place in zip(factors, relation.places, strict=True)
@@ -197,7 +197,7 @@ def reduce_blocks(
                     factors, relation = _wide(factors, relation), None
                 for joint, factor in enumerate(factors):
                     place = slice(None) if relation is None else relation.places[joint]
-                    absorb(factor, _rows(part, torque, joint, own[joint][place]))
+                    absorb(factor, _rows(part, torque, joint, columns_of_joints[joint][place]))
                 samples += len(part)
         if relation is not None:
             factors = _wide(factors, relation)
@@ -213,13 +213,17 @@ def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
 
 
 def _relation_of(
-    factors: Sequence[Array], own: Sequence[Array], names: Sequence[str], units: Sequence[str], samples: int
+    factors: Sequence[Array],
+    columns_of_joints: Sequence[Array],
+    names: Sequence[str],
+    units: Sequence[str],
+    samples: int,
 ) -> _Relation:
     """Independent columns and their relations to the others, from the rows that were added with all columns."""
     p = len(names)
     stacked = np.zeros((sum(len(factor) for factor in factors), p))
     row = 0
-    for columns, factor in zip(own, factors, strict=True):
+    for columns, factor in zip(columns_of_joints, factors, strict=True):
         stacked[row : row + len(factor), columns] = factor[:, :-1]
         row += len(factor)
     kept, dependent, grouping, scale = dependent_columns(triangular(stacked), units, _DEPENDENCE)
@@ -234,7 +238,7 @@ def _relation_of(
     zero[kept] = -grouping @ draws
     probes = np.column_stack([zero, rng.standard_normal(p) / scale])
     places, widen = [], []
-    for columns in own:
+    for columns in columns_of_joints:
         place = np.flatnonzero(np.isin(columns, kept))
         places.append(place)
         wide = np.zeros((len(place) + 1, len(columns) + 1))

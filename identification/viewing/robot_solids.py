@@ -67,8 +67,8 @@ class Solids:
         """Positions of copies beside each other [m]: in a row along x or y, whichever side of the robot is narrower."""
         axis = 0 if self.size[0] < self.size[1] else 1
         out = np.zeros((count, 3))
-        apart = max(_APART * self.size[axis], _LEAST_APART * self.size.max())
-        out[:, axis] = apart * np.arange(count)
+        spacing = max(_APART * self.size[axis], _LEAST_APART * self.size.max())
+        out[:, axis] = spacing * np.arange(count)
         return out
 
 
@@ -110,9 +110,9 @@ def _rails(model: pin.Model, replay: Replay) -> tuple[Mesh, ...]:
     """For each linear joint a thin rod along its travel, in the frame of the joint before it."""
     rails: list[list[Mesh]] = [[] for _ in range(model.njoints)]
     for row, name in enumerate(replay.robot.joint_names):
-        joint, way = model.getJointId(name), replay.copies[0].q[:, row]
+        joint, travel = model.getJointId(name), replay.copies[0].q[:, row]
         axis, linear = joint_axis(model, joint)
-        low, high = float(np.nanmin(way)), float(np.nanmax(way))
+        low, high = float(np.nanmin(travel)), float(np.nanmax(travel))
         if linear and high > low:
             place = model.jointPlacements[joint]
             rod = capsule(low * axis, high * axis, _RAIL * (high - low))

@@ -49,14 +49,14 @@ def interruptible() -> Iterator[None]:
         yield
         return
     handler = _Handler()
-    usual = {number: plain for number, plain in _ENDING.items() if signal.getsignal(number) is plain}
-    for number in usual:
+    default_handlers = {number: default for number, default in _ENDING.items() if signal.getsignal(number) is default}
+    for number in default_handlers:
         signal.signal(number, handler)
     try:
         yield
     finally:
-        for number, plain in usual.items():
-            signal.signal(number, plain)
+        for number, default in default_handlers.items():
+            signal.signal(number, default)
 
 
 def end_if_asked() -> None:

@@ -73,10 +73,10 @@ def regress_torque(
     total = float(np.sum((tau - tau.mean()) ** 2))
     if total <= 1e-18 * len(tau) * max(1.0, float(np.max(np.abs(tau)))) ** 2:
         return None
-    plain = np.column_stack([v, sign, np.ones(len(v))])
-    columns = np.column_stack([model, plain])
-    coefficients, left = least_squares(columns, tau)
-    friction_left = least_squares(plain, tau)[1]
+    friction_columns = np.column_stack([v, sign, np.ones(len(v))])
+    columns = np.column_stack([model, friction_columns])
+    coefficients, squares_of_all = least_squares(columns, tau)
+    squares_of_friction = least_squares(friction_columns, tau)[1]
     half = len(tau) // 2
     slopes = (
         float(least_squares(columns[:half], tau[:half])[0][0]),
@@ -87,8 +87,8 @@ def regress_torque(
     scale = np.linalg.norm(without_friction) * np.linalg.norm(v) * np.linalg.norm(added)
     direction = np.sign(float(added @ v))
     friction = float(direction * abs(without_friction @ added) * np.linalg.norm(v) / scale) if scale > 0 else 0.0
-    squares = left if coefficients[0] > 0 else friction_left
-    return TorqueRegression(slopes, friction, squares / total, (friction_left - left) / total)
+    squares = squares_of_all if coefficients[0] > 0 else squares_of_friction
+    return TorqueRegression(slopes, friction, squares / total, (squares_of_friction - squares_of_all) / total)
 
 
 def regress_joints(data: Reading, model: Float[Array, "N nv"]) -> tuple[TorqueRegression | None, ...]:

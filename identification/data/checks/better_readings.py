@@ -108,57 +108,57 @@ def fit_of(
         suspect: The suspected mistake.
         freedom: How far the robot may be from its model.
     """
-    read = suspect.read(reading)
+    corrected = suspect.read(reading)
     try:
-        left = unexplained(suspect.model or robot, read, freedom)
+        shares = unexplained(suspect.model or robot, corrected, freedom)
     except ChainError:
         # With this reading the loops of a closed chain do not close: it cannot be correct.
-        left = np.full_like(before, np.inf)
+        shares = np.full_like(before, np.inf)
     if suspect.kind == "gravity":
         # This reading adds a torque of the model, which raises the variance. The share stays that of the measured one.
-        left = left * read.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
-    return ReadingFit(suspect, np.log((before + ENOUGH) / (left + ENOUGH)), left)
+        shares = shares * corrected.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
+    return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
 
 
 def is_certain(found: ReadingFit) -> bool:
     """Whether a reading fits far better on the joints that it changes, and no other joint fits worse."""
     gains, joints = found.joint_gains, list(found.suspect.joints)
-    own = gains[joints]
+    gains_of_joints = gains[joints]
     if np.nanmin(gains, initial=0.0) < -_WORSE:
         return False
     if found.suspect.expected:
-        left = found.unexplained[~np.isnan(found.unexplained)]
-        return float(np.nansum(gains)) >= 0 and len(left) > 0 and float(np.median(left)) <= _RIGHT
+        shares = found.unexplained[~np.isnan(found.unexplained)]
+        return float(np.nansum(gains)) >= 0 and len(shares) > 0 and float(np.median(shares)) <= _RIGHT
     worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.unexplained.T])
-    mended = (own >= _FAR_BETTER) & (worst[joints] <= _RIGHT)
+    improved = (gains_of_joints >= _FAR_BETTER) & (worst[joints] <= _RIGHT)
     if found.suspect.kind == "order":
-        return bool(mended.any() and np.all(own >= _WORSE))
+        return bool(improved.any() and np.all(gains_of_joints >= _WORSE))
     # One improved joint is enough in five cases: the mistake is only mentioned, not reported as a fault (`offer`); the
     # recorded travel is impossible (`length`); each factor is that of a drive, as no load would make it (`factors`);
     # the torque grows with speed as only a back-EMF does (`voltage`); a joint turns more than once only if its position
     # is in degrees (`degrees`).
     if found.suspect.outcome == "offer" or found.suspect.kind in ("length", "factors", "voltage"):
-        return bool(mended.any())
+        return bool(improved.any())
     if found.suspect.kind == "degrees" and found.suspect.turned:
-        return bool(mended.any())
+        return bool(improved.any())
     if found.suspect.kind == "attitude":
         # All joints have the same gravity. A load that the model lacks may explain the last joints without it.
-        return bool(mended.any() and np.nanmax(worst) <= _RIGHT)
+        return bool(improved.any() and np.nanmax(worst) <= _RIGHT)
     if found.suspect.kind == "gears":
         # In a free swing weight and inertia cancel, and small errors of both look like gears. But then the unexplained
         # share is small as recorded, too.
         recorded = np.exp(found.gains) * (found.unexplained + ENOUGH) - ENOUGH
-        return bool((mended & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > _RIGHT)).any())
+        return bool((improved & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > _RIGHT)).any())
     if found.suspect.kind == "torque":
         # A factor on all joints may be caused by a load, unless two joints agree; one on some joints cannot.
-        return int(mended.sum()) >= (2 if len(own) == len(gains) else 1)
+        return int(improved.sum()) >= (2 if len(gains_of_joints) == len(gains) else 1)
     if found.suspect.kind == "pair":
         return _pair_is_certain(found)
     if found.suspect.kind == "sign" and found.suspect.moves:
         # The joint itself may need the same torque with both signs, if its position matters only to joints before it.
         every = (gains >= _FAR_BETTER) & (worst <= _RIGHT)
-        return bool(every.any() and np.all(np.nan_to_num(own) >= -_WORSE))
-    return int(mended.sum()) >= min(2, len(own))
+        return bool(every.any() and np.all(np.nan_to_num(gains_of_joints) >= -_WORSE))
+    return int(improved.sum()) >= min(2, len(gains_of_joints))
 
 
 def explains_nearly_all(found: ReadingFit) -> bool:
@@ -166,18 +166,18 @@ def explains_nearly_all(found: ReadingFit) -> bool:
 
     Joints whose fit it does not change, as those with noise, say nothing about the reading.
     """
-    rest = np.nanmax(found.unexplained, axis=0, initial=0.0, where=~np.isnan(found.unexplained))
+    worst = np.nanmax(found.unexplained, axis=0, initial=0.0, where=~np.isnan(found.unexplained))
     touched = np.abs(np.nan_to_num(found.joint_gains)) > _WORSE
     touched[list(found.suspect.joints)] = True
-    return bool(rest[touched].max(initial=0.0) <= _RIGHT)
+    return bool(worst[touched].max(initial=0.0) <= _RIGHT)
 
 
 def _pair_is_certain(found: ReadingFit) -> bool:
     """Whether nearly all of the torque is explained after two mistakes were corrected."""
-    left = found.unexplained[~np.isnan(found.unexplained)]
+    shares = found.unexplained[~np.isnan(found.unexplained)]
     better = np.nan_to_num(found.joint_gains) >= _FAR_BETTER
-    wanted = min(2, int((~np.isnan(found.joint_gains)).sum()))
-    return bool(len(left) and np.median(left) <= _BOTH_RIGHT and left.max() <= _RIGHT and better.sum() >= wanted)
+    needed = min(2, int((~np.isnan(found.joint_gains)).sum()))
+    return bool(len(shares) and np.median(shares) <= _BOTH_RIGHT and shares.max() <= _RIGHT and better.sum() >= needed)
 
 
 def better_readings(robot: Robot, reading: Reading, step: float) -> list[ReadingFit]:
@@ -205,9 +205,9 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
         out.append(best)
         if best.suspect.outcome == "offer":
             return out
-        mended = best.suspect.read(reading)
-        step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
-        reading, robot = mended, best.suspect.model or robot
+        corrected = best.suspect.read(reading)
+        step *= float(np.ptp(corrected.motion.t) / np.ptp(reading.motion.t))
+        reading, robot = corrected, best.suspect.model or robot
     return out
 
 
@@ -253,7 +253,7 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
 
 
 def _pair_of_mistakes(
-    robot: Robot, reading: Reading, before: Float[Array, "2 nv"], alone: Sequence[ReadingFit]
+    robot: Robot, reading: Reading, before: Float[Array, "2 nv"], singles: Sequence[ReadingFit]
 ) -> list[ReadingFit]:
     """Two mistakes that are certain together, but not each by itself.
 
@@ -261,30 +261,30 @@ def _pair_of_mistakes(
         robot: The given model.
         reading: The data as recorded.
         before: Their unexplained share.
-        alone: Fits of readings that correct a single mistake.
+        singles: Fits of readings that correct a single mistake.
     """
     worst = np.nanmin(before, axis=0, initial=np.inf, where=~np.isnan(before))
     if not (worst[np.isfinite(worst)] >= _FOR_TWO).any():
         return []
-    plain = plain_unexplained(robot, reading)
+    as_recorded = plain_unexplained(robot, reading)
     driven = _driven(robot, reading)
     signs = [one for one in other.sign_suspects(robot, np.flatnonzero(driven).tolist()) if one.outcome == "wrong"]
-    firsts = [*other.degree_suspects(robot, reading), *_best_in_quick_fit(robot, reading, plain, signs, _FIRSTS)]
+    firsts = [*other.degree_suspects(robot, reading), *_best_in_quick_fit(robot, reading, as_recorded, signs, _FIRSTS)]
     pairs: list[tuple[float, Suspect, Suspect]] = []
     for first in firsts:
         try:
-            read = first.read(reading)
-            ratio = common_ratio(robot, read)
+            corrected = first.read(reading)
+            ratio = common_ratio(robot, corrected)
             seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
             if ratio is not None and abs(np.log(ratio)) > OTHER_UNIT:
                 seconds.append(factor_of_all(robot, 1 / ratio))
             # Two signs of the same joint are one mistake, which is tried by itself.
             seconds = [one for one in seconds if not (one.kind == "sign" and one.joints == first.joints)]
-            pairs += [(_quick_gain(robot, plain, second.read(read)), first, second) for second in seconds]
+            pairs += [(_quick_gain(robot, as_recorded, second.read(corrected)), first, second) for second in seconds]
         except ChainError:
             continue
     pairs.sort(key=lambda pair: -pair[0])
-    single = max((one.score for one in alone), default=0.0)
+    single = max((one.score for one in singles), default=0.0)
     for _, first, second in pairs[:_PAIRS]:
         both = fit_of(robot, before, reading, second.after(first))
         if not is_certain(both) or both.score <= single + _FAR_BETTER:
@@ -296,16 +296,16 @@ def _pair_of_mistakes(
     return []
 
 
-def _quick_gain(robot: Robot, plain: Float[Array, " nv"], read: Reading) -> float:
+def _quick_gain(robot: Robot, as_recorded: Float[Array, " nv"], corrected: Reading) -> float:
     """Sum over all joints of the gain of a reading by quick fits."""
-    return float(np.nansum(np.log((plain + ENOUGH) / (plain_unexplained(robot, read) + ENOUGH))))
+    return float(np.nansum(np.log((as_recorded + ENOUGH) / (plain_unexplained(robot, corrected) + ENOUGH))))
 
 
 def _best_in_quick_fit(
-    robot: Robot, reading: Reading, plain: Float[Array, " nv"], suspects: Sequence[Suspect], count: int
+    robot: Robot, reading: Reading, as_recorded: Float[Array, " nv"], suspects: Sequence[Suspect], count: int
 ) -> list[Suspect]:
     """The ``count`` mistakes whose correction gains most in quick fits of all joints."""
-    gains = [_quick_gain(robot, plain, suspect.read(reading)) for suspect in suspects]
+    gains = [_quick_gain(robot, as_recorded, suspect.read(reading)) for suspect in suspects]
     return [suspects[k] for k in np.argsort(gains)[::-1][:count]]
 
 

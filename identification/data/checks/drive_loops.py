@@ -114,6 +114,6 @@ def _compared(
         power = float(commanded @ commanded)
         if power > 0:
             gain = float(commanded @ tau) / power
-            rest = tau - gain * commanded
-            best = max(best, (gain, 1.0 - float(rest @ rest) / float(tau @ tau)), key=lambda one: one[1])
+            residual = tau - gain * commanded
+            best = max(best, (gain, 1.0 - float(residual @ residual) / float(tau @ tau)), key=lambda one: one[1])
     return best

@@ -72,11 +72,11 @@ def _best_ratios(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> Flo
     def misfit(ratios: Float[Array, " nv"]) -> float:
         """Sum of the logarithms of the unexplained shares of all joints' torques, with the penalty on their factors."""
         try:
-            left, factors = quick_unexplained(robot, with_positions_times(reading, 1 / ratios))
+            shares, factors = quick_unexplained(robot, with_positions_times(reading, 1 / ratios))
         except ChainError:
             return np.inf
         unusual = np.minimum((np.log(np.maximum(factors, 1e-9)) / _USUAL_FACTOR) ** 2, _LARGEST_SQUARE)
-        return float(np.sum(np.log(left + ENOUGH)) + _WEIGHT * np.sum(unusual))
+        return float(np.sum(np.log(shares + ENOUGH)) + _WEIGHT * np.sum(unusual))
 
     def with_ratio(ratios: Float[Array, " nv"], which: list[int], ratio: float) -> Float[Array, " nv"]:
         out = ratios.copy()
@@ -97,38 +97,40 @@ def _best_ratios(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> Flo
         return out
 
     step = float(np.log(grid[1] / grid[0]))
-    own = np.zeros(len(at))
+    logs_of_factors = np.zeros(len(at))
     if len(at) > 1:
-        simplex = np.vstack([own, step * np.eye(len(at))])
+        simplex = np.vstack([logs_of_factors, step * np.eye(len(at))])
         options = {"initial_simplex": simplex, "maxfev": _FITS_PER_JOINT * len(at), "xatol": 2e-3, "fatol": 1e-3}
-        own = minimize(lambda logs: misfit(moved(logs)), own, method="Nelder-Mead", options=options).x
+        logs_of_factors = minimize(
+            lambda logs: misfit(moved(logs)), logs_of_factors, method="Nelder-Mead", options=options
+        ).x
     if robot.prismatic[at[0]]:
         # The weight on a linear joint does not depend on its position, so that it cannot refine the ratio.
-        return moved(own)
+        return moved(logs_of_factors)
 
     def with_load(log: float) -> float:
-        return misfit_as_modelled(robot, with_positions_times(reading, 1 / moved(own + log)))
+        return misfit_as_modelled(robot, with_positions_times(reading, 1 / moved(logs_of_factors + log)))
 
-    return moved(own + float(np.asarray(fminbound(with_load, -3 * step, 3 * step, xtol=5e-3))))
+    return moved(logs_of_factors + float(np.asarray(fminbound(with_load, -3 * step, 3 * step, xtol=5e-3))))
 
 
 def _suspect(robot: Robot, joints: tuple[int, ...], ratios: Float[Array, " nv"]) -> Suspect:
     """The suspected mistake that positions of joints are those of their motors; equal ratios are averaged."""
-    own = ratios[list(joints)]
-    one = np.ptp(np.log(np.abs(own))) < _EQUAL_RATIOS and len(set(np.sign(own))) == 1
+    of_joints = ratios[list(joints)]
+    one = np.ptp(np.log(np.abs(of_joints))) < _EQUAL_RATIOS and len(set(np.sign(of_joints))) == 1
     if one:
         ratios = ratios.copy()
-        ratios[list(joints)] = float(np.sign(own[0]) * np.exp(np.mean(np.log(np.abs(own)))))
-        own = ratios[list(joints)][:1]
-    way = [", which turns the other way round" if ratio < 0 else "" for ratio in own]
+        ratios[list(joints)] = float(np.sign(of_joints[0]) * np.exp(np.mean(np.log(np.abs(of_joints)))))
+        of_joints = ratios[list(joints)][:1]
+    directions = [", which turns the other way round" if ratio < 0 else "" for ratio in of_joints]
     unit = " rad/m" if robot.prismatic[joints[0]] else ""
-    said = [f"{abs(ratio):.3g}{unit}{back}" for ratio, back in zip(own, way, strict=True)]
+    ratio_words = [f"{abs(ratio):.3g}{unit}{direction}" for ratio, direction in zip(of_joints, directions, strict=True)]
     be = "position of {} is" if len(joints) == 1 else "positions of {} are"
     gear = "a gear" if one else "gears"
     return Suspect(
         "degrees" if not robot.prismatic[joints[0]] else "length",
         joints,
-        f"the {be.format(names(robot, joints))} on the motor's side of {gear} of about {', '.join(said)}",
+        f"the {be.format(names(robot, joints))} on the motor's side of {gear} of about {', '.join(ratio_words)}",
         joint_entries(
             robot, "q", {j: f"gear: {abs(ratios[j]):.3g}{', sign: -1' if ratios[j] < 0 else ''}" for j in joints}
         ),

@@ -84,16 +84,16 @@ def separated(robot: Robot, motion: Motion) -> Separated:
     count = len(motion.t)
     rows = np.linspace(0, count - 1, min(count, _ROWS)).astype(int)
     shifts = [int(count * (joint * 0.381966 % 1.0)) for joint in range(robot.nv)]
-    apart = Motion(motion.t[rows], *(_shifted(x, shifts)[rows] for x in (motion.q, motion.v, motion.a)))
-    w, free = rigid_body_regressor(robot, motion.at(rows)), rigid_body_regressor(robot, apart)
-    usual = np.sqrt(np.mean((w @ standard_parameters(robot)) ** 2, axis=0))
-    usual = np.where(usual > 0.0, usual, max(float(usual.max()), 1e-300))[None, :, None]
-    w, free = ((part / usual).reshape(-1, part.shape[2]) for part in (w, free))
+    shifted = Motion(motion.t[rows], *(_shifted(x, shifts)[rows] for x in (motion.q, motion.v, motion.a)))
+    w, free = rigid_body_regressor(robot, motion.at(rows)), rigid_body_regressor(robot, shifted)
+    torque_rms = np.sqrt(np.mean((w @ standard_parameters(robot)) ** 2, axis=0))
+    torque_rms = np.where(torque_rms > 0.0, torque_rms, max(float(torque_rms.max()), 1e-300))[None, :, None]
+    w, free = ((part / torque_rms).reshape(-1, part.shape[2]) for part in (w, free))
     values = _singular(free / np.maximum(np.linalg.norm(free, axis=0), 1e-300))
     rank = int(np.sum(values > _STRUCTURAL * values[0]))
-    plain = _singular(w / np.maximum(np.linalg.norm(w, axis=0), 1e-300))[:rank]
+    values_of_motion = _singular(w / np.maximum(np.linalg.norm(w, axis=0), 1e-300))[:rank]
     shown = _singular(w * _units(robot)) / np.sqrt(len(rows))
-    condition = float(plain[0] / max(float(plain[-1]), 1e-12 * float(plain[0])))
+    condition = float(values_of_motion[0] / max(float(values_of_motion[-1]), 1e-12 * float(values_of_motion[0])))
     return Separated(min(int(np.sum(shown > _SHOWN)), rank), rank, condition)
 
 

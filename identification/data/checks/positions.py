@@ -64,8 +64,8 @@ def quantum(q: Float[Array, " N"]) -> float:
         if step == 0:
             return 0.0
     small = steps[steps < 50 * step]
-    off = np.abs(small / step - np.round(small / step))
-    if len(small) < _FEWEST_STEPS or np.percentile(off, 95) >= 0.05:
+    distances = np.abs(small / step - np.round(small / step))
+    if len(small) < _FEWEST_STEPS or np.percentile(distances, 95) >= 0.05:
         return 0.0
     return step if np.count_nonzero(np.diff(np.round(differences / step))) >= _FEWEST_STEPS else 0.0
 
@@ -216,9 +216,9 @@ def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: flo
     for k in np.flatnonzero(faster & (np.abs(steps) > max(least, _BEYOND_NOISE * noise))) + 1:
         if not _BESIDE < k < len(q) - _BESIDE:
             continue
-        beside = np.concatenate([speeds[k - 1 - _BESIDE : k - 1], speeds[k : k + _BESIDE]])
+        neighbours = np.concatenate([speeds[k - 1 - _BESIDE : k - 1], speeds[k : k + _BESIDE]])
         ways = np.array([q[k - 1] - q[k - 1 - _BESIDE], q[k + _BESIDE] - q[k]])
-        if speeds[k - 1] > _JUMP * beside.max() and np.all(-np.sign(steps[k - 1]) * ways > _BEYOND_NOISE * noise):
+        if speeds[k - 1] > _JUMP * neighbours.max() and np.all(-np.sign(steps[k - 1]) * ways > _BEYOND_NOISE * noise):
             out.append(k)
     return np.array(out, dtype=int)
 

@@ -139,4 +139,4 @@ def with_unknown_arrivals(robot: Robot, logs: tuple[Log, ...]) -> Robot:
     if not unknown:
         return robot
     joints = zip(robot.joint_names, np.any(unknown, axis=0), strict=True)
-    return replace(robot, unknown_arrivals=tuple(joint for joint, own in joints if own))
+    return replace(robot, unknown_arrivals=tuple(joint for joint, is_unknown in joints if is_unknown))

@@ -62,17 +62,18 @@ def before_low_pass(
     _require_joints(table, robot, table.low_pass, "went through a low pass")
     if not table.low_pass:
         return tau, ()
-    out, said = tau.copy(), []
+    out, inverted = tau.copy(), []
     for j, joint in enumerate(robot.joint_names):
         hertz = table.low_pass.get(joint, table.low_pass.get(""))
         if hertz is None or np.ptp(tau[:, j]) == 0:
             continue
         t = table.columns["t"]
         out[:, j] += CubicSpline(t, tau[:, j])(t, 1) / (2 * np.pi * hertz)
-        said.append(f"{hertz:g} Hz of {joint}")
-    if not said:
+        inverted.append(f"{hertz:g} Hz of {joint}")
+    if not inverted:
         return tau, ()
-    return read_only(out), (f"{table.file}: the low pass at {', '.join(said)} was taken back, as the column map says.",)
+    sentence = f"{table.file}: the low pass at {', '.join(inverted)} was taken back, as the column map says."
+    return read_only(out), (sentence,)
 
 
 def put_back_sentences(table: Table, robot: Robot) -> tuple[str, ...]:

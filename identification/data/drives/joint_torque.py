@@ -117,13 +117,13 @@ def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) 
     Returns:
         The decrease [N m s/rad or N s/m], ``(nv,)``, zero for other joints; None without such joints.
     """
-    pairs = zip(robot.joint_names, robot.actuators, strict=True)
     differenced = [torque_from.get(joint) == "u" and f"v.{joint}" not in table.columns for joint in robot.joint_names]
     if not any(differenced):
         return None
     # The mean resistance is accurate enough here: it multiplies only the part of the speed that a filter removes.
     warm = [float(np.mean(warm_share(table, joint))) for joint in robot.joint_names]
-    return np.array([w * per_speed(a) if own else 0.0 for (_, a), own, w in zip(pairs, differenced, warm, strict=True)])
+    decreases = [warmth * per_speed(actuator) for warmth, actuator in zip(warm, robot.actuators, strict=True)]
+    return np.where(differenced, decreases, 0.0)
 
 
 def _warming(table: Table, joint: str, actuator: Actuator) -> tuple[str, ...]:
@@ -220,10 +220,13 @@ def drive_torque(
         return None, (sentence,) if len(missing) < len(found) else ()
     tau = side_by_side([values for values in found.values() if values is not None])
     driven = [actuator.actuated and actuator.drive_known for _, actuator in pairs]
-    some = [bool(np.any(column)) for column in tau.T]
-    if torque_needed and any(driven) and not any(x for x, live in zip(some, driven, strict=True) if live):
+    zero = [
+        joint
+        for joint, is_driven, torque in zip(robot.joint_names, driven, tau.T, strict=True)
+        if is_driven and not torque.any()
+    ]
+    if torque_needed and zero and len(zero) == sum(driven):
         raise LogError(f"{table.file}: the torque is zero on every joint: record the torque or current of the drives.")
-    zero = [joint for (joint, _), live, moved in zip(pairs, driven, some, strict=True) if live and not moved]
     warnings = tuple(
         f"{table.file}: the torque of {joint} is zero throughout: if the joint has no drive, say actuated: false in "
         "robot.yaml."
@@ -231,7 +234,7 @@ def drive_torque(
     )
     sources = torque_sources(table, robot.joint_names)
     warm = [_warming(table, joint, actuator) for joint, actuator in pairs if sources.get(joint) == "u"]
-    return tau, (*warnings, *(sentence for own in warm for sentence in own))
+    return tau, (*warnings, *(sentence for sentences in warm for sentence in sentences))
 
 
 def external_torque(
@@ -319,8 +322,8 @@ def computed_from_references(
     for j, (joint, loop, actuator) in enumerate(zip(robot.joint_names, loops, robot.actuators, strict=True)):
         if loop is None or not loop.computed or torque_from.get(joint) != "u":
             continue
-        own = float(np.mean(warm_share(table, joint))) * per_volt(actuator)
-        gain[j] = own * loop.gain
+        torque_per_volt = float(np.mean(warm_share(table, joint))) * per_volt(actuator)
+        gain[j] = torque_per_volt * loop.gain
         if loop.limit is not None:
-            limits[j] = own * loop.limit
+            limits[j] = torque_per_volt * loop.limit
     return (gain, limits) if gain.any() else (None, None)

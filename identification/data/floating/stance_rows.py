@@ -37,8 +37,8 @@ def stance_words(recording: Recording, robot: Robot) -> str:
     rows = np.flatnonzero(steady)[:: max(1, round(rate / _RATE))]
     needed = wrench_and_torque(robot, motion.at(rows))
     given = np.hstack([np.zeros((len(rows), 6)), tau[rows]])
-    rest: list[Array] = []
-    whole: list[Array] = []
+    residuals: list[Array] = []
+    modelled: list[Array] = []
     swings = 0
     for k, row in enumerate(rows):
         frames = [frame for frame, one in touches.items() if one[row]]
@@ -47,15 +47,17 @@ def stance_words(recording: Recording, robot: Robot) -> str:
         )
         swings += int((~held).sum())
         if frames:
-            some = np.concatenate([np.ones(6, dtype=bool), held])
-            free = contact_free(robot, motion.q[row], frames, some)
-            rest.append(free.T @ (given[k] - needed[k])[some])
-            whole.append(free.T @ needed[k][some])
-    if not rest:
+            used = np.concatenate([np.ones(6, dtype=bool), held])
+            free = contact_free(robot, motion.q[row], frames, used)
+            residuals.append(free.T @ (given[k] - needed[k])[used])
+            modelled.append(free.T @ needed[k][used])
+    if not residuals:
         return f"{file}: stance adds nothing, as nothing touches the ground."
-    added, left, all_ = sum(map(len, rest)), *(np.sqrt(np.mean(np.concatenate(x) ** 2)) for x in (rest, whole))
+    added = sum(map(len, residuals))
+    residual_rms, modelled_rms = (np.sqrt(np.mean(np.concatenate(x) ** 2)) for x in (residuals, modelled))
     return (
         f"{file}: stance adds {added / len(rows):.1f} equations per sample that hold for any contact forces, beside "
         f"{swings / len(rows):.1f} of joints free of contact. In those of stance the given model, its base included, "
-        f"leaves {left:.2g} of {all_:.2g} (root mean square, N and N m together). No diagnosis uses them."
+        f"leaves {residual_rms:.2g} of {modelled_rms:.2g} (root mean square, N and N m together). No diagnosis uses "
+        "them."
     )

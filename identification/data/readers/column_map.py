@@ -208,9 +208,9 @@ def read_column_map(path: str | Path) -> ColumnMap:
         raise LogError(f"{path.name} is empty: a column map needs entries such as t: TIME_COLUMN.")
     entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
     compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
-    rest = {key: _without_low_pass(path.name, key, value) for key, (value, _) in entries.items()}
-    low_pass = {key.partition(".")[2]: hertz for key, (_, hertz) in rest.items() if hertz is not None}
-    sources = {key: source_of(path.name, key, value) for key, (value, _) in rest.items() if value != {}}
+    without_low_pass = {key: _without_low_pass(path.name, key, value) for key, (value, _) in entries.items()}
+    low_pass = {key.partition(".")[2]: hertz for key, (_, hertz) in without_low_pass.items() if hertz is not None}
+    sources = {key: source_of(path.name, key, value) for key, (value, _) in without_low_pass.items() if value != {}}
     _require_own_columns(path.name, sources)
     return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate)
 
@@ -325,7 +325,7 @@ def _expanded(
     warnings: tuple[str, ...] = ()
     if numbered:
         positions = numbered.get("q") or next(iter(numbered.values()))
-        taken, warnings = joints_of_numbers(raw, positions, joints)
+        joint_of_number, warnings = joints_of_numbers(raw, positions, joints)
         for key, found in numbered.items():
             strange = sorted(set(found) - set(positions))
             if strange:
@@ -335,9 +335,9 @@ def _expanded(
                 )
             source = columns.sources[key]
             out |= {
-                f"{key}.{taken[number]}": replace(source, name=found[number])
+                f"{key}.{joint_of_number[number]}": replace(source, name=found[number])
                 for number in sorted(found)
-                if number in taken
+                if number in joint_of_number
             }
     out |= {key: source for key, source in columns.sources.items() if column_of(key) is not None}
     return out, warnings

@@ -336,8 +336,8 @@ def contract_table(raw: RawTable) -> Table:
     if dropped:
         noun = "row that repeats the one before was" if dropped == 1 else "rows that repeat the one before were"
         warnings += (f"{raw.file}: {dropped} {noun} dropped.",)
-    kept, again = _read_once(raw, columns, kept)
-    warnings += again
+    kept, repeats = _read_once(raw, columns, kept)
+    warnings += repeats
     if others:
         noun = "column" if len(others) == 1 else "columns"
         warnings += (f"{raw.file}: {noun} {listed(others)} not used: no name of a log's columns.",)

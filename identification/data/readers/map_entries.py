@@ -33,15 +33,15 @@ def _in_names_of_file(recording: Recording, entries: Mapping[str, str]) -> dict[
     """Entries with the column names of the file in place of standard names."""
     out: dict[str, str] = {}
     for key, value in entries.items():
-        taken = next((quantity for quantity in JOINT_QUANTITIES if f'"{quantity}.{{joint}}"' in value), None)
-        if taken is None:
+        repeated_for = next((quantity for quantity in JOINT_QUANTITIES if f'"{quantity}.{{joint}}"' in value), None)
+        if repeated_for is None:
             out[key] = _renamed(recording, value)
-        elif not any(f"{taken}.{joint}" in recording.named for joint in recording.joint_names):
+        elif not any(f"{repeated_for}.{joint}" in recording.named for joint in recording.joint_names):
             out[key] = value
         else:
             for joint in recording.joint_names:
-                own = value.replace(f'"{taken}.{{joint}}"', f"{taken}.{joint}")
-                out[f"{key}.{joint}"] = _renamed(recording, own)
+                of_joint = value.replace(f'"{repeated_for}.{{joint}}"', f"{repeated_for}.{joint}")
+                out[f"{key}.{joint}"] = _renamed(recording, of_joint)
     return out
 
 

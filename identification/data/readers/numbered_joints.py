@@ -35,15 +35,16 @@ def joints_of_numbers(
     for order in raw.motor_orders:
         known = dict(zip(numbers, order, strict=False))
         if set(joints) <= set(known.values()):
-            kept = {number: joint for number, joint in known.items() if joint in joints}
-            return kept, (_sentence(raw.file, "in the order of the maker's documentation", positions, kept),)
+            joint_of_number = {number: joint for number, joint in known.items() if joint in joints}
+            sentence = _sentence(raw.file, "in the order of the maker's documentation", positions, joint_of_number)
+            return joint_of_number, (sentence,)
     moving = [number for number in numbers if _moves(raw, positions[number])]
     if len(numbers) > len(joints) and (not moving or moving[-1] in numbers[: len(joints)]):
         numbers = numbers[: len(joints)]
     if len(numbers) != len(joints):
         raise LogError(_refusal(raw, positions, numbers, joints))
-    taken = dict(zip(numbers, joints, strict=True))
-    return taken, (_sentence(raw.file, "in the robot's order", positions, taken),)
+    joint_of_number = dict(zip(numbers, joints, strict=True))
+    return joint_of_number, (_sentence(raw.file, "in the robot's order", positions, joint_of_number),)
 
 
 def _moves(raw: RawTable, column: str) -> bool:
@@ -52,8 +53,8 @@ def _moves(raw: RawTable, column: str) -> bool:
     return values is None or bool(np.any(values))
 
 
-def _sentence(file: str, order: str, positions: Mapping[int, str], taken: Mapping[int, str]) -> str:
-    pairs = [f"{positions[number]} is {joint}" for number, joint in taken.items()]
+def _sentence(file: str, order: str, positions: Mapping[int, str], joint_of_number: Mapping[int, str]) -> str:
+    pairs = [f"{positions[number]} is {joint}" for number, joint in joint_of_number.items()]
     return f"{file} numbers its joints, which were taken {order}: {listed(pairs, 40)}; if not, map them with --columns."
 
 

@@ -181,11 +181,11 @@ def columns_joined(first: RawTable, others: Sequence[RawTable]) -> RawTable:
     twice = {name for name, count in counts.items() if count > 1 and name != _TIME}
     out, *others = [_renamed(raw, twice) for raw in (first, *others)]
     for other in others:
-        rows, own = _rows(out), _rows(other)
-        if rows != own:
+        rows, other_rows = _rows(out), _rows(other)
+        if rows != other_rows:
             raise LogError(
-                f"{out.file} has {rows} rows and {other.file} has {own}: files side by side need the same rows; cut "
-                "them alike."
+                f"{out.file} has {rows} rows and {other.file} has {other_rows}: files side by side need the same rows; "
+                "cut them alike."
             )
         if _TIME in out.columns and _TIME in other.columns:
             _require_same_times(out, other)
@@ -201,7 +201,7 @@ def columns_joined(first: RawTable, others: Sequence[RawTable]) -> RawTable:
 def _renamed(raw: RawTable, twice: set[str]) -> RawTable:
     before = raw.file.rpartition(".")[0] or raw.file
     columns = {f"{before}/{name}" if name in twice else name: values for name, values in raw.columns.items()}
-    problems = {f"{before}/{name}" if name in twice else name: said for name, said in raw.problems.items()}
+    problems = {f"{before}/{name}" if name in twice else name: problem for name, problem in raw.problems.items()}
     return replace(raw, columns=columns, problems=problems)
 
 
@@ -210,14 +210,14 @@ def _rows(raw: RawTable) -> int:
 
 
 def _require_same_times(first: RawTable, other: RawTable) -> None:
-    t, own = first.columns[_TIME], other.columns[_TIME]
+    t, other_t = first.columns[_TIME], other.columns[_TIME]
     if len(t) < 2:
         return
-    apart = np.abs(t - own)
-    if not float(np.max(apart)) <= _TIME_TOLERANCE * abs(float(np.median(np.diff(t)))):
-        row = int(np.argmax(apart))
+    differences = np.abs(t - other_t)
+    if not float(np.max(differences)) <= _TIME_TOLERANCE * abs(float(np.median(np.diff(t)))):
+        row = int(np.argmax(differences))
         raise LogError(
-            f"{first.file} and {other.file} have different times, {t[row]:g} s and {own[row]:g} s in "
+            f"{first.file} and {other.file} have different times, {t[row]:g} s and {other_t[row]:g} s in "
             f"{first.place(row)}: files side by side need the same rows; bring them to one time first."
         )
 

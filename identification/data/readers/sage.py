@@ -30,13 +30,13 @@ def with_neighbours(path: Path, raw: RawTable) -> RawTable:
     control = path.parent / _CONTROL
     if control.exists() and control != path and "timestamp" in raw.columns:
         require_plain_file(control, LogError, "SAGE's control.csv")
-        asked = read_delimited(control)
-        places = [name for name in asked.columns if name.startswith("positions[")]
-        if "timestamp" not in asked.columns or not places:
+        commands = read_delimited(control)
+        places = [name for name in commands.columns if name.startswith("positions[")]
+        if "timestamp" not in commands.columns or not places:
             raise LogError(f"{control} has no columns timestamp and positions, so it is no control.csv of SAGE.")
-        columns = {f"control{name.removeprefix('positions')}": asked.columns[name] for name in places}
+        columns = {f"control{name.removeprefix('positions')}": commands.columns[name] for name in places}
         timed = replace(raw, columns={**raw.columns, "t": raw.columns["timestamp"]})
-        found = with_references(timed, SentReferences(_CONTROL, asked.columns["timestamp"], columns))
+        found = with_references(timed, SentReferences(_CONTROL, commands.columns["timestamp"], columns))
         raw = replace(found, columns={name: values for name, values in found.columns.items() if name != "t"})
     return replace(raw, joint_names=names)
 

@@ -119,23 +119,23 @@ def _is_number(word: str) -> bool:
 
 def _without_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
     """The joint whose name a column's name contains (the longest if there are several), and the remaining words."""
-    best, left = "", words
+    best, remaining = "", words
     most = 0
     for joint in joints:
-        whole = _parts(joint)
-        for wanted in (whole, [word for word in whole if word != "joint"]):
-            at = next((k for k in range(len(words)) if wanted and words[k : k + len(wanted)] == wanted), None)
-            if at is not None and len(wanted) > most and not all(word.isdigit() for word in wanted):
-                best, most, left = joint, len(wanted), words[:at] + words[at + len(wanted) :]
-    return best, left
+        parts = _parts(joint)
+        for part in (parts, [word for word in parts if word != "joint"]):
+            at = next((k for k in range(len(words)) if part and words[k : k + len(part)] == part), None)
+            if at is not None and len(part) > most and not all(word.isdigit() for word in part):
+                best, most, remaining = joint, len(part), words[:at] + words[at + len(part) :]
+    return best, remaining
 
 
 def _quantity(words: list[str], has_joint: bool) -> Quantity | None:
     """Quantity of a column from the words of its name; None if it is not recognised."""
     meaningful = {word for word in words if word not in _UNITS}
     commanded = bool(meaningful & _COMMANDED)
-    for quantity, own in _WORDS.items():
-        if meaningful & own:
+    for quantity, words_of_quantity in _WORDS.items():
+        if meaningful & words_of_quantity:
             if quantity == "q":
                 return "q_ref" if commanded else "q"
             # A commanded torque or speed is not a measured one.

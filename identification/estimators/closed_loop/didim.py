@@ -114,35 +114,37 @@ def require_own_controllers(loops: Iterable[Loop]) -> None:
         if log.q_ref is None:
             continue
         error, v = log.q_ref - log.motion.q, log.motion.v
-        asked = _torque_in_band(loop, np.clip(feedback.kp * error - feedback.kd * v, -feedback.limit, feedback.limit))
+        commanded = _torque_in_band(
+            loop, np.clip(feedback.kp * error - feedback.kd * v, -feedback.limit, feedback.limit)
+        )
         parts = np.stack([_torque_in_band(loop, error), _torque_in_band(loop, -v)], axis=2)
         recorded = Regressor.in_band(log, log.tau)
         for j, joint in enumerate(log.joint_names):
             tau = recorded[:, j]
-            left = _relative_rms(tau - asked[:, j], tau)
-            if feedback.kp[j] == 0.0 or left <= _LARGEST_MISFIT:
+            share = _relative_rms(tau - commanded[:, j], tau)
+            if feedback.kp[j] == 0.0 or share <= _LARGEST_MISFIT:
                 continue
             gains = np.linalg.lstsq(parts[:, j], tau, rcond=None)[0]
-            said = ""
+            hint = ""
             if _relative_rms(tau - parts[:, j] @ gains, tau) < _FITTED_GAINS:
                 if np.all(gains > 0.0):
-                    said = f"; kp = {gains[0]:.3g} and kd = {gains[1]:.3g} would give it"
+                    hint = f"; kp = {gains[0]:.3g} and kd = {gains[1]:.3g} would give it"
                 elif np.all(gains < 0.0):
                     entry = f"tau.{joint}: {{from: tau.{joint}, sign: -1}}"
-                    said = f"; the other sign is nearer: write {entry} into a column map"
+                    hint = f"; the other sign is nearer: write {entry} into a column map"
             raise LogError(
                 f"{log.file}: the stated controller of {joint} (kp {feedback.kp[j]:.3g}, kd {feedback.kd[j]:.3g}) asks "
-                f"for another torque than was recorded, {100 * left:.0f} % of it apart{said}: state the controller "
+                f"for another torque than was recorded, {100 * share:.0f} % of it apart{hint}: state the controller "
                 "that moved the robot, or use an estimator without simulation, such as wls."
             )
 
 
-def _torque_in_band(loop: Loop, asked: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+def _torque_in_band(loop: Loop, commanded: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Torque that the controllers command, with the delay and hold of the loop, in the band."""
     t, late = loop.log.motion.t, loop.feedback.delay
     if late:
-        asked = np.stack([np.interp(t - late, t, column) for column in asked.T], axis=1)
-    return Regressor.in_band(loop.log, align_held_torque(asked) if loop.align else asked)
+        commanded = np.stack([np.interp(t - late, t, column) for column in commanded.T], axis=1)
+    return Regressor.in_band(loop.log, align_held_torque(commanded) if loop.align else commanded)
 
 
 def _relative_rms(part: Float[Array, " n"], whole: Float[Array, " n"]) -> float:

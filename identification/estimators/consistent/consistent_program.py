@@ -65,10 +65,14 @@ class Program:
     @property
     def scale(self) -> Float[Array, " p"]:
         """Unit of each column: that of the reference body; for a coefficient, its column is as large as all bodies'."""
-        own = np.concatenate([np.zeros(0), *(body.scale for body in self.bodies)])
-        rest = np.linalg.norm(self.factor[:, len(own) :], axis=0)
-        size = float(np.linalg.norm(self.factor[:, : len(own)] * own)) or float(rest.max(initial=0.0)) or 1.0
-        return np.concatenate([own, np.where(rest > 0, size / np.where(rest > 0, rest, 1.0), 1.0)])
+        body_scales = np.concatenate([np.zeros(0), *(body.scale for body in self.bodies)])
+        norms = np.linalg.norm(self.factor[:, len(body_scales) :], axis=0)
+        size = (
+            float(np.linalg.norm(self.factor[:, : len(body_scales)] * body_scales))
+            or float(norms.max(initial=0.0))
+            or 1.0
+        )
+        return np.concatenate([body_scales, np.where(norms > 0, size / np.where(norms > 0, norms, 1.0), 1.0)])
 
 
 @dataclass(frozen=True)
@@ -191,8 +195,8 @@ def _coordinates(program: Program, largest: float) -> tuple[Array, Array]:
     shrunk = min(1.0, largest / max(float(np.linalg.norm(columns)), 1.0))
     drawn *= np.sqrt(program.weight)
     q, triangle = np.linalg.qr(np.vstack([shrunk * columns, drawn]))
-    left = np.concatenate([shrunk * (program.target - columns @ known), np.zeros(len(drawn))])
-    start = known + np.linalg.solve(triangle, q.T @ left)
+    target = np.concatenate([shrunk * (program.target - columns @ known), np.zeros(len(drawn))])
+    start = known + np.linalg.solve(triangle, q.T @ target)
     return start, np.linalg.inv(triangle)
 
 

@@ -125,8 +125,8 @@ def base_places(regressor: Regressor, base: BaseParameters) -> list[list[int]]:
         regressor: The equations.
         base: Which columns are the unknowns.
     """
-    own = [set(columns) for columns in regressor.touched]
-    return [[k for k, column in enumerate(base.independent) if column in touched] for touched in own]
+    touched_columns = [set(columns) for columns in regressor.touched]
+    return [[k for k, column in enumerate(base.independent) if column in touched] for touched in touched_columns]
 
 
 def _residual_and_rows(regressor: Regressor, base: BaseParameters, theta: Array) -> tuple[Array, tuple[Array, ...]]:
@@ -149,25 +149,25 @@ def _residual_and_rows(regressor: Regressor, base: BaseParameters, theta: Array)
 def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array) -> Array:
     """Triangular factor of the weighted base regressor and torque."""
     reduction = regressor.reduction
-    kept = base.independent
+    columns = base.independent
     if (weights == weights[:1]).all():  # with constant weights, the reduction of the rows can be used
-        return triangular(np.concatenate(reduction.weighted(weights[0]).rows(kept)))
-    r = len(kept)
-    own = base_places(regressor, base)
-    factors = [np.zeros((len(place) + 1, len(place) + 1), order="F") for place in own]
+        return triangular(np.concatenate(reduction.weighted(weights[0]).rows(columns)))
+    r = len(columns)
+    places = base_places(regressor, base)
+    factors = [np.zeros((len(place) + 1, len(place) + 1), order="F") for place in places]
     with one_blas_thread():
         for at, block in base_blocks(regressor, base):
             for first in range(0, len(block), ROWS):
                 part = block[first : first + ROWS]
-                here = slice(at.start + first, at.start + first + len(part))
-                for joint, place in enumerate(own):
+                at_part = slice(at.start + first, at.start + first + len(part))
+                for joint, place in enumerate(places):
                     rows = np.empty((len(part), len(place) + 1), order="F")
                     rows[:, :-1] = part[:, joint, place]
-                    rows[:, -1] = regressor.y[here, joint]
-                    rows *= weights[here, joint, None]
+                    rows[:, -1] = regressor.y[at_part, joint]
+                    rows *= weights[at_part, joint, None]
                     absorb(factors[joint], rows)
     wide = [np.zeros((len(factor), r + 1)) for factor in factors]
-    for rows, place, factor in zip(wide, own, factors, strict=True):
+    for rows, place, factor in zip(wide, places, factors, strict=True):
         rows[:, [*place, r]] = factor
     return triangular(np.concatenate(wide))
 

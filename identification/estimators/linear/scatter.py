@@ -55,8 +55,8 @@ def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Fl
         used: Number of parameters that the rows of each joint determine.
     """
     spare = len(residual) - used
-    left = spare > 1e-6 * len(residual)
-    return np.sqrt(np.where(left, np.sum(residual**2, axis=0), np.nan) / np.where(left, spare, 1.0))
+    has_spare = spare > 1e-6 * len(residual)
+    return np.sqrt(np.where(has_spare, np.sum(residual**2, axis=0), np.nan) / np.where(has_spare, spare, 1.0))
 
 
 def white_scatter(solution: Solution, scatter: Float[Array, " nv"]) -> Float[Array, "r r"]:
@@ -179,8 +179,8 @@ def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Floa
     bread = np.einsum("j,jkl->kl", information, solution.grams)
     middle = np.linalg.solve(bread, np.linalg.solve(bread, scatter).T)
     # The values are not finite if the noise is not known.
-    left = solve_triangular(solution.factor, middle, check_finite=False)
-    covariance = solve_triangular(solution.factor, left.T, check_finite=False)
+    half = solve_triangular(solution.factor, middle, check_finite=False)
+    covariance = solve_triangular(solution.factor, half.T, check_finite=False)
     return 0.5 * (covariance + covariance.T)
 
 

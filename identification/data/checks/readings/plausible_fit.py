@@ -100,10 +100,10 @@ def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) ->
     torque = reading.tau + reading.external
     half = len(torque) // 2
     out = np.full((2, torque.shape[1]), np.nan)
-    whole = torque.var(axis=0)
+    whole_variance = torque.var(axis=0)
     for k, rows in enumerate((slice(None, half), slice(half, None))):
         variance = torque[rows].var(axis=0)
-        used = (variance > _QUIET * whole) & varies(torque[rows])
+        used = (variance > _QUIET * whole_variance) & varies(torque[rows])
         if used.any():
             out[k, used] = _mean_squares(columns, torque, rows, np.flatnonzero(used)) / variance[used]
     return out
@@ -112,10 +112,10 @@ def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) ->
 def misfit_as_modelled(robot: Robot, reading: Reading) -> float:
     """Sum over the joints of the logarithm of the unexplained share, with a robot as in `AS_MODELLED`."""
     try:
-        left = unexplained(robot, reading, AS_MODELLED)
+        shares = unexplained(robot, reading, AS_MODELLED)
     except ChainError:
         return np.inf
-    known = left[:, ~np.isnan(left).all(axis=0)]
+    known = shares[:, ~np.isnan(shares).all(axis=0)]
     return float(np.sum(np.log(np.nanmean(known, axis=0) + _SAME)))
 
 
@@ -170,18 +170,18 @@ def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, 
     low = np.concatenate([columns.low, *(columns.own_low[j] for j in joints)])
     high = np.concatenate([columns.high, *(columns.own_high[j] for j in joints)])
     size = torque[rows][:, joints].std(axis=0)
-    wanted = torque[rows][:, joints] / size
+    target = torque[rows][:, joints] / size
     shared, own = columns.shared[rows][:, joints] / size[:, None], columns.own[rows][:, joints] / size[:, None]
     constants = np.ones(len(joints))
     best = np.full(len(joints), np.inf)
     for turn in range(_ROUNDS):
-        x = _bounded_fit(_stacked(shared * constants[:, None], own), wanted.T.ravel(), low, high)
+        x = _bounded_fit(_stacked(shared * constants[:, None], own), target.T.ravel(), low, high)
         need = shared @ x[:count]
         each = []
         for k in range(len(joints)):
             part = slice(count + _OWN * k, count + _OWN * (k + 1))
             bounds = (np.r_[1 / columns.factor, low[part]], np.r_[columns.factor, high[part]])
-            each.append(_own_fit(need[:, k], own[:, k], wanted[:, k], bounds))
+            each.append(_own_fit(need[:, k], own[:, k], target[:, k], bounds))
         constants, squares = np.transpose(each)
         best = np.minimum(best, squares)
         if turn == 0 and best.max() < _RIDGE:
@@ -203,12 +203,12 @@ def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float
 
 
 def _own_fit(
-    need: Float[Array, " n"], own: Float[Array, "n 4"], wanted: Float[Array, " n"], bounds: tuple[Array, Array]
+    need: Float[Array, " n"], own: Float[Array, "n 4"], target: Float[Array, " n"], bounds: tuple[Array, Array]
 ) -> tuple[float, float]:
     """Factor of a joint's torque constant, and mean squared residual, if its links need the torque ``need``."""
     columns = np.column_stack([need, own])
-    x = _bounded_fit(columns, wanted, *bounds)
-    return float(x[0]), float(np.mean((wanted - columns @ x) ** 2))
+    x = _bounded_fit(columns, target, *bounds)
+    return float(x[0]), float(np.mean((target - columns @ x) ** 2))
 
 
 def _bounded_fit(

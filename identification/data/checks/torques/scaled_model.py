@@ -50,14 +50,14 @@ def quick_unexplained(robot: Robot, reading: Reading) -> tuple[Float[Array, " k"
     size = np.linalg.norm(columns, axis=1, keepdims=True)
     columns = columns / np.where(size > 0, size, 1.0)
     normal = columns.transpose(0, 2, 1) @ columns + _RIDGE * np.eye(3)
-    wanted = np.einsum("jnk,nj->jk", columns, torque)
-    whole = np.sum(torque**2, axis=0)
-    both = np.linalg.solve(normal, wanted[:, :, None])[:, :, 0]
-    friction = np.linalg.solve(normal[:, 1:, 1:], wanted[:, 1:, None])[:, :, 0]
+    products = np.einsum("jnk,nj->jk", columns, torque)
+    squares = np.sum(torque**2, axis=0)
+    both = np.linalg.solve(normal, products[:, :, None])[:, :, 0]
+    friction = np.linalg.solve(normal[:, 1:, 1:], products[:, 1:, None])[:, :, 0]
     positive = both[:, 0] > 0
-    explained = np.where(positive, np.sum(both * wanted, axis=1), np.sum(friction * wanted[:, 1:], axis=1))
+    explained = np.where(positive, np.sum(both * products, axis=1), np.sum(friction * products[:, 1:], axis=1))
     factors = np.where(positive, both[:, 0] / np.where(size[:, 0, 0] > 0, size[:, 0, 0], 1.0), 0.0)
-    return np.maximum(1 - explained / whole, 0.0), factors
+    return np.maximum(1 - explained / squares, 0.0), factors
 
 
 def common_ratio(robot: Robot, reading: Reading) -> float | None:

@@ -123,14 +123,14 @@ def _voltage_suspect(robot: Robot, reading: Reading, each: Suspect) -> Suspect |
         each: The suspect that each torque has a factor of its own.
     """
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    felt = reading.tau + reading.external
+    torque = reading.tau + reading.external
     shares = np.zeros(robot.nv)
-    for j in np.flatnonzero(varies(felt)):
+    for j in np.flatnonzero(varies(torque)):
         v = reading.motion.v[:, j]
         columns = np.column_stack([model[:, j], v, reading.sign[:, j], np.ones(len(v))])
-        slope = least_squares(columns, felt[:, j])[0][1]
+        slope = least_squares(columns, torque[:, j])[0][1]
         if slope > _VISCOUS_RATIO * robot.viscous_friction[j]:
-            shares[j] = slope**2 * v.var() / felt[:, j].var()
+            shares[j] = slope**2 * v.var() / torque[:, j].var()
     joints = np.flatnonzero(shares >= _VOLTAGE_SHARE)
     if not set(each.joints) <= set(joints.tolist()):
         return None
@@ -197,13 +197,13 @@ def _own_factors(robot: Robot, reading: Reading, scales: Float[Array, " nv"], fa
     units = ["N/A" if robot.prismatic[j] else "N m/A" for j in joints]
     per = [f"{scales[j]:.2g} {unit} on {robot.joint_names[j]}" for j, unit in zip(joints, units, strict=True)]
     unknown = tuple(np.flatnonzero(np.isnan(scales)).tolist())
-    rest = f" (the motion does not show that of {names(robot, unknown)})" if unknown else ""
+    exception = f" (the motion does not show that of {names(robot, unknown)})" if unknown else ""
     be = "torques of {} look" if len(joints) > 1 else "torque of {} looks"
     return Suspect(
         "gears" if np.nanmin(scales[list(joints)]) > 1 else "factors",
         joints,
         f"the {be.format(names(robot, joints))} like motor current, or like torque before the gear, and not like "
-        f"torque at the joint, with a factor of about {listed(per)}{rest}",
+        f"torque at the joint, with a factor of about {listed(per)}{exception}",
         joint_entries(robot, "tau", {j: f"gear: {scales[j]:.3g}" for j in joints}),
         lambda reading: with_torques_times(reading, factor),
         price=1,

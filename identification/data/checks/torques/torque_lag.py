@@ -260,13 +260,13 @@ def _low_pass(clear: _ClearSamples) -> LowPass | None:
         seconds = -float(tau @ slope) / max(float(slope @ slope), 1e-300)
         return seconds, float(np.sum((tau + seconds * slope) ** 2)), float(tau @ tau)
 
-    seconds, left, before = constant(np.arange(len(clear.tau)))
+    seconds, after, before = constant(np.arange(len(clear.tau)))
     unfiltered = clear.tau + seconds * clear.slope
-    if seconds <= 0 or left > _LARGEST_RESIDUAL * np.sum((unfiltered - unfiltered.mean()) ** 2):
+    if seconds <= 0 or after > _LARGEST_RESIDUAL * np.sum((unfiltered - unfiltered.mean()) ** 2):
         return None
     std = jackknife_error(np.array([constant(kept)[0] for kept in _without(clear)]))
     shift = max(float(_squared_residuals(clear.columns, clear.shifted).min()), 1e-300)
-    return LowPass(clear.joint, seconds, std, 1 - left / before, left / shift)
+    return LowPass(clear.joint, seconds, std, 1 - after / before, after / shift)
 
 
 def _without(clear: _ClearSamples) -> list[Int[Array, " n"]]:

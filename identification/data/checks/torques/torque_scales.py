@@ -132,8 +132,8 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
     size, scale = np.nan_to_num(np.abs(np.log(scales))), common_scale(scales)
     if scale is None and size.max(initial=0.0) <= OTHER_UNIT:
         return None
-    off = ~np.isnan(scales) if scale is not None else size > OWN_FACTOR
-    joints = tuple(np.flatnonzero(off).tolist())
+    concerned = ~np.isnan(scales) if scale is not None else size > OWN_FACTOR
+    joints = tuple(np.flatnonzero(concerned).tolist())
     units = listed(sorted({"N/A" if robot.prismatic[j] else "N m/A" for j in joints}))
     which, are, alike = ("torque", "is", "") if len(joints) == 1 else ("torques", "are", ", all alike")
     entries = joint_entries(robot, "tau", {j: f"gear: {scales[j]:.3g}" for j in joints})

@@ -38,17 +38,17 @@ def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, 
         x = np.linalg.lstsq(columns, tau * np.sign(needed[:, j]), rcond=1e-9)[0]
         for _ in range(_ROUNDS):
             x = np.linalg.lstsq(columns, tau * np.sign(columns @ x), rcond=1e-9)[0]
-        left = float(np.mean((tau - np.abs(columns @ x)) ** 2))
-        if x[0] > 0 and left < _RIGHT * tau.var() and left < _CERTAIN * signed:
-            found.append((recording.joint_names[j], signed / tau.var(), left / tau.var()))
+        unsigned = float(np.mean((tau - np.abs(columns @ x)) ** 2))
+        if x[0] > 0 and unsigned < _RIGHT * tau.var() and unsigned < _CERTAIN * signed:
+            found.append((recording.joint_names[j], signed / tau.var(), unsigned / tau.var()))
     if not found:
         return None
-    names, (_, signed, left) = listed([name for name, _, _ in found]), max(found, key=lambda one: one[1])
-    many = len(found) > 1
+    names, (_, signed, unsigned) = listed([name for name, _, _ in found]), max(found, key=lambda one: one[1])
+    several = len(found) > 1
     return Fault(
-        f"the torque{'s' * many} of {names} {'have' if many else 'has'} no sign",
-        f"the motion needs torques of both signs, {'these are' if many else 'this is'} never negative; as a signed "
-        f"torque {100 * signed:.0f} % of it is left unexplained, as a magnitude {max(100 * left, 0.1):.2g} %",
+        f"the torque{'s' * several} of {names} {'have' if several else 'has'} no sign",
+        f"the motion needs torques of both signs, {'these are' if several else 'this is'} never negative; as a signed "
+        f"torque {100 * signed:.0f} % of it is left unexplained, as a magnitude {max(100 * unsigned, 0.1):.2g} %",
         "record the torque with its sign: it cannot be put back with certainty where the torque passes zero",
     )
 

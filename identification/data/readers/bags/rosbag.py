@@ -121,13 +121,15 @@ def _opened(
     """The table of an open bag."""
     connections = list(reader.connections)
     states = _choose_topic(file, connections, topic, STATES, "--topic")
-    asked = [] if ref_topic is None else _choose_topic(file, connections, ref_topic, REFERENCES, "--ref-topic")
-    register_types(file, store, (*states, *asked))
+    references = [] if ref_topic is None else _choose_topic(file, connections, ref_topic, REFERENCES, "--ref-topic")
+    register_types(file, store, (*states, *references))
     table = _table(
-        file, _topic(reader, states, STATES, decode), None if not asked else _topic(reader, asked, REFERENCES, decode)
+        file,
+        _topic(reader, states, STATES, decode),
+        None if not references else _topic(reader, references, REFERENCES, decode),
     )
     others = sorted({c.topic for c in connections if c.msgtype == CONTROLLER_STATE} - {states[0].topic})
-    if not others or asked:
+    if not others or references:
         return table
     warning = (
         f"{file}: the references of the controllers are on {listed(others)} and are read with --ref-topic {others[0]}."
@@ -225,7 +227,7 @@ def _columns(names: tuple[str, ...], fields: Mapping[str, Array]) -> dict[str, A
     return out
 
 
-def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
+def _table(file: str, states: _Topic, references: _Topic | None) -> RawTable:
     """The table of a topic of joint states, with the references of another topic if there is one."""
     topic = states.name
     if not states.messages:
@@ -250,8 +252,8 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
         which = "ticks" if messages[0].joints.is_tick else "header stamps"
         warnings += (f"{file}: the {which} of {topic} do not increase: the times of receipt were taken.",)
     based = [message.joints.base for message in messages if message.joints.base is not None]
-    base, said = base_columns(file, based) if len(based) == len(messages) else ({}, ())
-    warnings += said
+    base, base_warnings = base_columns(file, based) if len(based) == len(messages) else ({}, ())
+    warnings += base_warnings
     times = received if stamps is None else stamps
     table = RawTable(
         file,
@@ -261,32 +263,34 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
         numbered=not names,
         motor_orders=MOTOR_ORDERS if states.kind in DOCUMENTED_ORDER else (),
     )
-    if asked is None:
+    if references is None:
         return table
     own_clock = stamps is None or messages[0].joints.is_tick
     return with_references(
-        table, _reference(file, asked, names, None if own_clock else int(times[0]), received, table.columns["t"])
+        table, _reference(file, references, names, None if own_clock else int(times[0]), received, table.columns["t"])
     )
 
 
 def _reference(
-    file: str, asked: _Topic, names: tuple[str, ...], start: int | None, received: Array, t: Array
+    file: str, references: _Topic, names: tuple[str, ...], start: int | None, received: Array, t: Array
 ) -> SentReferences:
     """References of a topic, with times on the clock of the states.
 
     Args:
         file: Name of the bag, for messages.
-        asked: The topic of the references.
+        references: The topic of the references.
         names: Joints of the states; references without names are in this order.
         start: Stamp of the first state [ns]; None if the stamps of the states are from a clock of their own.
         received: When each state was received [ns].
         t: Time of each state [s].
     """
-    messages = [m for m in asked.messages if len(m.joints.values["q_ref"])]
+    messages = [m for m in references.messages if len(m.joints.values["q_ref"])]
     if not messages:
-        raise LogError(f"{file}: the messages of {asked.name} hold no references of positions: name another topic.")
-    messages, _ = _of_main_joints(file, replace(asked, messages=messages))
-    values = _field(file, asked, messages, "q_ref")
+        raise LogError(
+            f"{file}: the messages of {references.name} hold no references of positions: name another topic."
+        )
+    messages, _ = _of_main_joints(file, replace(references, messages=messages))
+    values = _field(file, references, messages, "q_ref")
     assert values is not None  # messages without them were left out
     stamps = None if start is None else _stamps(messages, np.all(values[1:] == values[:-1], axis=1))
     if stamps is not None and start is not None:
@@ -295,7 +299,7 @@ def _reference(
         # Each state has a time on both clocks: the median difference is the offset between the clocks.
         times = (_received(messages) - received[0]) * 1e-9 - float(np.median((received - received[0]) * 1e-9 - t))
     names = messages[0].names or (names if len(names) == values.shape[1] else ())
-    return SentReferences(asked.name, times, _columns(names, {"q_ref": values}))
+    return SentReferences(references.name, times, _columns(names, {"q_ref": values}))
 
 
 def read_ros1_bag(path: Path, topic: str | None, ref_topic: str | None = None) -> RawTable:

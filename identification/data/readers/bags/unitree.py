@@ -59,8 +59,10 @@ def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapp
         columns[f"contact.{foot}"] = (every[:, 6 + FEET.index(foot)] > level).astype(float)
     if not levels:
         return columns, ()
-    said = ", ".join(f"{level:.0f} of {foot}" for foot, level in levels.items())
-    return columns, (f"{file}: a foot counts as on the ground from a force on of {said} (halfway between two levels).",)
+    level_words = ", ".join(f"{level:.0f} of {foot}" for foot, level in levels.items())
+    return columns, (
+        f"{file}: a foot counts as on the ground from a force on of {level_words} (halfway between two levels).",
+    )
 
 
 def threshold(force: Float[Array, " N"]) -> float | None:
@@ -70,11 +72,11 @@ def threshold(force: Float[Array, " N"]) -> float | None:
     ordered = np.sort(force)
     count = np.arange(1, len(ordered))
     sums, squares = np.cumsum(ordered)[:-1], np.cumsum(ordered**2)[:-1]
-    left = squares - sums**2 / count
+    squared_residuals = squares - sums**2 / count
     right = (np.sum(ordered**2) - squares) - (ordered.sum() - sums) ** 2 / (len(ordered) - count)
-    k = int(np.argmin(left + right))
+    k = int(np.argmin(squared_residuals + right))
     low, high = ordered[: k + 1], ordered[k + 1 :]
-    apart = float(high.mean() - low.mean())
-    if apart < max(_LEAST_COUNTS, _LEAST_SPREADS * float(low.std())):
+    distance = float(high.mean() - low.mean())
+    if distance < max(_LEAST_COUNTS, _LEAST_SPREADS * float(low.std())):
         return None
     return float(0.5 * (low.mean() + high.mean()))
