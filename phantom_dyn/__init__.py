@@ -1,6 +1,8 @@
-"""phantom_dyn: says where, why and how far a robot differs from its model, from recordings.
+"""Entrance for users of Python: finds from recordings where, why and how far a robot differs from its model.
 
-``import phantom_dyn as dyn`` is the one entrance for users of Python::
+For example::
+
+    import phantom_dyn as dyn
 
     diagnosis = dyn.diagnose("arm.urdf", "log.csv")
     print(diagnosis)
@@ -9,7 +11,7 @@
 `check`: what is wrong with a recording.
 `diagnose`: what the model lacks; a `Diagnosis`.
 `identify`: inertias, friction and drives of the robot.
-`excite`: a motion that makes the parameters visible.
+`excite`: a motion from which the parameters can be identified.
 `compare`: what changed between diagnoses.
 `simulate`: the robot with effects that its model lacks.
 `map_workspace`: what a hand feels at the tip.
@@ -70,7 +72,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Load what a name stands for when it is first used, so that the import and the command line start at once."""
+    """Load a public name when it is first used, so that the import and the command line start at once."""
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}, it offers {', '.join(__all__)}")
     found = getattr(importlib.import_module(_PLACES[name]), name)
@@ -79,5 +81,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """The names that are offered, for tab completion."""
+    """Public names, for tab completion."""
     return sorted(__all__)

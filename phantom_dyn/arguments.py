@@ -1,4 +1,4 @@
-"""Arguments of public functions: what each takes, in words, and one check of all of them before the function runs."""
+"""Checks arguments of public functions before the function runs, and says in words what each argument takes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def or_none(kind: Kind) -> Kind:
 
 
 def parts_of(given: object) -> tuple[object, ...] | None:
-    """The parts of a list or another iterable; None for a text, and for a table or dictionary."""
+    """Elements of a list or another iterable; None for a text, a table or a dictionary."""
     if isinstance(given, Iterable) and not isinstance(given, str | bytes) and not hasattr(given, "keys"):
         return tuple(given)
     return None
@@ -96,7 +96,7 @@ def takes(**kinds: Kind) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function: an argument of the wrong kind raises a `UsageError` of one sentence.
 
     Args:
-        kinds: Allowed values of each argument, by its name; arguments that the function checks itself are left out.
+        kinds: Allowed values of each argument, by its name. Arguments that are not named are not checked.
     """
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:

@@ -1,9 +1,7 @@
-"""Types of arrays with their shapes, and arrays that nobody can change.
+"""Types for annotations of arrays with their shapes, and read-only copies of arrays.
 
-The types are jaxtyping's, which is loaded only where something looks at them.
-
-Annotations are texts: readers and type checkers read them, and the tests check them. A run of the command does neither,
-and loading jaxtyping takes a tenth of the time of all imports.
+Type checkers and tests read these annotations as types of jaxtyping. The command does not need them, and importing
+jaxtyping would take a tenth of the time of all imports. So this module uses jaxtyping only if it is already imported.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ else:
             self._name = name
 
         def __getitem__(self, shaped: Any) -> Any:
-            """Jaxtyping's type where it is loaded, as in the tests; else an array of any shape."""
+            """Jaxtyping's type if jaxtyping is imported, as in the tests; otherwise an array of any shape."""
             loaded = sys.modules.get("jaxtyping")
             return np.ndarray if loaded is None else getattr(loaded, self._name)[shaped]
 
@@ -32,14 +30,14 @@ else:
 
 Array = np.ndarray
 
-# Numbers that the annotations of arrays name.
-_NUMBERS = {"Float": float, "Complex": complex, "Bool": bool, "Int": int}
+# Type of an array's elements for each annotation.
+_DTYPES = {"Float": float, "Complex": complex, "Bool": bool, "Int": int}
 
 __all__ = ["Array", "Bool", "Complex", "Float", "Int", "ReadOnlyArrays", "read_only"]
 
 
 def read_only(array: Array, dtype: type = float) -> Array:
-    """Contiguous private copy of ``array`` that cannot be written to; itself if it is one already."""
+    """Contiguous read-only copy of ``array``; ``array`` itself if it is contiguous, read-only and owns its data."""
     if array.dtype == dtype and array.flags.owndata and array.flags.c_contiguous and not array.flags.writeable:
         return array
     copy = np.array(array, dtype=dtype, order="C")
@@ -49,13 +47,13 @@ def read_only(array: Array, dtype: type = float) -> Array:
 
 @cache
 def _arrays_of(kind: type[ReadOnlyArrays]) -> tuple[tuple[str, type], ...]:
-    """Names and types of the fields that hold arrays, from their annotations."""
+    """Names of the fields that hold arrays and the types of their elements, from the annotations."""
     named = ((field.name, str(field.type).partition("[")[0]) for field in fields(kind))  # type: ignore[arg-type]
-    return tuple((name, _NUMBERS[word]) for name, word in named if word in _NUMBERS)
+    return tuple((name, _DTYPES[word]) for name, word in named if word in _DTYPES)
 
 
 class ReadOnlyArrays:
-    """Base of frozen dataclasses whose arrays are copied and cannot be written to; None stays None."""
+    """Base of frozen dataclasses: their arrays are replaced by read-only copies; None stays None."""
 
     def __post_init__(self):
         for name, dtype in _arrays_of(type(self)):

@@ -1,18 +1,18 @@
-"""The exceptions of both packages, and parts of their sentences: names that exist, values cut and made printable."""
+"""Exceptions of both packages, and functions that make parts of their messages: lists of names, shortened texts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+# Largest number of names that a message lists.
 _LISTED = 100
-"""Names listed in full; a longer list hides the one that is wanted."""
-_ALIKE = 0.5
-"""Likeness of two names (`difflib`) from which on one is suggested for the other."""
+# Smallest similarity of two names (`difflib`) at which one is suggested for the other.
+_SIMILAR = 0.5
 
 
 class PhantomDynError(Exception):
-    """Anything that phantom-dyn refuses or cannot do; its text is one sentence for the user."""
+    """Base of all errors: phantom-dyn refuses or cannot do something; the message is one sentence for the user."""
 
 
 class RobotError(PhantomDynError, ValueError):
@@ -20,7 +20,7 @@ class RobotError(PhantomDynError, ValueError):
 
 
 class LogError(PhantomDynError, ValueError):
-    """A recording cannot be used: the text says file, column, row, value and what to do."""
+    """A recording cannot be used; the message says file, column, row, value and what to do."""
 
 
 class ParameterError(PhantomDynError, ValueError):
@@ -31,7 +31,7 @@ class RunawayError(ParameterError):
     """A simulated motion leaves all bounds.
 
     Attributes:
-        t: When [s].
+        t: Time at which it does [s].
     """
 
     def __init__(self, t: float) -> None:
@@ -42,11 +42,11 @@ class RunawayError(ParameterError):
 
 
 class EffectError(PhantomDynError, ValueError):
-    """An effect that a user brought cannot be used: the text says where it is from, what was wanted and what to do."""
+    """An effect of a user cannot be used; the message says where it is from, what was wanted and what to do."""
 
 
 class ChainError(PhantomDynError, ValueError):
-    """A closed chain cannot be closed, or is singular, where it was asked for: the text names loop and residual."""
+    """A closed chain cannot be closed, or is singular, at some positions; the message names loop and residual."""
 
 
 class UsageError(PhantomDynError, ValueError):
@@ -54,7 +54,7 @@ class UsageError(PhantomDynError, ValueError):
 
 
 class IdentifiabilityError(PhantomDynError):
-    """The recording excites too little for what was asked."""
+    """The recording excites the robot too little to identify what was asked."""
 
 
 class EstimationError(PhantomDynError):
@@ -70,7 +70,7 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
         what: Plural noun of the known things, such as ``joints``.
 
     Returns:
-        For example ``the joints are a, b, c; did you mean b?``, the end of a sentence with its mark.
+        The end of a sentence, for example ``the joints are a, b, c; did you mean b?``.
     """
     names = list(known)
     if not names:
@@ -83,14 +83,14 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that looks most like ``name``, or None when none is close; case does not count."""
+    """The known name that is most similar to ``name``, regardless of case; None if none is similar."""
     folded = {other.casefold(): other for other in known}
-    close = get_close_matches(name.casefold(), folded, n=1, cutoff=_ALIKE)
+    close = get_close_matches(name.casefold(), folded, n=1, cutoff=_SIMILAR)
     return folded[close[0]] if close else None
 
 
 def listed(names: Iterable[object], limit: int = 12) -> str:
-    """Names for a message, the first ``limit`` of them."""
+    """List of names for a message; at most ``limit`` of them are named."""
     words = [shortened(str(name)) for name in names]
     if not words:
         return "none"
@@ -98,11 +98,11 @@ def listed(names: Iterable[object], limit: int = 12) -> str:
 
 
 def shortened(text: str, most: int = 80) -> str:
-    """A name or value for a message: on one line, and cut where it is longer than ``most`` letters."""
+    """A name or value for a message, on one line and cut to ``most`` letters."""
     text = printable(text)
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def printable(text: str) -> str:
-    """Text without control characters, as the name of a file or joint may hold some that must not reach a terminal."""
+    """Text with spaces in place of control characters, which a terminal might execute."""
     return "".join(c if c.isprintable() or c == "\N{NO-BREAK SPACE}" else " " for c in text)

@@ -1,12 +1,14 @@
-"""Parallel work on large pieces with joblib: in processes by default, else on Dask, Ray or threads by its backends.
+"""Parallel work on large pieces with joblib: in processes by default, or on Dask, Ray or threads.
+
+The backend is joblib's choice::
 
     from joblib import parallel_config
 
     with parallel_config(backend="dask"):           # with a dask.distributed.Client, for example
         operational_map(model, grid, names)         # the same call, on the cluster
 
-Every piece runs with one thread of linear algebra: matrices are small here, and results do not depend on the number of
-threads. joblib is imported where it is used: it takes longer to import than most commands run.
+Every piece runs with one thread of linear algebra, because matrices are small and results must not depend on the number
+of threads. joblib is imported only where it is used, because its import takes longer than most commands.
 """
 
 from __future__ import annotations
@@ -25,13 +27,14 @@ from phantom_dyn.errors import ParameterError, PhantomDynError
 
 R = TypeVar("R")
 
+# Largest number of pools of processes that are started one after the other; Dask's scheduler tries as often.
 _ATTEMPTS = 3
-"""Pools of processes that are started before the work is given up; Dask's scheduler tries as often."""
+# Period with which a worker checks whether the process that started it still runs [s].
 _WATCH_PERIOD_S = 0.2
-"""Time between two checks of a worker whether the process that started it still runs [s]."""
-_END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux: the kernel signals a process when the thread that started it ends
+# PR_SET_PDEATHSIG of Linux: the kernel signals a process when the thread that started it ends.
+_END_WITH_PARENT = 1
+# Names of errors of a lost worker. They are names because joblib's errors are not public and Dask may be missing.
 _LOST = ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker")
-"""Names of the errors of a lost worker: joblib's own are not public, and Dask may not be installed."""
 
 
 class WorkerLostError(PhantomDynError):
@@ -50,11 +53,11 @@ class WorkerLostError(PhantomDynError):
 
 
 def worker_count(jobs: int | None) -> int:
-    """Number of pieces that are worked on at once.
+    """Number of pieces that are computed at the same time.
 
     Args:
-        jobs: Processes at most; 1 is this one alone. By default what `joblib.parallel_config` says, else one per core
-            that this process may use; on Dask always the threads of the cluster's workers.
+        jobs: Largest number of processes; 1 for this process only. By default that of `joblib.parallel_config`, or one
+            per core that this process may use; on Dask always the number of threads of the cluster's workers.
 
     Raises:
         ParameterError: If the number is below one.
@@ -70,7 +73,7 @@ def worker_count(jobs: int | None) -> int:
 
 
 def starts_processes() -> bool:
-    """True where workers are processes that must be started first, which takes a second; False on Dask, in threads."""
+    """True if workers are processes that have to be started, which takes a second; False on Dask and in threads."""
     return type(_backend()[0]).__name__ in ("LokyBackend", "MultiprocessingBackend")
 
 
@@ -86,13 +89,13 @@ def spread(
 ) -> Iterator[tuple[int, R]]:
     """Results of a function for many arguments, each with the index of its piece, in the order of completion.
 
-    If a process is lost (killed, out of memory), its unfinished pieces are run again: on Dask by the scheduler, else in
-    new processes, half as many.
+    If a process is lost (killed, out of memory), its unfinished pieces are run again: on Dask by the scheduler,
+    otherwise in half as many new processes.
 
     Args:
-        function: Function of a module, as it is sent by name. It must depend on its arguments alone.
-        pieces: Arguments of each call. They are sent with each piece: keep them small.
-        jobs: Processes at once; None: one for each core that this process may use.
+        function: Function of a module, because it is sent by name. It must depend on its arguments only.
+        pieces: Arguments of each call. They are sent with each piece, so they should be small.
+        jobs: Number of processes, see `worker_count`.
 
     Raises:
         WorkerLostError: If processes are lost repeatedly.
@@ -100,14 +103,14 @@ def spread(
     """
     left = dict(enumerate(pieces))
     workers = min(worker_count(jobs), len(left))
-    # The number of threads belongs to a whole process. Where workers are threads of this one, it is set here, as the
-    # first of them to end would give back what it found.
+    # The number of threads is a setting of the process. If workers are threads, the first of them to finish would reset
+    # it, so that it is set here.
     with threadpool_limits(limits=1):
         yield from _spread(function, left, workers)
 
 
 def _spread(function: Callable[..., R], left: dict[int, tuple[Any, ...]], workers: int) -> Iterator[tuple[int, R]]:
-    """Results of the pieces in ``left``, which are taken out of it when they are handed over."""
+    """Results of the pieces in ``left``, from which finished pieces are removed."""
     if workers <= 1:
         yield from (_run((function, index, arguments)) for index, arguments in left.items())
         return
@@ -127,35 +130,35 @@ def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], work
     """Results of the pieces in ``left``, computed by one pool of workers."""
     from joblib import Parallel, delayed
 
-    # Ray and multiprocessing return results only when all are finished.
+    # Ray and multiprocessing return results only when all pieces are finished.
     return_as = "generator_unordered" if _backend()[0].supports_return_generator else "list"
-    # Workers of loky run on for minutes after the process that started them was killed.
+    # Workers of loky would continue for minutes after the process that started them was killed.
     watched = type(_backend()[0]).__name__ == "LokyBackend"
-    # A thread of the user may end long before the process, whose next call uses the same workers.
+    # The kernel watches the calling thread; another thread than the main one may end long before the process.
     by_kernel = threading.current_thread() is threading.main_thread()
     ending: dict[str, Any] = {"initializer": end_with, "initargs": (os.getpid(), by_kernel)} if watched else {}
-    # One piece per call, as pieces are large; arrays are sent and not shared through files.
+    # One piece per call, because pieces are large; arrays are sent and not shared through files.
     one_each: dict[str, Any] = {"pre_dispatch": "2*n_jobs", "batch_size": 1, "max_nbytes": None}
     parallel = Parallel(n_jobs=workers, return_as=return_as, **one_each, **ending)
-    # One tuple, which travels with its piece. Of an array that is an argument itself joblib leaves one copy with one of
-    # Dask's workers, and all pieces that need it would be lost with that worker.
+    # All arguments are one tuple, which is sent with its piece. An array that is an argument itself would be kept by
+    # one worker of Dask, and all pieces that need the array would be lost with this worker.
     calls = [delayed(_run)((function, index, arguments)) for index, arguments in left.items()]
     return cast("Iterable[tuple[int, R]]", parallel(calls))
 
 
 def end_with(parent: int, by_kernel: bool) -> None:
-    """End this worker process as soon as the process that started it has ended, even if that was killed.
+    """End this worker process as soon as the process that started it has ended, even if it was killed.
 
-    On Linux the kernel does so at once. A thread that checks has to wait for the interpreter lock, which compiled code
-    may hold, and for its turn on a busy machine.
+    On Linux the kernel does so at once. A thread that checks may have to wait, for the interpreter lock and on a busy
+    machine.
 
     Args:
-        parent: Identifier of the process that started it.
-        by_kernel: Whether its main thread starts the workers: the kernel watches the thread and not the process.
+        parent: Identifier of the process that started this one.
+        by_kernel: True if the main thread of the parent starts the workers, which the kernel can then watch.
     """
     if by_kernel and (control := getattr(ctypes.CDLL(None), "prctl", None)) is not None:
         control(_END_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
-    # On other systems, and for a parent that ended before the kernel was asked.
+    # This thread is for other systems, and for a parent that ended before the call above.
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 

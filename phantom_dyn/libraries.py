@@ -1,4 +1,4 @@
-"""Libraries that only some uses need: the extra that installs each, and the message if it is missing."""
+"""Optional libraries: the extra that installs each of them, and the message if a library is missing."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from phantom_dyn.errors import UsageError
 
 @dataclass(frozen=True)
 class Library:
-    """One library of an extra.
+    """A library of an extra of phantom-dyn.
 
     Attributes:
-        module: Name under which it is imported.
-        distribution: Name under which it is installed.
+        module: Name of the module.
+        distribution: Name of the package that contains it.
         extra: Extra of phantom-dyn that installs it.
         use: Use that needs it, as the start of a sentence.
     """
@@ -39,19 +39,19 @@ OPTIONAL = (
     Library("example_robot_data", "example-robot-data", "examples", "A robot of example:NAME"),
     Library("viser", "viser", "view", "A replay in the browser"),
 )
-"""Optional libraries by module; the extras of ``pyproject.toml`` list the same ones."""
+"""All optional libraries, which the extras of ``pyproject.toml`` list, too."""
 
 
 def is_installed(module: str) -> bool:
-    """True if a library can be imported; it is not loaded."""
+    """True if a module can be imported; it is not imported."""
     return find_spec(module) is not None
 
 
 def optional_library(module: str) -> ModuleType:
-    """A library that only some uses need, loaded.
+    """The module of an optional library.
 
     Raises:
-        UsageError: If it is not installed; says how to get it.
+        UsageError: If it is not installed; the message says how to install it.
     """
     if not is_installed(module):
         raise UsageError(missing_library(module))
@@ -59,6 +59,6 @@ def optional_library(module: str) -> ModuleType:
 
 
 def missing_library(module: str) -> str:
-    """The sentence for a use whose library is not installed, with the command that installs it."""
+    """Message for a library that is not installed, with the command that installs it."""
     one = next(library for library in OPTIONAL if library.module == module)
     return f"{one.use} needs {one.distribution}, which is not installed: pip install 'phantom-dyn[{one.extra}]'."

@@ -1,1 +1,1 @@
-"""Compiled loops over samples: rigid bodies, closed chains, filters. The same Python where numba is not installed."""
+"""Loops over samples that numba compiles: rigid bodies, closed chains, filters."""

@@ -1,7 +1,7 @@
-"""Coulomb friction in one step of a simulation, by projected Gauss-Seidel sweeps on velocity level.
+"""Coulomb friction in one step of a simulation, by projected Gauss-Seidel sweeps over the joint velocities.
 
-Each friction torque stops its joint within the step if its limit suffices, and otherwise opposes the motion at its
-limit. A joint at rest so stays exactly at rest.
+A friction torque that stops its joint within the step may not exceed its limit; if it would, it opposes the motion with
+the limit. So a joint at rest stays exactly at rest.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ import numpy as np
 from phantom_dyn._kernels.jit import inlined_jit, jit
 from phantom_dyn.array_types import Array
 
+# Largest number of sweeps.
 _SWEEPS = 200
-"""Largest number of sweeps; they end when no torque changes by more than `_STILL` of its limit."""
-_STILL = 1e-10
+# The sweeps end when no torque changes by more than this share of its limit.
+_CONVERGED = 1e-10
 
 
 class FrictionPlaces(NamedTuple):
-    """Where dry friction acts: motors, and passive joints that turn with them; ``n`` is the number of velocities.
+    """Motors and passive joints with dry friction; ``n`` is the number of velocities.
 
     Attributes:
         motors: Index of each motor among the velocities, ``(m,)``.
-        passive: Jacobian of the passive joints: velocity of each per velocity of the mechanism, ``(p, n)``.
-        response: Working memory, ``(p, n + 1)``: change of all velocities, and of its own, by a unit impulse on each
-            passive joint.
+        passive: Velocity of each passive joint per velocity of the mechanism (Jacobian), ``(p, n)``.
+        response: Work array, ``(p, n + 1)``: by how much a unit impulse on each passive joint changes all velocities
+            and, in the last column, the velocity of this joint.
     """
 
     motors: Array
@@ -47,8 +48,8 @@ def apply_dry_friction(
     Args:
         mobility: Velocity per impulse, symmetric, ``(n, n)``.
         speed: Velocities without friction, ``(n,)``; overwritten by those with friction.
-        places: Where friction acts; its working memory is overwritten.
-        friction: First guess of the torques of motors, then of passive joints, ``(m + p,)``; overwritten by the
+        places: Where friction acts; its work array is overwritten.
+        friction: First guess of the friction torques, motors before passive joints, ``(m + p,)``; overwritten by the
             torques of this step.
         limits: Largest friction torques, ``(m + p,)``; zero for joints without friction.
         h: Length of the step [s].
@@ -57,7 +58,7 @@ def apply_dry_friction(
     for _ in range(_SWEEPS):
         largest = sweep_motors(mobility, speed, places, friction, limits, h)
         largest = max(largest, sweep_passive(speed, places, friction, limits, h))
-        if largest <= _STILL:
+        if largest <= _CONVERGED:
             break
     # A motor that friction holds is exactly at rest.
     for j in range(len(places.motors)):
@@ -69,7 +70,7 @@ def apply_dry_friction(
 def start_search(
     mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
 ) -> None:
-    """Fill in the responses to impulses on passive joints, and add the impulses of the first guess."""
+    """Compute the responses to impulses on passive joints, and apply the torques of the first guess."""
     n, m = len(speed), len(places.motors)
     motors, passive, response = places.motors, places.passive, places.response
     for j in range(m):
@@ -93,7 +94,7 @@ def start_search(
 def sweep_motors(
     mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
 ) -> float:
-    """Largest change of a torque, relative to its limit, in one sweep over the motors."""
+    """Correct the torques on motors one by one; returns the largest change relative to a torque's limit."""
     largest = 0.0
     for j in range(len(places.motors)):
         if limits[j] > 0.0:
@@ -110,7 +111,7 @@ def sweep_motors(
 
 @inlined_jit
 def sweep_passive(speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float) -> float:
-    """Largest change of a torque, relative to its limit, in one sweep over the passive joints."""
+    """Correct the torques on passive joints one by one; returns the largest change relative to a torque's limit."""
     n, m, largest = len(speed), len(places.motors), 0.0
     for e in range(len(places.passive)):
         limit, rate = limits[m + e], 0.0

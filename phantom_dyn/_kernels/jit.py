@@ -1,6 +1,6 @@
 """Decorators that compile functions with numba at their first call and keep the machine code on disk.
 
-Numba itself is imported by the first of these calls, because its import takes as long as a small command.
+The first of these calls imports numba, because the import takes as long as a small command.
 With `NUMBA_DISABLE_JIT=1` all functions are plain Python, for a debugger: the same results, far slower.
 """
 
@@ -24,7 +24,7 @@ _compile_lock = RLock()
 
 @cache
 def njit() -> Callable[..., Any]:
-    """Numba's decorator; its first call imports numba."""
+    """Numba's decorator `njit`."""
     from numba import njit as decorator
     from numba.core import event
 
@@ -149,7 +149,7 @@ def jit(function: F) -> F:
 
 
 def fused(function: F) -> F:
-    """As `jit`, and a product may be added to a sum in one instruction: faster, the last digit may differ."""
+    """As `jit`, but faster: one instruction may multiply and add, so that the last digit may differ."""
     return cast(F, Compiled(function, {"fastmath": {"contract"}}))
 
 

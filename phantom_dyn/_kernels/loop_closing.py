@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Compiled code that closes the loops of a chain along a trajectory, and computes their effect on accelerations.
 
-It uses Newton's method on the distance between the two frames of each anchor. If it fails, `phantom_dyn.loops.solver`
-finds the reason.
+An anchor keeps two frames of the tree together. Newton's method finds the joint positions at which the distance between
+the frames of every anchor is zero. If Newton's method fails, `phantom_dyn.loops.solver` finds the reason.
 """
 
 from __future__ import annotations
@@ -19,17 +19,19 @@ from phantom_dyn._kernels.pseudo_inverse import pseudo_inverse
 from phantom_dyn._kernels.tree_arrays import CONTINUOUS, Kinematics, TreeArrays
 from phantom_dyn.array_types import Array
 
-_TINY = 1e-9
-"""Sine of an angle below which the rotation vector is taken as its axis times the sine."""
+# Sine of an angle below which angle and sine are taken as equal.
+_SMALLEST_SINE = 1e-9
 
 
 class AnchoredTree(NamedTuple):
-    """A tree and the pairs of frames that its loops keep together; ``k`` anchors.
+    """A tree of joints and the ``k`` anchors that close its loops.
 
     Attributes:
         kinematics: The joints.
-        joints: Joints that carry the two frames, and whether their axes stay together too, ``(k, 3)``.
-        frames: The frames in these joints, rows of the rotation and then the origin [m], ``(k, 2, 4, 3)``.
+        joints: The joint that carries the first frame, the joint that carries the second one, and 1 if the axes of the
+            frames stay together too, ``(k, 3)``.
+        frames: Pose of each frame in the joint that carries it: three rows of the rotation, then the origin [m],
+            ``(k, 2, 4, 3)``.
     """
 
     kinematics: Kinematics
@@ -41,12 +43,12 @@ class Limits(NamedTuple):
     """Limits at which Newton's method and the steps from sample to sample stop.
 
     Attributes:
-        closed: Largest distance [m, rad] at which frames count as together.
-        singular: Smallest over largest singular value below which the unknowns are not determined.
-        last_step: Length of Newton's last step [rad or m].
+        closed: Largest distance [m, rad] between two frames that count as together.
+        singular: Ratio of smallest to largest singular value below which the unknowns are not determined.
+        last_step: Newton's method ends when no unknown moves by more than this [rad or m].
         reach: Longest step of a joint between two solutions [rad or m].
-        correction: Largest correction of a step over its length.
-        shortest: Smallest part of the way to a sample that is tried.
+        correction: How far Newton's method may move a predicted solution, relative to the length of the step.
+        shortest: Smallest part of the way to the next sample that is tried.
         iterations: Largest number of iterations of Newton's method.
     """
 
@@ -63,7 +65,7 @@ class Closed(NamedTuple):
     """Solutions of N samples, and one additional row for the start.
 
     Attributes:
-        z: The unknowns, ``(N + 1, nz)``.
+        z: The unknowns, which are the positions of joints that only the loops determine, ``(N + 1, nz)``.
         slopes: Derivatives of the unknowns by the active positions, ``(N + 1, nz, nv)``.
         inverses: Inverses of the derivative of the constraints by the unknowns, ``(N + 1, nz, m)``.
     """
@@ -74,11 +76,11 @@ class Closed(NamedTuple):
 
 
 class Anchored(Protocol):
-    """Two frames that stay together, see `phantom_dyn.loops.chain.Anchor`."""
+    """What is needed of a `phantom_dyn.loops.chain.Anchor`: two frames that stay together."""
 
     @property
     def kind(self) -> str:
-        """``frame`` if the axes stay together too."""
+        """``frame`` if the axes of the frames stay together too."""
         ...
 
     @property
@@ -93,7 +95,7 @@ class Anchored(Protocol):
 
 
 def anchors_of(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays) -> AnchoredTree:
-    """A tree and its anchors as arrays."""
+    """A tree and its anchors, as arrays for the compiled loops."""
     joints, frames = np.zeros((len(anchors), 3), np.int64), np.zeros((len(anchors), 2, 4, 3))
     for k, anchor in enumerate(anchors):
         joints[k, 2] = anchor.kind == "frame"
@@ -108,17 +110,18 @@ def anchors_of(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays
 def close_loops(
     tree: AnchoredTree, S: Array, offset: Array, limits: Limits, q: Array, begin: Array, closed: Closed, first: int
 ) -> int:
-    """Write the unknowns of samples ``first`` to N, each reached along the straight line from the one before.
+    """Write the unknowns of samples ``first`` to N, each found by steps on the straight line from the sample before.
 
     Args:
         tree: Joints and anchors.
         S: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
-        offset: Its ``o``, ``(nt,)``.
+        offset: ``o`` of `ClosedChain`, ``(nt,)``.
         limits: When to stop.
         q: Active positions, ``(N, nv)``.
-        begin: Active positions of the solution to begin at, ``(nv,)``.
-        closed: Receives the solutions; its row ``first - 1`` holds where to begin (the last row for 0).
-        first: Where to begin.
+        begin: Active positions of the known solution from which the first sample is reached, ``(nv,)``.
+        closed: Receives the solutions. Its row ``first - 1``, which is the last row if ``first`` is 0, holds the known
+            solution.
+        first: Index of the first sample to solve.
 
     Returns:
         The first sample at which the loops were not closed, N if there is none.
@@ -169,7 +172,7 @@ def drift_loop(tree: AnchoredTree, S: Array, x: Array, v: Array, inverses: Array
         tree: Joints and anchors.
         S: Columns of ``S`` of `ClosedChain` for the unknowns, ``(nt, nz)``.
         x: Positions of the tree, ``(N, nt)``.
-        v: Its velocities, ``(N, nt)``.
+        v: Velocities of the tree, ``(N, nt)``.
         inverses: Unknown accelerations per acceleration of the constraint, ``(N, nz, m)``.
         out: Receives the accelerations, ``(N, nt)``.
     """
@@ -196,15 +199,15 @@ def newton(
     Args:
         tree: Joints and anchors.
         S: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
-        offset: Its ``o``, ``(nt,)``.
+        offset: ``o`` of `ClosedChain`, ``(nt,)``.
         q: Active positions, ``(nv,)``.
-        z: Where to begin, ``(nz,)``; receives the solution.
+        z: First guess of the unknowns, ``(nz,)``; receives the solution.
         limits: When to stop.
-        slope: Receives the slope of the unknowns in the active positions, ``(nz, nv)``.
-        inverse: Receives the inverse of the constraint's slope in the unknowns, ``(nz, m)``.
+        slope: Receives the derivative of the unknowns by the active positions, ``(nz, nv)``.
+        inverse: Receives the inverse of the derivative of the constraints by the unknowns, ``(nz, m)``.
 
     Returns:
-        False where there is none or it is singular.
+        False if no solution was found, or if the constraints are singular on the way.
     """
     nt, nv, nz, m = len(offset), len(q), len(z), inverse.shape[1]
     x, error, on_tree, both = np.empty(nt), np.empty(m), np.empty((m, nt)), np.empty((m, nv + nz))
@@ -243,13 +246,14 @@ def newton(
 
 @fused
 def anchor_error(tree: AnchoredTree, x: Array, error: Array, slope: Array) -> None:
-    """Write the distance between the frames of each anchor, in the axes of its first frame, and its slope.
+    """Write the distance between the frames of each anchor, in the axes of its first frame, and its derivative.
 
     Args:
         tree: Joints and anchors.
         x: Positions of the tree, ``(nt,)``.
-        error: Receives it [m, and then rad where axes stay together], ``(m,)``.
-        slope: Receives its slope, exact where axes are together, ``(m, nt)``.
+        error: Receives the distance, ``(m,)``: three components [m] of each anchor, then the three of the rotation
+            vector [rad] if the axes stay together.
+        slope: Receives the derivative of the distance by ``x``, ``(m, nt)``; exact where the axes are together.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree.kinematics
     joints, frames, n, nt = tree.joints, tree.frames, len(parents), len(x)
@@ -273,7 +277,7 @@ def anchor_error(tree: AnchoredTree, x: Array, error: Array, slope: Array) -> No
             while j > 0:
                 d = int(first_v[j])
                 ax, ay, az = ang[d, 0], ang[d, 1], ang[d, 2]
-                # Of the second origin for both: the axes turn with the first frame.
+                # The second origin is used for both sides, because the axes turn with the first frame.
                 lx, ly, lz = cross(ax, ay, az, p[1, 0] - o[j, 0], p[1, 1] - o[j, 1], p[1, 2] - o[j, 2])
                 lx, ly, lz = turned_back(E, 0, lx + lin[d, 0], ly + lin[d, 1], lz + lin[d, 2])
                 slope[r, d] += sign * lx
@@ -290,14 +294,14 @@ def anchor_error(tree: AnchoredTree, x: Array, error: Array, slope: Array) -> No
 
 @fused
 def anchor_acceleration(tree: AnchoredTree, x: Array, v: Array, still: Array, out: Array) -> None:
-    """Write the acceleration of each second frame against the first where no joint accelerates, anchors closed.
+    """Write how the second frame of each anchor accelerates relative to the first, if no joint accelerates.
 
     Args:
-        tree: Joints and anchors.
+        tree: Joints and anchors, which have to be closed.
         x: Positions of the tree, ``(nt,)``.
-        v: Its velocities, ``(1, nt)``.
+        v: Velocities of the tree, ``(1, nt)``.
         still: Zeros, ``(1, nt)``.
-        out: Receives it, rows as of `anchor_error`, ``(m,)``.
+        out: Receives the accelerations in the order of `anchor_error`, ``(m,)``.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree.kinematics
     joints, frames, n, nt = tree.joints, tree.frames, len(parents), len(x)
@@ -329,7 +333,7 @@ def anchor_acceleration(tree: AnchoredTree, x: Array, v: Array, still: Array, ou
 
 @inlined
 def configure(kinds: Array, first_q: Array, first_v: Array, x: Array, q: Array) -> None:
-    """Write Pinocchio's configuration ``q``, ``(1, nq)``, of a tree at the positions ``x`` of its joints."""
+    """Write Pinocchio's configuration ``q``, ``(1, nq)``, for the positions ``x`` of the joints."""
     for j in range(1, len(kinds)):
         k, angle = first_q[j], x[first_v[j]]
         if kinds[j] == CONTINUOUS:
@@ -357,5 +361,5 @@ def rotation_between(E: Array) -> tuple[float, float, float]:
     xz, yz, zz = turned_back(E, 0, E[1, 0, 2], E[1, 1, 2], E[1, 2, 2])
     x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
     sine = np.sqrt(x * x + y * y + z * z)
-    longer = np.arctan2(sine, 0.5 * (xx + yy + zz - 1)) / sine if sine > _TINY else 1.0
-    return longer * x, longer * y, longer * z
+    angle_per_sine = np.arctan2(sine, 0.5 * (xx + yy + zz - 1)) / sine if sine > _SMALLEST_SINE else 1.0
+    return angle_per_sine * x, angle_per_sine * y, angle_per_sine * z

@@ -1,4 +1,4 @@
-"""How the tree of a closed chain follows its active joints from state to state, for compiled loops through time.
+"""State of a closed chain from which compiled simulations compute how its tree follows the active joints.
 
 Each joint of the tree has one degree of freedom.
 """
@@ -15,20 +15,21 @@ from phantom_dyn.array_types import Array
 
 
 class LoopClosureState(NamedTuple):
-    """Loops that are closed numerically, the solution where the chain starts and the last one.
+    """Loops that are closed numerically, with the solution at the start and the latest solution.
 
     Attributes:
         tree: Joints and anchors.
         linear_map: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
-        to_tree: Its columns for the unknowns, ``(nt, nz)``.
+        to_tree: Columns of ``S`` for the unknowns, ``(nt, nz)``.
         limits: When Newton's method stops.
-        start: Active positions where the chain starts, ``(nv,)``.
-        started: The solution there, one row of each.
-        q: Active positions of the last solution, ``(nv,)``; moves on with every state.
-        wanted: Work array for those of the next one, ``(1, nv)``; where loops were not closed it holds these.
-        last: Work arrays for the next solution, then the last one, two rows of each.
+        start: Active positions at the start, ``(nv,)``.
+        started: Solution at the start, arrays of one row.
+        q: Active positions of the latest solution, ``(nv,)``.
+        wanted: Work array for the active positions of the next solution, ``(1, nv)``. If the loops could not be closed,
+            these positions stay there.
+        last: Work arrays of two rows: the next solution and the latest one.
         speed: Work array for the velocities of the tree, ``(1, nt)``.
-        away: Work array for its accelerations, ``(1, nt)``.
+        away: Work array for the accelerations of the tree while no active joint accelerates, ``(1, nt)``.
     """
 
     tree: AnchoredTree
@@ -54,7 +55,7 @@ def initial_loop_closure(
         linear_map: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
         limits: When Newton's method stops.
         q: Active positions at the start, ``(nv,)``.
-        started: The solution there, one row of each.
+        started: Solution at the start, arrays of one row.
     """
     last = Closed(*(np.repeat(np.array(part, dtype=float), 2, axis=0) for part in started))
     at, S, work = np.array(q, dtype=float), np.array(linear_map, dtype=float), np.zeros((2, 1, len(linear_map)))
@@ -64,7 +65,7 @@ def initial_loop_closure(
 
 @jit
 def rewind(loops: LoopClosureState | None) -> None:
-    """Go back to where the chain starts, so that what follows does not depend on what was before."""
+    """Set the loops back to the start, so that the next simulation does not depend on the one before."""
     if loops is None:
         return
     loops.q[:] = loops.start
@@ -83,13 +84,13 @@ def write_tree_state(
 
     Args:
         loops: Loops that are closed numerically, or None.
-        slope: ``G``, ``(nt, nv)``; receives it where loops are closed numerically.
+        slope: ``G`` of `ClosedChain`, ``(nt, nv)``; overwritten if loops are closed numerically.
         offset: Positions of the tree where active joints and unknowns are at zero, ``(nt,)``.
-        q: Positions of the active joints first.
-        v: Their velocities.
-        x: Receives positions of the tree, ``(nt,)``.
-        u: Receives its velocities.
-        away: Receives its accelerations while no active joint accelerates.
+        q: Positions, of which the first ``nv`` are those of the active joints.
+        v: Velocities, in the same order.
+        x: Receives the positions of the tree, ``(nt,)``.
+        u: Receives the velocities of the tree, ``(nt,)``.
+        away: Receives the accelerations of the tree while no active joint accelerates, ``(nt,)``.
 
     Returns:
         False if the loops cannot be closed, or are singular.
@@ -105,7 +106,7 @@ def write_tree_state(
     S, z, slopes, inverses = loops.linear_map, loops.last.z, loops.last.slopes, loops.last.inverses
     for j in range(nv):
         loops.wanted[0, j] = q[j]
-    # Nothing follows a position that is not a number: Newton's method would halve its way for ever.
+    # With a position that is not a number, `close_loops` would halve its steps for ever.
     if not np.isfinite(loops.wanted).all():
         return False
     if close_loops(loops.tree, S, offset, loops.limits, loops.wanted, loops.q, loops.last, 0) == 0:

@@ -1,9 +1,8 @@
-"""Where the joints of a tree are and how they move at one sample, in the axes of the root, inside compiled loops.
+"""Poses and motion of the joints of a tree at one sample, in the axes of the root, for compiled loops.
 
-Vectors of three travel as scalars and arrays one by one, and every function here disappears into its caller: a tuple of
-arrays that is unpacked inside a loop counts who holds each of them, and takes half as long again. Numba does not see
-that a function which calls these must be compiled anew after a change here: delete the ``__pycache__`` of this folder
-then.
+Every function is inlined into the loop that calls it. Vectors are passed as three scalars, and arrays one by one: a
+loop that unpacks a tuple of arrays counts references to each of them, and takes half as long again. Numba does not
+notice that a loop has to be compiled again after a change in this file: delete the ``__pycache__`` of this folder then.
 """
 
 from __future__ import annotations
@@ -43,11 +42,11 @@ def place(
         translations: Origin of each joint frame in its parent's [m], ``(n, 3)``.
         axes: Axis of each joint in its own frame, ``(n, 3)``.
         q: Pinocchio's configurations, ``(N, nq)``.
-        i: Which of them.
-        R: Receives rotations, ``(n, 3, 3)``; the root's must be there.
-        o: Receives origins [m], ``(n, 3)``; the root's must be there.
-        lin: Receives the velocity of each joint's origin per unit of its velocity, ``(nv, 3)``.
-        ang: Receives the same for the angular velocity, ``(nv, 3)``.
+        i: Row of ``q`` to use.
+        R: Receives the rotations, ``(n, 3, 3)``; must hold the root's in its first row, as ``o`` does.
+        o: Receives the origins [m], ``(n, 3)``.
+        lin: Receives the velocity of each joint's origin per unit of the joint's velocity, ``(nv, 3)``.
+        ang: Receives the angular velocity per unit of the joint's velocity, ``(nv, 3)``.
     """
     for j in range(1, len(parents)):
         p, kind, k, d = parents[j], kinds[j], first_q[j], first_v[j]
@@ -98,11 +97,12 @@ def move(
         ang: Angular velocities that `place` has written, ``(nv, 3)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
-        i: Which sample.
-        w: Receives angular velocities [rad/s], ``(n, 3)``; the root's must be there, as in the next two.
-        dw: Receives their derivatives, ``(n, 3)``.
-        acc: Receives the accelerations of the origins [m/s2], ``(n, 3)``; with that of the root set to minus gravity
-            all bodies feel their weight.
+        i: Row of ``v`` and ``a`` to use.
+        w: Receives angular velocities [rad/s], ``(n, 3)``; must hold the root's in its first row, as ``dw`` and ``acc``
+            do.
+        dw: Receives angular accelerations [rad/s2], ``(n, 3)``.
+        acc: Receives the accelerations of the origins [m/s2], ``(n, 3)``. An acceleration of the root of minus gravity
+            includes the weight of all bodies.
     """
     for j in range(1, len(parents)):
         p, d = parents[j], first_v[j]

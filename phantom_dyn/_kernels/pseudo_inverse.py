@@ -7,10 +7,10 @@ import numpy as np
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn.array_types import Array
 
+# Largest number of sweeps of Jacobi rotations; about five are usual.
 _SWEEPS = 40
-"""Sweeps of the Jacobi rotations at most; a handful is usual."""
-_TURNED = 1e-15
-"""Scalar product of two columns over their lengths below which they count as orthogonal: rounding."""
+# Cosine of the angle between two columns below which they count as orthogonal; it is as small as rounding.
+_ORTHOGONAL = 1e-15
 
 
 @fused
@@ -19,11 +19,11 @@ def pseudo_inverse(slope: Array, singular: float, inverse: Array) -> bool:
 
     Args:
         slope: The matrix, ``(m, n)``.
-        singular: Smallest over largest singular value below which there is none.
-        inverse: Receives it, ``(n, m)``.
+        singular: Ratio of smallest to largest singular value below which the matrix counts as singular.
+        inverse: Receives the pseudo-inverse, ``(n, m)``.
 
     Returns:
-        False if there is none.
+        False if the matrix is singular or has more columns than rows.
     """
     m, n = slope.shape
     if m < n:
@@ -40,7 +40,7 @@ def pseudo_inverse(slope: Array, singular: float, inverse: Array) -> bool:
     for i in range(n):
         for r in range(m):
             squares[i] += U[r, i] * U[r, i]
-    # Not a number is singular too.
+    # Written so that a matrix with NaN counts as singular too.
     if not np.sqrt(squares.min()) > singular * np.sqrt(squares.max()):
         return False
     for i in range(n):
@@ -53,11 +53,11 @@ def pseudo_inverse(slope: Array, singular: float, inverse: Array) -> bool:
 
 @inlined
 def made_orthogonal(U: Array, V: Array, i: int, j: int) -> bool:
-    """Turn columns ``i`` and ``j`` of ``U``, and those of ``V`` alike, until orthogonal; False if they are."""
+    """Rotate columns ``i`` and ``j`` of ``U`` and ``V`` so that those of ``U`` are orthogonal; False if they were."""
     a = b = both = 0.0
     for r in range(len(U)):
         a, b, both = a + U[r, i] * U[r, i], b + U[r, j] * U[r, j], both + U[r, i] * U[r, j]
-    if not abs(both) > _TURNED * np.sqrt(a * b):
+    if not abs(both) > _ORTHOGONAL * np.sqrt(a * b):
         return False
     zeta = (b - a) / (2 * both)
     t = (1.0 if zeta >= 0 else -1.0) / (abs(zeta) + np.sqrt(1 + zeta * zeta))

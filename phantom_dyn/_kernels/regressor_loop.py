@@ -1,8 +1,8 @@
 """Compiled loop that writes the rigid-body torque regressor sample by sample, without entries that are always zero.
 
-The force on a body is m d + dw x h + w x (w x h), the moment about its origin h x d + I dw + w x I w, with d the
-acceleration of the origin and h the first moment. The virtual work of force and moment on the motion of the body's
-frame per joint velocity gives the ten entries of the body in the row of that joint.
+The force on a body is m d + dw x h + w x (w x h), and the moment about its origin is h x d + I dw + w x I w, with d the
+acceleration of the origin and h the first moment. Both are linear in the ten parameters of the body. Multiplied by the
+velocity of the body's frame per velocity of a joint, they give the ten entries of the body in the row of this joint.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from phantom_dyn._kernels.tree_arrays import Kinematics
 from phantom_dyn.array_types import Array
 
 SCATTERED, NONE = -1, -2
-"""Marks in place of the first column of a body: its ten columns are not contiguous, or none of them is wanted."""
+"""These values in place of a body's first column say that its columns are not contiguous, or that none is wanted."""
 
 
 class BodyWorkspace(NamedTuple):
-    """Working arrays of `regressor_loop` for one body.
+    """Work arrays of `regressor_loop` for one body.
 
     Attributes:
-        J: Velocities of a body's origin and frame per velocity of each joint that moves it, ``(nt, 6)``.
-        b: Terms of a body, ``(6, 10)``.
-        ten: Its ten entries of one row, ``(10,)``.
-        moved_by: The degrees of freedom in the order of ``J``, ``(nt,)``.
+        J: Velocity and angular velocity of the body per velocity of each joint that moves it, ``(nt, 6)``.
+        b: Terms that all rows share, see `body_terms`, ``(6, 10)``.
+        ten: Ten entries of one row, ``(10,)``.
+        moved_by: Degree of freedom of each row of ``J``, ``(nt,)``.
     """
 
     J: Array
@@ -38,7 +38,7 @@ class BodyWorkspace(NamedTuple):
 
 
 def body_workspace(tree: Kinematics) -> BodyWorkspace:
-    """Working arrays for one body of a tree."""
+    """Work arrays for one body of a tree."""
     nt = len(tree.parents) - 1
     return BodyWorkspace(np.zeros((nt, 6)), np.zeros((6, 10)), np.zeros(10), np.zeros(nt, dtype=np.int64))
 
@@ -60,15 +60,15 @@ def regressor_loop(
 
     Args:
         tree: The joints.
-        workspace: Working arrays of the tree, from `workspace_of`.
-        body: Working arrays of one body, from `body_workspace`.
-        root: Angular velocity and acceleration and specific force of a moving root, ``(N, 9)``; else ``(0, 9)``.
+        workspace: Work arrays of the tree, from `workspace_of`.
+        body: Work arrays of one body, from `body_workspace`.
+        root: Motion of a moving root, see `torque_loop`, ``(N, 9)``; ``(0, 9)`` for a fixed one.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
-        slope: ``G`` of a closed chain, ``(1 or N, nt, nv)``; of a plain robot ``(0, nt, nt)``.
-        places: For each body the first of its ten columns if they are contiguous, else `SCATTERED` or `NONE`; then the
-            column of each of its parameters, strictly ascending, or -1 for none, ``(n - 1, 11)``.
+        slope: ``G`` of a closed chain, ``(1 or N, nt, nv)``; ``(0, nt, nt)`` for a robot without loops.
+        places: One row for each body, ``(n - 1, 11)``: the first of its ten columns if they are contiguous, otherwise
+            `SCATTERED` or `NONE`; then the column of each of its ten parameters, ascending, or -1 if it is not wanted.
         out: Receives the regressor, ``(N, nv, c)``; entries that are zero for every motion are not written.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
@@ -84,7 +84,6 @@ def regressor_loop(
             if start == NONE:
                 continue
             body_terms(R, i, acc, w, dw, b)
-            # Velocities of the body's origin and frame per velocity of each joint that moves it.
             count, j = 0, i
             while j > 0:
                 d = first_v[j]
@@ -126,9 +125,9 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
         i: Index of the body.
         acc: Accelerations of the origins that `move` has written [m/s2], ``(n, 3)``.
         w: Angular velocities that `move` has written [rad/s], ``(n, 3)``.
-        dw: Their derivatives, ``(n, 3)``.
-        b: Receives the terms, ``(6, 10)``: torque per parameter and per velocity of the origin in the axes of the root,
-            then per angular velocity in the axes of the body.
+        dw: Angular accelerations that `move` has written [rad/s2], ``(n, 3)``.
+        b: Receives the terms, ``(6, 10)``: force per parameter in the axes of the root (three rows), then moment per
+            parameter in the axes of the body (three rows).
     """
     x, y, z = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
     ax, ay, az = turned_back(R, i, dw[i, 0], dw[i, 1], dw[i, 2])
@@ -150,15 +149,17 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
 def write_row(
     lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, line: Array, start: int
 ) -> None:
-    """Write the ten entries of one body in one row, from the velocity of its frame per velocity of the row's joint.
+    """Write the ten entries of one body in the row of one joint.
+
+    Velocities are those per unit of the joint's velocity.
 
     Args:
         lx: Velocity of the body's origin along the root's x axis.
-        ly: The same along the y axis.
-        lz: The same along the z axis.
+        ly: Velocity along the root's y axis.
+        lz: Velocity along the root's z axis.
         sx: Angular velocity of the body about its own x axis.
-        sy: The same about its y axis.
-        sz: The same about its z axis.
+        sy: Angular velocity about its own y axis.
+        sz: Angular velocity about its own z axis.
         b: Terms of the body, from `body_terms`.
         line: Row of the regressor, which receives the entries.
         start: Index of the first entry.

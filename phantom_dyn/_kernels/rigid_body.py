@@ -1,9 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body quantities of a Pinocchio model for N samples, by compiled loops.
+"""Torque, regressor, mass matrix and frames of a Pinocchio model for N samples, by compiled loops.
 
-``arrays`` are `tree_arrays` of the model; gravity and armature are read from the model at every call. ``q`` are
-Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is the motion of the root,
-``(N, 9)``, see `torque_loop`; None for a fixed root. The specific force of a moving root takes the place of gravity.
+Arguments of the functions: ``arrays`` are `tree_arrays` of the model; gravity and armature are read from the model at
+every call. ``q`` are Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is the
+motion of the root, ``(N, 9)``, see `torque_loop`, or None for a fixed root. The specific force of a moving root
+replaces gravity.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from phantom_dyn.errors import LogError, ParameterError
 # Smallest number of samples for which the compiled loop of torque derivatives is used. For fewer samples Pinocchio's
 # function finishes before the loop would be compiled.
 _WORTH_COMPILING = 20_000
+# Motion of a fixed root: no samples.
 _FIXED = np.empty((0, 9))
-"""Motion of a fixed root: no samples."""
 
 
 def regressor(
@@ -50,17 +51,17 @@ def regressor(
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
         root: Motion of the root, ``(N, 9)``, see `torque_loop`; None if it is fixed.
-        slope: Velocities of the tree per velocity of the active joints of a closed chain, ``G``, ``(N, nt, nv)``: the
-            regressor then has rows for the active joints.
+        slope: Velocities of the tree per velocity of the active joints of a closed chain, ``G``, ``(N, nt, nv)``. With
+            it the regressor has rows for the active joints only.
         columns: Columns to compute, ascending; by default all ten of each joint.
-        out: Array for the result, C-contiguous, ``(N, nv, c)`` with ``c`` at least the number of columns, which are
-            its first ones. It must be zero, or hold the result of the same call for other samples.
+        out: C-contiguous array whose first columns receive the result, ``(N, nv, c)`` with ``c`` at least the number of
+            columns. It must be zero, or hold the result of the same call for other samples.
 
     Returns:
         Shape ``(N, nv, number of columns)``, or ``out``.
 
     Raises:
-        LogError: If the shapes of the motion do not fit the robot. All functions of this module raise it.
+        LogError: If the shapes of the motion do not fit the robot; so do all functions of this module.
         ParameterError: If a column does not exist, they do not ascend, or ``slope`` or ``out`` does not fit.
     """
     _require_motion(model, q, v, a, root=root)
@@ -74,7 +75,7 @@ def regressor(
         raise ParameterError(f"columns is {columns}: give ascending column numbers from 0 to {p - 1}.")
     rows = v.shape[1] if slope is None else slope.shape[2]
     if out is None:
-        # The system provides memory of zeros, and entries that are always zero are never written.
+        # The loop does not write entries that are always zero.
         out = np.zeros((len(q), rows, len(chosen)))
     else:
         _require_shape(out, (len(q), rows, len(chosen)))
@@ -91,7 +92,7 @@ def regressor(
 
 
 def _with_first(places: Array) -> Array:
-    """Rows for `regressor_loop`: first column of each joint, or `SCATTERED` or `NONE`, then its ten columns."""
+    """Argument ``places`` of `regressor_loop`, from the columns of the ten parameters of each body."""
     count = (places >= 0).sum(axis=1)
     contiguous = (count == 10) & (places[:, 9] == places[:, 0] + 9)
     first = np.where(contiguous, places[:, 0], np.where(count > 0, SCATTERED, NONE))
@@ -99,7 +100,7 @@ def _with_first(places: Array) -> Array:
 
 
 def _rooted(root: Array | None) -> Array:
-    """Motion of the root as the loops take it."""
+    """Motion of the root, in the form that the loops take."""
     return ready(_FIXED if root is None else root)
 
 
@@ -132,7 +133,7 @@ def torque(model: pin.Model, arrays: TreeArrays, q: Array, v: Array, a: Array, r
 
 
 def weight(model: pin.Model, arrays: TreeArrays, q: Array, gravity: Array | None = None) -> Array:
-    """Torque that holds all bodies against gravity [m/s2 in the root frame], by default the model's, ``(N, nt)``."""
+    """Torque that holds all bodies against gravity, ``(N, nt)``; ``gravity`` [m/s2] is in the root frame."""
     _require_motion(model, q)
     pull = model.gravity.linear if gravity is None else np.asarray(gravity, dtype=float)
     if pull.shape != (3,):
@@ -152,7 +153,7 @@ def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array, ro
 def torque_slopes(
     model: pin.Model, arrays: TreeArrays, q: Array, v: Array, a: Array, root: Array | None = None
 ) -> tuple[Array, Array]:
-    """Derivatives of the torque of joint i by the position, and by the velocity, of joint j, each ``(N, nt, nt)``.
+    """Derivatives of the torque of joint i by position and by velocity of joint j, two arrays ``(N, nt, nt)``.
 
     Entries are ``[sample, i, j]``; in memory the samples of an entry are contiguous.
     """
@@ -181,7 +182,7 @@ def _slopes_by_pinocchio(model: pin.Model, q: Array, v: Array, a: Array, root: A
 
 
 def _on_moving_root(model: pin.Model, q: Array, v: Array, a: Array, root: Array) -> tuple[pin.Model, tuple[Array, ...]]:
-    """The tree on a free-flyer, and its samples: instead of gravity the specific force accelerates the root."""
+    """The tree on a free-flyer without gravity, and its samples: the specific force accelerates the root."""
     base = pin.Model()
     joint = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "moving root")
     base.addJointFrame(joint, 0)
@@ -211,13 +212,13 @@ def frame_pose(model: pin.Model, arrays: TreeArrays, q: Array, frame: int) -> tu
 
 
 def frame(model: pin.Model, arrays: TreeArrays, q: Array, index: int) -> tuple[Array, Array, Array]:
-    """Orientation, position [m] and Jacobian of a frame, all in the axes of the root, see `frame_pose`."""
+    """Orientation, position [m] and Jacobian of a frame in the axes of the root, see `frame_pose`."""
     _require_motion(model, q)
     return _frame(model, arrays, q, index, body=False, jacobian=True)
 
 
 def frame_jacobian(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: bool) -> Array:
-    """Jacobian of a frame, rows v, then w, ``(N, 6, nt)``: in its own axes if ``body`` is true, else the root's."""
+    """Jacobian of a frame, rows v, then w, ``(N, 6, nt)``: in the frame's axes if ``body``, else in the root's."""
     _require_motion(model, q)
     return _frame(model, arrays, q, frame, body=body, jacobian=True)[2]
 
@@ -234,7 +235,7 @@ def _frame(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: 
 
 
 def ready(array: Array, kind: type = np.float64) -> Array:
-    """The array, contiguous, of one type and read-only: for any other kind of array a loop would be compiled again."""
+    """The array, contiguous, read-only and of type ``kind``: any other kind would make numba compile the loop again."""
     if array.dtype == kind and array.flags.c_contiguous and not array.flags.writeable:
         return array
     view = np.ascontiguousarray(array, dtype=kind).view()

@@ -16,9 +16,9 @@ class Frame(NamedTuple):
     """A frame of a tree.
 
     Attributes:
-        joint: That carries it.
-        turn: Its rotation in that joint, ``(3, 3)``.
-        offset: Its origin there [m], ``(3,)``.
+        joint: Index of the joint that carries the frame.
+        turn: Rotation of the frame in the axes of the joint, ``(3, 3)``.
+        offset: Origin of the frame in the axes of the joint [m], ``(3,)``.
     """
 
     joint: int
@@ -32,7 +32,8 @@ class FramePoses(NamedTuple):
     Attributes:
         rotation: Rotation of the frame, ``(N, 3, 3)``.
         position: Position of its origin [m], ``(N, 3)``.
-        jacobian: Rows v, then w, ``(N, 6, nv)``, zero before; of length 0 if not wanted.
+        jacobian: Jacobian, rows v, then w, ``(N, 6, nv)``. It has to be zero before; its length is 0 if it is not
+            wanted.
     """
 
     rotation: Array
@@ -41,17 +42,17 @@ class FramePoses(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Arrays in which a loop keeps one sample: made outside, as to compile that takes as long as a short loop.
+    """Work arrays of a loop for one sample, made outside of it: compiling this would take as long as a short loop.
 
     Attributes:
-        R: Axes of each joint in the root frame, those of the root in the first place, ``(n, 3, 3)``.
+        R: Rotation of each joint in the root frame, the root first, ``(n, 3, 3)``.
         o: Origins [m], ``(n, 3)``.
         w: Angular velocities, ``(n, 3)``.
         dw: Angular accelerations, ``(n, 3)``.
-        acc: Accelerations of the origins, less gravity, ``(n, 3)``.
-        lin, ang: Motion of each degree of freedom at its origin, ``(nt, 3)``.
+        acc: Accelerations of the origins minus gravity, ``(n, 3)``.
+        lin, ang: Velocity and angular velocity of a joint's origin per unit of the joint's velocity, ``(nt, 3)``.
         f, m: Forces and moments on the bodies, ``(n, 3)``.
-        whole: Ten inertial parameters of all that a joint carries, ``(n, 10)``.
+        whole: Ten inertial parameters of each joint's body together with all bodies after it, ``(n, 10)``.
     """
 
     R: Array
@@ -67,7 +68,7 @@ class Workspace(NamedTuple):
 
 
 def workspace_of(tree: Kinematics, gravity: Array) -> Workspace:
-    """Work arrays for one sample of a tree, its root where it stands and lifted against gravity [m/s2]."""
+    """Work arrays for one sample of a tree, whose root is fixed under this gravity [m/s2]."""
     n = len(tree.parents)
     o, w, dw, acc, f, m = np.zeros((6, n, 3))
     lin, ang = np.zeros((2, n - 1, 3))
@@ -79,9 +80,9 @@ def workspace_of(tree: Kinematics, gravity: Array) -> Workspace:
 
 @inlined
 def set_root(root: Array, k: int, w: Array, dw: Array, acc: Array, first: int) -> None:
-    """Write how the root moves at sample ``k``, see `torque_loop`; a root that is fixed keeps what is there.
+    """Write the motion of the root at sample ``k``, see `torque_loop`; nothing is written if the root is fixed.
 
-    Angular motion comes into the columns from ``first`` on.
+    Its angular velocity and acceleration are written from column ``first`` on.
     """
     if len(root) > 0:
         for c in range(3):
@@ -97,9 +98,9 @@ def torque_loop(
     Args:
         tree: The joints.
         inertias: Mass, first moments and inertia of each body, from `TreeArrays`.
-        workspace: Working arrays of the tree, from `workspace_of`.
-        root: Angular velocity, angular acceleration and specific force of a root that moves, in its own axes,
-            ``(N, 9)``; of a fixed one ``(0, 9)``.
+        workspace: Work arrays of the tree, from `workspace_of`.
+        root: Angular velocity [rad/s], angular acceleration [rad/s2] and specific force [m/s2] of a moving root, in its
+            own axes, ``(N, 9)``; ``(0, 9)`` for a fixed one.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
@@ -143,9 +144,11 @@ def torque_loop(
 
 @fused
 def mass_loop(tree: Kinematics, inertias: Array, workspace: Workspace, q: Array, out: Array) -> None:
-    """Mass matrices without armature by composite bodies; as of `torque_loop`, ``out`` is ``(N, nv, nv)`` and zero."""
+    """Write mass matrices without armature into ``out``, ``(N, nv, nv)``, which has to be zero: composite bodies.
+
+    The other arguments are those of `torque_loop`.
+    """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    # Mass, first moment and inertia xx, xy, yy, xz, yz, zz of all that a joint carries, about its origin, come last.
     R, o, _, _, _, lin, ang, _, _, whole = workspace
     n = len(parents)
     for k in range(len(q)):
@@ -180,9 +183,9 @@ def mass_loop(tree: Kinematics, inertias: Array, workspace: Workspace, q: Array,
 
 @fused
 def frame_loop(tree: Kinematics, workspace: Workspace, q: Array, frame: Frame, body: bool, out: FramePoses) -> None:
-    """Pose and Jacobian of a frame at Pinocchio's configurations ``q``, ``(N, nq)``.
+    """Write pose and Jacobian of a frame at Pinocchio's configurations ``q``, ``(N, nq)``.
 
-    The Jacobian is in the frame's own axes with ``body``, else in those of the root.
+    The Jacobian is in the frame's own axes if ``body``, else in those of the root.
     """
     joint, turn, offset = frame
     rotation, position, jacobian = out
@@ -220,7 +223,7 @@ def times_inertia(inertias: Array, i: int, x: float, y: float, z: float) -> tupl
 
 @inlined
 def carry(whole: Array, i: int, R: Array) -> None:
-    """Turn the ten parameters of body ``i`` into the axes of the root, still about its joint's origin."""
+    """Express the ten parameters of body ``i`` in the axes of the root, still about the origin of its joint."""
     whole[i, 1], whole[i, 2], whole[i, 3] = turned(R, i, whole[i, 1], whole[i, 2], whole[i, 3])
     # Rows of R I, then R I R^T.
     ax, ay, az = times_inertia(whole, i, R[i, 0, 0], R[i, 0, 1], R[i, 0, 2])
@@ -233,7 +236,7 @@ def carry(whole: Array, i: int, R: Array) -> None:
 
 @inlined
 def hand_over(whole: Array, i: int, p: int, x: float, y: float, z: float) -> None:
-    """Add what joint ``i`` carries to what joint ``p`` carries, whose origin lies ``-(x, y, z)`` away."""
+    """Add the bodies that joint ``i`` carries to those of its parent ``p``; ``(x, y, z)`` leads from ``p`` to ``i``."""
     m, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
     whole[p, 0] += m
     whole[p, 1] += hx + m * x

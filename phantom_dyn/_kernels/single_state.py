@@ -1,10 +1,10 @@
 """Mass matrix and bias torque of a tree or closed chain at one state, for compiled loops that step through time.
 
-The bias torque is that at zero acceleration: gravity, centrifugal and Coriolis terms. All quantities are in the axes
-of the root and about its origin, so that those of the bodies can be added without transformations: one sweep from the
-root to the tips and one back give both results. The loops of `phantom_dyn._kernels.rigid_body_loops` compute one
-quantity for many samples, about each joint's own origin, which poses of frames need too. The sweeps are not shared,
-because each would then compute what only the other one needs.
+The bias torque is the torque at zero acceleration: gravity, centrifugal and Coriolis terms. All quantities are in the
+axes of the root and about its origin, so that those of several bodies can be added without transformations. One sweep
+from the root to the tips and one sweep back give both results. `phantom_dyn._kernels.rigid_body_loops` works about the
+origin of each joint instead, because it computes poses too. The two files share no code: each would compute quantities
+that only the other one needs.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from phantom_dyn._kernels.poses import cross, dot
 from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
 from phantom_dyn.array_types import Array
 
+# Where in the row of a joint's constants its origin, axis and body begin; rotations are first, 43 numbers in total.
 _ORIGIN, _AXIS, BODY, _FIXED = 27, 30, 33, 43
-"""First places in the row of a joint's constants: from 0 rotations, then origin, axis, ten parameters of its body."""
+# Where velocity, acceleration and force begin in the row of a joint's state, which has 46 numbers: from 0 rotation, 9
+# origin, 12 axis as a twist (angular, linear), 18 velocity, 24 acceleration, 30 force (moment, force), 36 inertia of
+# all bodies that the joint carries.
 _VELOCITY, _ACCELERATION, _FORCE, _MOVING = 18, 24, 30, 46
-"""First places in the row of a joint's state: 0 rotation, 9 origin, 12 axis as a twist (angular, linear), 18 velocity,
-24 acceleration, 30 force (moment, force), 36 inertia of all bodies that it carries; 46 numbers in total."""
 
 
 def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
-    """Constants of each joint, ``(n, 43)``; its parent, 1 if it is prismatic, and its velocity index, ``(n, 3)``."""
+    """Constants of each joint, ``(n, 43)``, and its parent, 1 if it is prismatic, and velocity index, ``(n, 3)``."""
     n = len(arrays.parents)
     numbers = np.zeros((n, _FIXED))
     numbers[:, :_ORIGIN] = arrays.rotations.reshape(n, 27)
@@ -39,7 +40,7 @@ def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
 
 
 def at_root(n: int, gravity: Array) -> Array:
-    """Rows for the state of each joint, ``(n, 46)``, with the root at rest and accelerated against gravity."""
+    """Rows for the state of each joint, ``(n, 46)``; the root is at rest and accelerates by minus gravity."""
     moving = np.zeros((n, _MOVING))
     moving[0, [0, 4, 8]] = 1.0
     moving[0, _ACCELERATION + 3 : _FORCE] = -gravity
@@ -52,10 +53,10 @@ def move_root(moving: Array, base: Array, k: int, share: float) -> None:
 
     Args:
         moving: Rows of `at_root`; the first one is changed.
-        base: Angular velocity, its derivative and specific force of the base in its own axes, ``(N, 9)``; for a fixed
-            base ``(0, 9)``, and nothing is changed.
-        k: The sample before.
-        share: Fraction of the time to the next sample.
+        base: Angular velocity, angular acceleration and specific force of the base in its own axes, ``(N, 9)``;
+            ``(0, 9)`` for a fixed base, for which nothing is changed.
+        k: Index of the earlier sample.
+        share: Share of the time between the samples that has passed, from 0 to 1.
     """
     for i in range(9 if len(base) > 0 else 0):
         # Torques do not depend on the linear velocity of the root, which stays zero.
@@ -71,13 +72,13 @@ class Chain(NamedTuple):
             if loops are closed numerically.
         offset: Positions of the tree if the active joints are at zero, ``(nt,)``.
         viscous: Viscous friction coefficients of the passive joints, zero for active ones, ``(nt,)``.
-        coulomb: Coulomb torques of the passive joints, likewise.
-        rotor: Rotor inertias of the passive joints, likewise.
-        q: Working array for positions of the tree, ``(nt,)``.
-        v: Working array for its velocities.
-        drift: Working array for its accelerations at zero acceleration of the active joints.
-        mass: Working array for its mass matrix, ``(nt, nt)``.
-        bias: Working array for its bias torque.
+        coulomb: Coulomb torques of the passive joints, zero for active ones, ``(nt,)``.
+        rotor: Rotor inertias of the passive joints, zero for active ones, ``(nt,)``.
+        q: Work array for positions of the tree, ``(nt,)``.
+        v: Work array for velocities of the tree, ``(nt,)``.
+        drift: Work array for accelerations of the tree while no active joint accelerates, ``(nt,)``.
+        mass: Work array for the mass matrix of the tree, ``(nt, nt)``.
+        bias: Work array for the bias torque of the tree, ``(nt,)``.
         loops: Loops that are closed numerically; None if passive joints are linear functions of active ones.
     """
 
@@ -97,7 +98,7 @@ class Chain(NamedTuple):
 def chain_of(
     slope: Array, offset: Array, viscous: Array, coulomb: Array, rotor: Array, loops: LoopClosureState | None = None
 ) -> Chain:
-    """The chain with its working arrays; the arguments are the attributes of the same names."""
+    """The chain with its work arrays; the arguments are the attributes of the same names."""
     count = len(offset)
     given = (np.array(part, dtype=float) for part in (slope, offset, viscous, coulomb, rotor))
     return Chain._make((*given, *np.zeros((3, count)), np.zeros((count, count)), np.zeros(count), loops))
@@ -107,8 +108,8 @@ def chain_of(
 def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Array, mass: Array, bias: Array) -> None:
     """Write the mass matrix (both triangles), and the torque that the links need at zero acceleration.
 
-    Both are linear in the ten parameters of every body, for any values: an estimator may pass through parameters that
-    no body can have.
+    Both are linear in the ten parameters of every body, also for parameters that no body can have, which an estimator
+    may try.
 
     Args:
         numbers: Constants of each joint, ``(n, 43)``, see `joint_rows`.
@@ -160,7 +161,7 @@ def chained_mass_and_bias(
         moving: Rows of `at_root`; all but the first one are overwritten.
         chain: How the tree follows the active joints.
         q: Positions, those of the active joints first.
-        v: Velocities, likewise.
+        v: Velocities in the same order.
         mass: Receives the mass matrix in its first rows and columns.
         bias: Receives the torque.
 
@@ -199,7 +200,7 @@ def chained_mass_and_bias(
 def _move(fixed: Array, row: Array, up: Array, linear: int, q: float, v: float) -> None:
     """Write the row ``row`` of a joint's state, from its constants and the row ``up`` of its parent."""
     c, s, along = (0.0, 0.0, q) if linear == 1 else (np.cos(q), np.sin(q), 0.0)
-    # Rotation; a prismatic joint moves along its axis, turned by its constant placement.
+    # Rotation and origin; a prismatic joint moves along its axis, which its constant placement rotates.
     ax, ay, az = fixed[30], fixed[31], fixed[32]
     ox, oy, oz = fixed[27], fixed[28], fixed[29]
     if linear == 1:

@@ -1,11 +1,12 @@
-"""Compiled loop over samples: slopes of the torque of the links to positions and velocities.
+"""Compiled loop over samples: derivatives of the torque of the links by positions and velocities.
 
-All is written about the origin of the root, so that what a joint carries is a plain sum over bodies. A joint moves what
-it carries by a motion ``s``, and what it is mounted on has velocity ``v`` and acceleration ``a``. The acceleration of
-what it carries changes by ``a x s + v x (v x s)`` per unit of its position, the velocity by ``v x s``; per unit of its
-velocity they change by ``2 v x s`` and ``s`` (S. Singh, R. P. Russell and P. M. Wensing, IEEE Robotics and Automation
-Letters 7(2), 2022). Particles ``m`` at ``r`` with velocities ``u`` feel a change ``w`` of the angular velocity as
-forces ``2 m w x u``: their sums need no more than the sums of ``m u`` and of ``m u r^T``.
+All quantities are about the origin of the root, so that those of the bodies that a joint carries can be added. A joint
+moves these bodies by a motion ``s`` per unit of its velocity, and its parent has velocity ``v`` and acceleration ``a``.
+Per unit of the joint's position, the velocity of the bodies changes by ``v x s`` and their acceleration by
+``a x s + v x (v x s)``; per unit of the joint's velocity, they change by ``s`` and ``2 v x s`` (S. Singh, R. P. Russell
+and P. M. Wensing, IEEE Robotics and Automation Letters 7(2), 2022). If the angular velocity changes by ``w``, a
+particle of mass ``m`` at ``r`` with velocity ``u`` needs a force ``2 m w x u``. So the forces on a body follow from its
+sums of ``m u`` and ``m u r^T``.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from phantom_dyn.array_types import Array
 
 
 class SlopeWorkspace(NamedTuple):
-    """Arrays of `torque_slope_loop` alone: motions and forces about the origin of the root, the linear part first.
+    """Work arrays of `torque_slope_loop`: motions and forces about the origin of the root, the linear part first.
 
     Attributes:
         s: Motion of each joint per unit of its velocity, ``(nt, 6)``.
         once, twice: ``v x s`` and half of ``a x s + v x (v x s)`` of each joint, ``(nt, 6)``.
-        v, a: Motion of each body; the root's must be there, ``(n, 6)``.
-        f: Force on all that a joint carries, ``(n, 6)``.
-        flow: Sums of ``m u`` and ``m u r^T`` over all that a joint carries, ``(n, 12)``.
-        force: Three forces at hand, ``(3, 6)``.
+        v, a: Velocity and acceleration of each body, the root first, ``(n, 6)``.
+        f: Force on all bodies that a joint carries, ``(n, 6)``.
+        flow: Sums of ``m u`` and ``m u r^T`` over all bodies that a joint carries, ``(n, 12)``.
+        force: Three forces of the joint at hand, ``(3, 6)``.
     """
 
     s: Array
@@ -44,7 +45,7 @@ class SlopeWorkspace(NamedTuple):
 
 
 def slope_workspace_of(tree: Kinematics, gravity: Array) -> SlopeWorkspace:
-    """Work arrays for one sample of a tree whose root is lifted against gravity [m/s2]."""
+    """Work arrays for one sample of a tree, whose root is fixed under this gravity [m/s2]."""
     n = len(tree.parents)
     s, once, twice = np.zeros((3, n - 1, 6))
     v, a, f = np.zeros((3, n, 6))
@@ -64,19 +65,19 @@ def torque_slope_loop(
     a: Array,
     out: Array,
 ) -> None:
-    """Slopes of the torque of N samples for joints of one degree of freedom.
+    """Write the derivatives of the torque of N samples for joints of one degree of freedom.
 
     Args:
         tree: The joints.
         inertias: Mass, first moments and inertia of each body, from `TreeArrays`.
-        workspace: Working arrays of the tree, from `workspace_of`.
-        slope_workspace: Working arrays of the slopes, from `slope_workspace_of`.
-        root: Angular velocity and acceleration and specific force of a moving root, ``(N, 9)``; else ``(0, 9)``.
+        workspace: Work arrays of the tree, from `workspace_of`.
+        slope_workspace: Work arrays of the derivatives, from `slope_workspace_of`.
+        root: Motion of a moving root, see `torque_loop`, ``(N, 9)``; ``(0, 9)`` for a fixed one.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nt)``.
         a: Accelerations, ``(N, nt)``.
-        out: Zeros that receive the torque of joint i per position of joint j in ``[0, j, i, sample]``, per velocity in
-            ``[1, j, i, sample]``, ``(2, nt, nt, N)``.
+        out: Zeros, ``(2, nt, nt, N)``. Receives in ``[0, j, i, sample]`` the derivative of the torque of joint i by the
+            position of joint j, and in ``[1, j, i, sample]`` the derivative by its velocity.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
     R, o, _, _, _, lin, ang, _, _, whole = workspace
@@ -100,7 +101,8 @@ def torque_slope_loop(
                 twice[d, c] *= 0.5
                 speed[i, c] = speed[p, c] + s[d, c] * v[k, d]
                 gain[i, c] = gain[p, c] + s[d, c] * a[k, d] + once[d, c] * v[k, d]
-            # The body about the origin of the root, by way of the root's own place: the root has no body.
+            # Parameters of the body about the origin of the root. The root has no body, so that its row is free for
+            # them.
             for c in range(10):
                 whole[0, c], whole[i, c] = 0.0, inertias[i, c]
             carry(whole, i, R)
@@ -113,7 +115,7 @@ def torque_slope_loop(
             p, d = parents[i], first_v[i]
             push(whole, flow, i, once, twice, d, force, 0)
             push(whole, flow, i, s, once, d, force, 1)
-            # What is carried moves with the joint, and the force on it as well: the joints before see it moved.
+            # The force on the carried bodies moves with the joint, which the joints before it notice.
             for c in range(6):
                 force[0, c], force[1, c] = 2.0 * force[0, c], 2.0 * force[1, c]
             add_force_crossed(s, d, f, i, force)
@@ -146,7 +148,7 @@ def torque_slope_loop(
 
 @inlined
 def add_crossed(by: Array, i: int, motion: Array, d: int, out: Array) -> None:
-    """Add ``by[i] x motion[d]`` to ``out[d]``, all of them motions."""
+    """Add the motion ``by[i] x motion[d]`` to ``out[d]``."""
     ux, uy, uz, wx, wy, wz = by[i, 0], by[i, 1], by[i, 2], by[i, 3], by[i, 4], by[i, 5]
     x, y, z = cross(wx, wy, wz, motion[d, 0], motion[d, 1], motion[d, 2])
     out[d, 0], out[d, 1], out[d, 2] = out[d, 0] + x, out[d, 1] + y, out[d, 2] + z
@@ -159,7 +161,7 @@ def add_crossed(by: Array, i: int, motion: Array, d: int, out: Array) -> None:
 
 @inlined
 def add_force_crossed(s: Array, d: int, f: Array, i: int, force: Array) -> None:
-    """Add the change of the force ``f[i]`` when it is moved by ``s[d]`` to the first of ``force``."""
+    """Add to ``force[0]`` by how much the force ``f[i]`` changes if the motion ``s[d]`` moves it."""
     x, y, z = cross(s[d, 3], s[d, 4], s[d, 5], f[i, 0], f[i, 1], f[i, 2])
     force[0, 0], force[0, 1], force[0, 2] = force[0, 0] + x, force[0, 1] + y, force[0, 2] + z
     x, y, z = cross(s[d, 0], s[d, 1], s[d, 2], f[i, 0], f[i, 1], f[i, 2])
@@ -170,7 +172,7 @@ def add_force_crossed(s: Array, d: int, f: Array, i: int, force: Array) -> None:
 
 @inlined
 def inertia_times(whole: Array, i: int, motion: Array, d: int, out: Array, row: int) -> None:
-    """Write the force that gives all that joint ``i`` carries the acceleration ``motion[d]`` to ``out[row]``."""
+    """Write to ``out[row]`` the force that accelerates the bodies that joint ``i`` carries by ``motion[d]``."""
     m, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
     lx, ly, lz, sx, sy, sz = motion[d, 0], motion[d, 1], motion[d, 2], motion[d, 3], motion[d, 4], motion[d, 5]
     x, y, z = cross(sx, sy, sz, hx, hy, hz)
@@ -182,7 +184,7 @@ def inertia_times(whole: Array, i: int, motion: Array, d: int, out: Array, row: 
 
 @inlined
 def push(whole: Array, flow: Array, i: int, turning: Array, motion: Array, d: int, out: Array, row: int) -> None:
-    """Write the forces ``m w x u`` under ``turning[d]``, with those of `inertia_times`, to ``out[row]``."""
+    """Write to ``out[row]`` the force of `inertia_times` plus the forces ``m w x u``, with ``w`` of ``turning[d]``."""
     inertia_times(whole, i, motion, d, out, row)
     wx, wy, wz = turning[d, 3], turning[d, 4], turning[d, 5]
     x, y, z = cross(wx, wy, wz, flow[i, 0], flow[i, 1], flow[i, 2])
@@ -200,7 +202,7 @@ def stir(whole: Array, i: int, speed: Array, flow: Array) -> None:
     ux, uy, uz, wx, wy, wz = speed[i, 0], speed[i, 1], speed[i, 2], speed[i, 3], speed[i, 4], speed[i, 5]
     x, y, z = cross(wx, wy, wz, hx, hy, hz)
     flow[i, 0], flow[i, 1], flow[i, 2] = m * ux + x, m * uy + y, m * uz + z
-    # Sums of m r r^T: half the trace of the inertia, less the inertia.
+    # Sums of m r r^T are half the trace of the inertia times the identity, minus the inertia.
     half = 0.5 * (whole[i, 4] + whole[i, 6] + whole[i, 9])
     xy, xz, yz = -whole[i, 5], -whole[i, 7], -whole[i, 8]
     x, y, z = cross(wx, wy, wz, half - whole[i, 4], xy, xz)

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A Pinocchio model as arrays for compiled code: joints, placements, axes and bodies of its tree."""
+"""Arrays that describe a Pinocchio model to compiled code: joints, placements, axes and bodies of its tree."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phantom_dyn.array_types import Array, read_only
 from phantom_dyn.errors import RobotError
 
 REVOLUTE, CONTINUOUS, PRISMATIC = 1, 2, 3
-"""Kinds of joints: the configuration of a continuous one is cos, sin."""
+"""Kinds of joints; the configuration of a continuous one is the cosine and the sine of its angle."""
 _KINDS = {
     "JointModelRX": REVOLUTE,
     "JointModelRY": REVOLUTE,
@@ -31,7 +31,7 @@ _KINDS = {
 
 
 class Kinematics(NamedTuple):
-    """Arrays of a tree that place its joints: those of `TreeArrays`, rotations as ``(3 n, 3, 3)``."""
+    """Arrays of `TreeArrays` that describe joints without their bodies; rotations have shape ``(3 n, 3, 3)``."""
 
     parents: Array
     kinds: Array
@@ -44,19 +44,19 @@ class Kinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class TreeArrays:
-    """A tree of ``n - 1`` joints; entry 0 is the root, joint j is Pinocchio's joint j. All arrays are read-only.
+    """A tree of ``n - 1`` joints; entry 0 is the root, entry j is Pinocchio's joint j. All arrays are read-only.
 
     Attributes:
-        parents: Joint that carries joint j, shape ``(n,)``.
-        kinds: ``REVOLUTE``, ``CONTINUOUS`` (configuration cos, sin) or ``PRISMATIC``, 0 for the root, shape ``(n,)``.
-        first_q: Place of its configuration in Pinocchio's vector, shape ``(n,)``.
-        first_v: Place of its velocity, shape ``(n,)``.
-        rotations: Its rotation in the joint that carries it is ``[0] + cos(q) [1] + sin(q) [2]`` (``[0]`` alone where
-            it does not turn), shape ``(n, 3, 3, 3)``.
-        translations: Its origin in the joint that carries it at position zero [m], shape ``(n, 3)``.
-        axes: Its axis or direction in its own frame, shape ``(n, 3)``.
-        inertias: Ten parameters ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`` of its body about the joint origin in
-            SI units, shape ``(n, 10)``.
+        parents: Parent of each joint, shape ``(n,)``.
+        kinds: ``REVOLUTE``, ``CONTINUOUS`` or ``PRISMATIC``, 0 for the root, shape ``(n,)``.
+        first_q: Index of each joint's first configuration entry, shape ``(n,)``.
+        first_v: Index of each joint's velocity, shape ``(n,)``.
+        rotations: Three matrices for each joint, shape ``(n, 3, 3, 3)``. The rotation of the joint in its parent is
+            ``[0] + cos(q) [1] + sin(q) [2]``, or ``[0]`` alone for a prismatic joint.
+        translations: Origin of each joint in its parent at position zero [m], shape ``(n, 3)``.
+        axes: Axis or direction of each joint in its own frame, shape ``(n, 3)``.
+        inertias: Ten parameters ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`` of each joint's body about the joint
+            origin in SI units, shape ``(n, 10)``.
     """
 
     parents: Array
@@ -75,7 +75,7 @@ class TreeArrays:
 
     @property
     def kinematics(self) -> Kinematics:
-        """All but the inertias."""
+        """The arrays without the inertias."""
         return Kinematics(
             self.parents,
             self.kinds,
@@ -91,13 +91,13 @@ def tree_arrays(model: pin.Model) -> TreeArrays:
     """Arrays of a model.
 
     Raises:
-        RobotError: If it has a joint that is not revolute, continuous or prismatic.
+        RobotError: If the model has a joint that is not revolute, continuous or prismatic.
     """
     count = model.njoints
     names = [joint.shortname() for joint in list(model.joints)[1:]]
     strange = [name for name in names if name not in _KINDS]
     if strange:
-        raise RobotError(f"A joint is a {strange[0]}: give a model of revolute, continuous and linear joints alone.")
+        raise RobotError(f"A joint is a {strange[0]}: give a model of revolute, continuous and linear joints only.")
     kinds = [0, *(_KINDS[name] for name in names)]
     rotations, translations, axes = np.zeros((count, 3, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3))
     inertias, first_q, first_v = np.zeros((count, 10)), np.zeros(count, np.int64), np.zeros(count, np.int64)
@@ -115,14 +115,14 @@ def tree_arrays(model: pin.Model) -> TreeArrays:
             x, y, z = axes[j] = twists[j].angular
             along = np.outer(axes[j], axes[j])
             across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            # Rodrigues' formula behind the placement.
+            # Placement times the three terms of Rodrigues' formula.
             rotations[j] = [placed.rotation @ part for part in (along, np.eye(3) - along, across)]
     parents = np.array(model.parents, np.int64)
     return TreeArrays(parents, np.array(kinds), first_q, first_v, rotations, translations, axes, inertias)
 
 
 def _unit_twists(model: pin.Model) -> list[pin.Motion]:
-    """Velocity of each joint in its own frame while it alone moves, at one unit in its first velocity."""
+    """Velocity of each joint in its own frame if only this joint moves, at a velocity of one."""
     data, neutral, twists = model.createData(), pin.neutral(model), [pin.Motion.Zero()]
     for j in range(1, model.njoints):
         v = np.zeros(model.nv)
