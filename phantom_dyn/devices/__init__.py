@@ -1,1 +1,1 @@
-"""Devices with their published constants and closed forms."""
+"""Published haptic devices and robots: their constants, and their kinematics and dynamics in closed form."""

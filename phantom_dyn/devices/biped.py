@@ -1,29 +1,31 @@
-r"""Six-link biped of the humanoid fragment: projection (1) and (2), joint coordinates (3), turning (4) to (6).
+r"""Joint coordinates of a biped of six links, as in a book chapter of which only a fragment is known.
+
+The fragment projects the links with equations (1) and (2), computes joint coordinates with (3) and turns the robot with
+(4) to (6).
 
 Points 0 to 6 are ankle, knee and hip of the supporting leg, then hip, knee and ankle of the swinging leg, then the end
 of its foot. x is forward, y to the left, z up. Sagittal angles :math:`\theta_1 \ldots \theta_6` add up along the chain
-and count from the horizontal: an upright supporting leg has :math:`\theta_1 = \pi/2`. The chain goes up the supporting
-leg and down the other, so that :math:`\theta_3`, through the upper body, and :math:`\theta_4` together turn it round.
-One coronal angle :math:`\beta` leans both legs alike, so that pelvis and feet stay level and the upper body upright; it
-is positive to the left.
-A turn :math:`\psi` is about +z: to the right it is negative. Samples come first in every array.
+and start from the horizontal: an upright supporting leg has :math:`\theta_1 = \pi/2`. The chain goes up the supporting
+leg and down the other one, so that :math:`\theta_3` (upper body) plus :math:`\theta_4` reverse its direction.
+One coronal angle :math:`\beta`, positive to the left, leans both legs, so that pelvis and feet stay level and the upper
+body upright. A turn :math:`\psi` is about +z: a turn to the right is negative. Samples come first in every array.
 
-What the fragment does not give, or cannot be right, each held by a test:
+What the fragment leaves out or states wrongly; a test covers each point:
 
-- Its link lengths are not given, and its Greek letters are lost; the names here are ours.
-- (2) is lost. It is read as :math:`l^c_i = l_i S_{1..i}`, with which (3) is the coronal view of (1).
-- (3) survives without its subscripts; what is here is reconstructed from them, and agrees with a rigid chain where the
-  projection is exact. The foot is not projected, as it does not lean: :math:`l^s_6 = l_6`, :math:`y_6 = y_5`.
+- It gives no link lengths, and its Greek letters are lost; the names here are ours.
+- (2) is lost. Here it is :math:`l^c_i = l_i S_{1..i}`, with which (3) is the coronal view of (1).
+- (3) has lost its subscripts. They are reconstructed here so that the result agrees with a rigid chain where the
+  projection is exact. The foot does not lean, so it is not projected: :math:`l^s_6 = l_6`, :math:`y_6 = y_5`.
 - Point 3 lies beside point 2 by the pelvis :math:`l_7`, on the side of the swinging leg: minus y if the left leg
   supports.
 - **The projection is not a rotation.** (1) shortens a link by :math:`\cos \beta` along x as well as along z, but
   leaning about x moves nothing along x. The error of one link is :math:`l |\cos \phi| (1 - \cos \beta)`, along x only,
-  where :math:`\phi` is its sagittal angle from the horizontal: none for an upright link. `true_joint_coordinates`
-  rotates; `projection_error` is the difference.
+  where :math:`\phi` is its sagittal angle from the horizontal. An upright link has no error. `true_joint_coordinates`
+  rotates the links; `projection_error` is the difference.
 
 References:
     .. [Humanoid] Implementation of a Wireless Haptic Controller for Humanoid Robot Walking, in Advances in Haptics
-       (fragment: sections 1, 2 and the first lines of 3). Equation numbers are its.
+       (fragment: sections 1, 2 and the first lines of 3). Equation numbers are those of the chapter.
 """
 
 from __future__ import annotations
@@ -40,20 +42,20 @@ Side = Literal["left", "right"]
 Angles = Float[Array, "N 6"]
 Points = Float[Array, "N 7 3"]
 
+# Which links lean in the coronal view: upper body and foot do not.
 _LEANS = np.array([True, True, False, True, True, False])
-"""Upper body and feet stay upright in the coronal view."""
 
 
 @dataclass(frozen=True)
 class BipedLengths:
-    """Lengths of the links [m]; not given in the source, so that they are free inputs.
+    """Lengths of the links [m]. The source does not give them, so that they are free inputs.
 
     Attributes:
         shank_support: l1, ankle to knee of the supporting leg.
-        thigh_support: l2.
+        thigh_support: l2, knee to hip of the supporting leg.
         upper_body: l3; no point of (3) depends on it.
-        thigh_swing: l4.
-        shank_swing: l5.
+        thigh_swing: l4, hip to knee of the swinging leg.
+        shank_swing: l5, knee to ankle of the swinging leg.
         foot: l6, from the ankle of the swinging leg.
         pelvis: l7, between the hips.
     """
@@ -85,7 +87,7 @@ class BipedLengths:
 
 
 def sagittal_lengths(lengths: BipedLengths, beta: Float[Array, " N"]) -> Float[Array, "N 6"]:
-    """Links as the sagittal plane shows them (1) [m]: legs shortened by cos beta, upper body and foot as they are.
+    """Lengths of the links in the sagittal plane (1) [m]: cos beta shortens the legs, not upper body and foot.
 
     Args:
         lengths: Lengths of the links.
@@ -95,7 +97,7 @@ def sagittal_lengths(lengths: BipedLengths, beta: Float[Array, " N"]) -> Float[A
 
 
 def coronal_lengths(lengths: BipedLengths, theta: Angles) -> Float[Array, "N 6"]:
-    """Links as the coronal plane shows them (2) [m]: their vertical part, negative in a leg that goes down.
+    """Lengths of the links in the coronal plane (2) [m]: their vertical part, negative in a leg that goes down.
 
     Args:
         lengths: Lengths of the links.
@@ -112,13 +114,13 @@ def joint_coordinates(
     support: Side = "left",
     ankle: Float[Array, " 3"] | None = None,
 ) -> Points:
-    """Points 0 to 6 by the projected links (3) [m], shape ``(N, 7, 3)``.
+    """Points 0 to 6 from the projected links (3) [m], shape ``(N, 7, 3)``.
 
     Args:
         lengths: Lengths of the links.
         theta: Sagittal angles [rad], shape ``(N, 6)``.
         beta: Coronal angle [rad], positive to the left, shape ``(N,)``.
-        support: Leg that stands. The fragment gives the left one; the right one is its mirror.
+        support: The supporting leg. The fragment gives equations for the left one; the right one is the mirror image.
         ankle: Point 0 [m], by default the origin.
     """
     phi = np.cumsum(theta, axis=1)
@@ -142,9 +144,9 @@ def true_joint_coordinates(
     support: Side = "left",
     ankle: Float[Array, " 3"] | None = None,
 ) -> Points:
-    """Points 0 to 6 of rigid links [m]: each sagittal link leaned by a rotation about x, shape ``(N, 7, 3)``.
+    """Points 0 to 6 of rigid links [m], each rotated about x by the coronal angle, shape ``(N, 7, 3)``.
 
-    Arguments as `joint_coordinates`.
+    The arguments are those of `joint_coordinates`.
     """
     phi = np.cumsum(theta, axis=1)
     up = lengths.sagittal * np.sin(phi)
@@ -156,38 +158,37 @@ def true_joint_coordinates(
 def projection_error(lengths: BipedLengths, theta: Angles, beta: Float[Array, " N"]) -> Points:
     """Points of the projected links minus those of rigid links [m], shape ``(N, 7, 3)``; along x only.
 
-    Arguments as `joint_coordinates`.
+    The arguments are those of `joint_coordinates`.
     """
-    given, true = (way(lengths, theta, beta) for way in (joint_coordinates, true_joint_coordinates))
-    return given - true
+    return joint_coordinates(lengths, theta, beta) - true_joint_coordinates(lengths, theta, beta)
 
 
 def turned_on_support(points: Points, psi: Float[Array, " N"]) -> Points:
-    """Points after the hip of the supporting leg has turned (4), (5): 3 to 6 go about the vertical through point 2.
+    """Points after a turn of the supporting leg's hip (4), (5): 3 to 6 rotate about the vertical through point 2.
 
-    With the left leg standing this is the first half of a turn to the right, by a negative ``psi``.
+    If the left leg supports, a negative ``psi`` is the first half of a turn to the right.
 
     Args:
-        points: Of (3) [m], shape ``(N, 7, 3)``.
+        points: Points 0 to 6 by (3) [m], shape ``(N, 7, 3)``.
         psi: Angle of the transverse joint about +z [rad], shape ``(N,)``.
     """
     return _turned(points, psi, centre=2)
 
 
 def turned_on_swing(points: Points, psi: Float[Array, " N"]) -> Points:
-    """Points after the hip of the swinging leg has turned (6): 4 to 6 go about the vertical through point 3.
+    """Points after a turn of the swinging leg's hip (6): 4 to 6 rotate about the vertical through point 3.
 
-    With the right leg standing this aligns the left foot: the second half of a turn to the right.
+    If the right leg supports, this aligns the left foot: the second half of a turn to the right.
 
     Args:
-        points: Of (3), with the right leg standing [m], shape ``(N, 7, 3)``.
+        points: Points 0 to 6 by (3) with the right leg supporting [m], shape ``(N, 7, 3)``.
         psi: Angle of the transverse joint about +z [rad], shape ``(N,)``.
     """
     return _turned(points, psi, centre=3)
 
 
 def _chain(lengths: BipedLengths, links: Float[Array, "N 6 3"], support: Side, ankle: Array | None) -> Points:
-    """Points from link vectors; the pelvis takes the place of the upper body, which ends in no point."""
+    """Points from link vectors; the pelvis replaces the upper body, because no point lies at its end."""
     steps = np.concatenate([np.zeros_like(links[:, :1]), links], axis=1)
     steps[:, 3] = [0.0, -lengths.pelvis if support == "left" else lengths.pelvis, 0.0]
     return np.cumsum(steps, axis=1) + (np.zeros(3) if ankle is None else ankle)

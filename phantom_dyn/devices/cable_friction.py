@@ -1,15 +1,15 @@
 r"""Dry friction of a cable transmission, proportional to the pretension of its cable.
 
-The source assumes of its capstans (section V.B) that "if the pretension of cable varies, then the Coulomb and stiction
-coefficients vary linearly with respect to it", that it "can not be null", and that stiction and Coulomb friction are
-close. With a pretension P [N] on a joint,
+The source (section V.B) assumes of its capstans that "if the pretension of cable varies, then the Coulomb and stiction
+coefficients vary linearly with respect to it", that the pretension "can not be null", and that stiction and Coulomb
+friction are close. With a pretension P [N] of the cable of a joint,
 
-.. math:: \Gamma_c(P) = r\,P, \qquad \Gamma_s(P) = \kappa\, r\,P, \quad \kappa \ge 1,
+.. math:: \Gamma_c(P) = r\,P, \qquad \Gamma_s(P) = \kappa\, r\,P, \quad \kappa \ge 1.
 
-r being a length: half the difference of the radii at which rubbing strands pull, whatever the mechanism. Pretensions
-are not published, so the ratio of the published Coulomb torques to theirs is not known; what follows without it is how
-friction changes when the cable is tightened or wears slack. `identification.experiments.cable_pretension` finds r, and
-tests whether friction is proportional to the pretension or only linear in it.
+The ratio r is a length: half the difference of the radii at which rubbing strands pull. The source publishes no
+pretensions, so r is not known for its Coulomb torques. `rescaled` needs no r: it says how friction changes when the
+cable is tightened or slackens. `identification.experiments.cable_pretension` finds r from tests, and tests whether
+friction is proportional to the pretension or only linear in it.
 
 References:
     Section V.B of [CEA]_ (`phantom_dyn.devices.cea`).
@@ -31,7 +31,7 @@ class CableFriction:
     """Dry friction of a joint that a pretensioned cable drives.
 
     Attributes:
-        ratio: Coulomb torque per pretension, r [m]; of a linear joint force per pretension [1].
+        ratio: Coulomb torque per pretension, r [m]; for a linear joint, Coulomb force per pretension [1].
 
     Raises:
         ParameterError: If the ratio is not above 0.
@@ -58,12 +58,12 @@ class CableFriction:
 
 
 def rescaled(coulomb: float, *, pretension: float, new_pretension: float) -> float:
-    """Coulomb torque [N m] at another pretension: the torque times the ratio of both.
+    """Coulomb torque [N m] at another pretension, to which it is proportional.
 
     Args:
-        coulomb: Dry friction found at the first pretension [N m].
-        pretension: At which it was found [N].
-        new_pretension: At which it is wanted [N].
+        coulomb: Coulomb torque at the first pretension [N m].
+        pretension: Pretension at which this torque was found [N].
+        new_pretension: The other pretension [N].
 
     Raises:
         ParameterError: If torque or a pretension is not above 0.

@@ -1,23 +1,26 @@
 r"""Upper branch of the CEA LIST haptic interface: published numbers, frames, kinematics and loop in closed form.
 
-A shoulder (q1), an arm (q2) and a forearm that a parallelogram drives (q5); a second parallelogram keeps the support of
-the handle parallel to the shoulder. Angles: frames of the modified Denavit-Hartenberg table (Khalil), frame 0 at the
-crossing of the axes of q1 and q2, z0 along the axis of q1; from frame a(j) to frame j
-:math:`T_j = Rot_x(\alpha_j)\,Trans_x(d_j)\,Rot_z(\theta_j)`, all r, gamma and b being zero. Tip: origin of frame 4. The
-loop is cut at joint 7: its frame on link 6, and frame 8 on link 3 (no joint), have to coincide.
+The branch has a shoulder (q1), an arm (q2) and a forearm that a parallelogram drives (q5); a second parallelogram keeps
+the support of the handle parallel to the shoulder. The frames are those of a modified Denavit-Hartenberg table
+(Khalil): frame 0 lies at the crossing of the axes of q1 and q2, with z0 along the axis of q1, and from frame a(j) to
+frame j :math:`T_j = Rot_x(\alpha_j)\,Trans_x(d_j)\,Rot_z(\theta_j)`, as all r, gamma and b are zero. The tip is the
+origin of frame 4. The loop is cut at joint 7: frame 7 on link 6 and frame 8 on link 3, which is no joint, have to
+coincide.
 
-Where the source is wrong or silent (each is held by a test):
+Where the source is wrong or gives no number; a test covers each point:
 
-- Table 1 prints :math:`d_8 = -d_6`; the loop then misses closure by :math:`2 d_6`. It closes with :math:`+d_6`.
+- Table 1 prints :math:`d_8 = -d_6`, with which the loop stays open by :math:`2 d_6`. It closes with :math:`+d_6`.
 - The link lengths d3, d4, d6 are not given: see `LinkLengths`.
-- Nor is the direction of gravity in frame 0: see `GRAVITY`.
+- The direction of gravity in frame 0 is not given: see `GRAVITY`.
 - Table 2 and the electric stiffness are printed in N m/rad, which is impossible: see `STIFFNESS_UNITS`.
-- All of link 4 is said to regroup with link 1; its radial first moment MY4 does not, and is missing in the list of V.D.
+- The source says that all parameters of link 4 regroup with link 1. The radial first moment MY4 does not; it is missing
+  in the list of section V.D.
 - The last row of Table 3 is printed ``FV5t3`` and is ``FC5t3``; axes "2 and 3" of the text are 2 and 5.
 
 References:
     .. [CEA] A. Janot, C. Bidard, F. Gosselin, M. Gautier et al., Modeling and Identification of a 3 DOF Haptic
-       Interface, IEEE International Conference on Robotics and Automation, 2007. Equation and table numbers are its.
+       Interface, IEEE International Conference on Robotics and Automation, 2007. Equation and table numbers are those
+       of the paper.
 """
 
 from __future__ import annotations
@@ -33,20 +36,20 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.number_checks import require_positive
 
 JOINTS = ("q1", "q2", "q5")
-"""Active joints; q3, q4, q6 follow them, and q7 is the joint at which the loop is cut."""
+"""Active joints; q3, q4 and q6 are passive, and the loop is cut at q7."""
 
 GRAVITY = (0.0, -9.81, 0.0)
-"""Default gravity in frame 0 [m/s^2]. Not given in the source: the first moments MX1 and MY1R that it identifies show
-in the torques only if the axis of q1 is not vertical. With this default the arm is held level at q1 = 0."""
+"""Default gravity in frame 0 [m/s^2], which the source does not give. The axis of q1 cannot be vertical, because the
+source identifies the first moment MY1R. With this default the arm is level at q1 = 0."""
 
 
 @dataclass(frozen=True)
 class LinkLengths:
-    """Lengths of arm, forearm and parallelogram lever [m]; not given in the source, so that they are free inputs.
+    """Lengths of arm, forearm and parallelogram lever [m]. The source does not give them, so that they are inputs.
 
-    With the default, the published apparent mass, Coulomb force and stiffness hold together at one posture (see
-    `phantom_dyn.devices.cea_dynamics.nearest_posture`). They do for arms of 0.35 to 0.59 m, too, but for 0.57 m and
-    more no rigid links have the parameters of Table 4. `d6` enters no equation that has these parameters only.
+    With the default, one posture has the published apparent mass, Coulomb force and stiffness (see
+    `phantom_dyn.devices.cea_dynamics.nearest_posture`). Arms of 0.35 to 0.59 m have such a posture too, but from 0.57 m
+    on no rigid links have the parameters of Table 4. `d6` is in no equation with the parameters of Table 4.
     """
 
     d3: float = 0.400
@@ -58,7 +61,7 @@ class LinkLengths:
 
 
 LENGTHS = LinkLengths()
-"""The default lengths, those of the built-in robot."""
+"""Default lengths, which are those of the built-in robot."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ class Published:
 
     @property
     def std(self) -> float:
-        """Standard deviation in the unit of the value; (7) divides by the size of the value."""
+        """Standard deviation in the unit of the value, from the relative one of (7)."""
         return abs(self.value) * self.deviation / 100
 
 
@@ -134,13 +137,13 @@ INERTIAL = _table(
 """Table 4: the 16 parameters of the inverse dynamic model. Its viscous coefficients are 15 to 60 % above Table 3."""
 
 STIFFNESS_UNITS = MappingProxyType({"N m/rad": 1.0, "N m/deg": 180.0 / np.pi, "N m/mrad": 1000.0})
-"""Readings of the unit of Table 2, each in N m/rad.
+"""Units that the numbers of Table 2 may have, each in N m/rad.
 
-As printed, joint 5 would resonate at 2 Hz (the source: about 20 Hz) and 2000 to 5000 N/m at the tip would need levers
-of 14 to 22 mm. N m/mrad is the only reading within a factor of about two of both."""
+In N m/rad, as printed, joint 5 would resonate at 2 Hz (the source says about 20 Hz), and 2000 to 5000 N/m at the tip
+would need levers of 14 to 22 mm. Only N m/mrad agrees with both statements within a factor of about two."""
 
 COULOMB_FRICTION = (INERTIAL["FS1"].value, INERTIAL["FS2"].value, INERTIAL["FS5R"].value)
-"""Coulomb torques of the active joints, Table 4 [N m]; its F_c of (18)."""
+"""Coulomb torques of the active joints, from Table 4 [N m]; F_c of (18)."""
 
 MASS_RANGE_KG = (0.0, 0.65)
 """Published apparent mass near the natural posture; up to 0.8 kg elsewhere."""
@@ -154,28 +157,28 @@ def joint_stiffness(unit: str = "N m/mrad") -> Float[Array, " 3"]:
     r"""Stiffness of transmission and motor in series [N m/rad], (19): :math:`K_{tot} = 1/(1/K_T + 1/K_E)`.
 
     Args:
-        unit: How to read the unit of the source, one of `STIFFNESS_UNITS`.
+        unit: Unit of the numbers in the source, one of `STIFFNESS_UNITS`.
 
     Returns:
         One per active joint, shape ``(3,)``.
 
     Raises:
-        ParameterError: If the reading is unknown.
+        ParameterError: If the unit is none of these.
     """
     if unit not in STIFFNESS_UNITS:
         known = ", ".join(STIFFNESS_UNITS)
-        raise ParameterError(f"{unit!r} is no reading of the stiffness of the CEA branch: take one of {known}.")
+        raise ParameterError(f"{unit!r} is no unit of the stiffness of the CEA branch: take one of {known}.")
     transmission = np.array([K.value for K in TRANSMISSION_STIFFNESS.values()])
     return STIFFNESS_UNITS[unit] / (1 / transmission + 1 / ELECTRIC_STIFFNESS)
 
 
 def resonance_hz(stiffness: float, inertia: float) -> float:
-    r"""Frequency :math:`\sqrt{K/I}/2\pi` of an inertia [kg m^2] on a stiffness [N m/rad], a rough bandwidth [Hz]."""
+    r"""Resonance :math:`\sqrt{K/I}/2\pi` [Hz] of an inertia [kg m^2] on a stiffness [N m/rad]."""
     return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
 
 
 def passive_positions(q: Float[Array, "N 3"]) -> Float[Array, "N 4"]:
-    """Angles q3, q4, q6, q7 [rad] of the passive joints and the cut one, by (8), (11), (9), (10).
+    """Angles q3, q4, q6 of the passive joints and q7 of the cut joint [rad], by (8), (11), (9), (10).
 
     Args:
         q: Active angles q1, q2, q5 [rad].
@@ -190,7 +193,7 @@ def passive_jacobian() -> Float[Array, "3 3"]:
 
 
 def tip_position(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Float[Array, "N 3"]:
-    """Tip in frame 0 [m].
+    """Position of the tip in frame 0 [m].
 
     Args:
         q: Active angles q1, q2, q5 [rad].
@@ -221,9 +224,9 @@ def tip_jacobian(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Floa
 
 @dataclass(frozen=True)
 class Row:
-    """One row of Table 1: joint, frame before it, twist [rad] and length [m].
+    """One row of Table 1: joint, preceding frame, twist [rad] and length [m].
 
-    ``turns`` is False for frame 8, which is fixed on link 3 (sigma = 2).
+    ``turns`` is False for frame 8, which is fixed on link 3 (sigma = 2 in the table).
     """
 
     joint: int
@@ -234,7 +237,7 @@ class Row:
 
 
 def table_1(lengths: LinkLengths) -> tuple[Row, ...]:
-    """Table 1 with :math:`d_8 = +d_6`, which closes the loop; printed is :math:`-d_6`."""
+    """Table 1 with :math:`d_8 = +d_6`, which closes the loop; the source prints :math:`-d_6`."""
     quarter = -0.5 * np.pi
     return (
         Row(1, 0, 0.0, 0.0),
@@ -249,14 +252,14 @@ def table_1(lengths: LinkLengths) -> tuple[Row, ...]:
 
 
 def frames(q: Float[Array, " 3"], rows: tuple[Row, ...]) -> Float[Array, "n 4 4"]:
-    """Pose of frames 0, 1, ... in frame 0, the passive angles by (8) to (11).
+    """Poses of frames 0, 1, ... in frame 0; passive angles follow from (8) to (11).
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        rows: Rows of the table, each after those above it.
+        rows: Rows of the table, from its top.
 
     Returns:
-        Homogeneous matrices, one per row and the identity in front.
+        Homogeneous matrices: the identity, then one per row.
     """
     q3, q4, q6, q7 = passive_positions(q[None])[0]
     angle = dict(enumerate((q[0], q[1], q3, q4, q[2], q6, q7), start=1))
@@ -271,7 +274,7 @@ def closure_error(q: Float[Array, " 3"], rows: tuple[Row, ...]) -> tuple[float, 
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        rows: All eight of the table.
+        rows: All eight rows of the table.
     """
     difference = frames(q, rows)[7] - frames(q, rows)[8]
     return float(np.linalg.norm(difference[:3, 3])), float(np.abs(difference[:3, :3]).max())

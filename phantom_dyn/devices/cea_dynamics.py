@@ -1,20 +1,22 @@
 r"""Inverse dynamics of the CEA branch in closed form (Table 4), and mass, friction and stiffness that a hand feels.
 
+The drive torque is
 :math:`\Gamma = A(q)\,a + H(q, v) + F_v v + F_c\,\mathrm{sign}\,v + \mathrm{offset} = D(q, v, a)\,x_b`, equations
-(1) and (2), from kinetic energy :math:`\frac12 v^T A v` and potential energy :math:`-g \cdot R_1 s` with
+(1) and (2). It follows from the kinetic energy :math:`\frac12 v^T A v` and the potential energy
+:math:`-g \cdot R_1 s` with
 
 .. math::
     A_{11} &= ZZ_1 + XX_2 \sin^2 q_2 + XX_3 \sin^2 q_5 + 2 d_3 MX_3 \cos q_2 \cos q_5, \\
     A_{22} &= ZZ_2, \quad A_{55} = ZZ_3, \quad A_{25} = d_3 MX_3 \cos(q_2 - q_5), \quad A_{12} = A_{15} = 0, \\
     s &= (MX_2 \cos q_2 + MX_3 \cos q_5,\; MY_1,\; -MX_2 \sin q_2 - MX_3 \sin q_5).
 
-The parameters that Table 4 leaves out (small, says the source) are zero here. Two things in the equations of the source
-are misprints: the noise is :math:`E(\rho \rho^T) = \sigma^2 I` in (4), and (5) lacks the square of the norm.
+Parameters that Table 4 leaves out, because the source calls them small, are zero here. The equations of the source have
+two misprints: the noise in (4) is :math:`E(\rho \rho^T) = \sigma^2 I`, and (5) lacks the square of the norm.
 
-At the tip, (18): :math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}`,
-:math:`F_{cop} = J^{-T} F_c` at chosen postures. Maps of the robot file are in `phantom_dyn.maps`; here the lengths are
-arguments, as the source states neither the lengths nor the posture. So a posture can be found at which the published
-ranges are met, and figures like 8 and 9 can be drawn about it (``examples/cea_figures.py``), but not the same figures.
+At the tip (18) gives :math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}` and
+:math:`F_{cop} = J^{-T} F_c`. Lengths are arguments here, because the source gives neither lengths nor posture;
+`phantom_dyn.maps` makes maps of the robot file. `nearest_posture` finds a posture with the published ranges, about
+which ``examples/cea_figures.py`` draws figures like 8 and 9, but not the same ones.
 """
 
 from __future__ import annotations
@@ -44,11 +46,11 @@ UNITS = tuple(parameter.unit for parameter in INERTIAL.values())
 VALUES = np.array([parameter.value for parameter in INERTIAL.values()])
 VALUES.flags.writeable = False
 STIFFNESS_OF_RANGES = 450.0
-"""Joint stiffness [N m/rad] at which the published ranges of mass, Coulomb force and stiffness can all be met.
+"""Joint stiffness [N m/rad] with which one posture has the published ranges of mass, Coulomb force and stiffness.
 
-The only possible reading of the printed unit gives 1000, see `phantom_dyn.devices.cea.STIFFNESS_UNITS`."""
+The only possible unit of the printed stiffness gives 1000, see `phantom_dyn.devices.cea.STIFFNESS_UNITS`."""
+# Ratio of smallest to largest singular value of J below which the tip cannot move in some direction.
 _SINGULAR = 1e-6
-"""Smallest over largest singular value of J below which the tip cannot move in some direction."""
 
 
 def regressor(
@@ -58,8 +60,8 @@ def regressor(
 
     Args:
         motion: Motion of the active joints q1, q2, q5.
-        lengths: Lengths of the links; only d3 enters.
-        gravity: In frame 0 [m/s^2].
+        lengths: Lengths of the links; only d3 is used.
+        gravity: Gravity in frame 0 [m/s^2].
     """
     (q1, q2, q5), (v1, v2, v5), (a1, a2, a5) = motion.q.T, motion.v.T, motion.a.T
     c1, s1, c2, s2, c5, s5 = np.cos(q1), np.sin(q1), np.cos(q2), np.sin(q2), np.cos(q5), np.sin(q5)
@@ -97,11 +99,11 @@ def mass_matrix(
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        lengths: Lengths of the links; only d3 enters.
-        parameters: In the order of `NAMES`.
+        lengths: Lengths of the links; only d3 is used.
+        parameters: Parameters in the order of `NAMES`.
 
     Raises:
-        ParameterError: If the arm is so long that these parameters belong to no body, see `longest_arm`.
+        ParameterError: If no bodies have these parameters because the arm is too long, see `longest_arm`.
     """
     limit = longest_arm(parameters)
     if lengths.d3 >= limit:
@@ -124,7 +126,7 @@ def longest_arm(parameters: Float[Array, " 16"] = VALUES) -> float:
     r"""Length d3 [m] below which A is positive definite in q2 and q5: :math:`\sqrt{ZZ_2 ZZ_3} / |MX_3|`.
 
     Args:
-        parameters: In the order of `NAMES`.
+        parameters: Parameters in the order of `NAMES`.
     """
     p = dict(zip(NAMES, parameters, strict=True))
     return float(np.sqrt(p["ZZ2R"] * p["ZZ3R"]) / abs(p["MX3R"]))
@@ -154,7 +156,7 @@ def felt(q: Float[Array, "N 3"], *, lengths: LinkLengths = LENGTHS, stiffness: f
         stiffness: Stiffness of each joint, transmission and motor in series [N m/rad].
 
     Raises:
-        ParameterError: If the arm is too long for these parameters, see `cea_dynamics.longest_arm`.
+        ParameterError: If the arm is too long for these parameters, see `longest_arm`.
     """
     J = tip_jacobian(q, lengths)
     sigma = np.linalg.svd(J, compute_uv=False)
@@ -169,27 +171,28 @@ def felt(q: Float[Array, "N 3"], *, lengths: LinkLengths = LENGTHS, stiffness: f
 
 
 def nearest_posture(*, lengths: LinkLengths = LENGTHS) -> tuple[Float[Array, " 3"], Felt]:
-    """Posture at q1 = 0 whose figures come nearest to the published ranges, and these figures.
+    """Posture at q1 = 0 whose mass, Coulomb force and stiffness are nearest to the published ranges, and these values.
 
-    Distances are those of logarithms. Of several postures within all ranges it is the one with the largest mass.
+    Distances are differences of logarithms. Of several postures within all ranges, the one with the largest mass is
+    returned.
 
     Args:
         lengths: Lengths of the links.
     """
     angles = np.deg2rad(np.arange(-180.0, 180.0, 3.0))
     q2, q5 = (axis.ravel() for axis in np.meshgrid(angles, angles, indexing="ij"))
-    # The arm on the side of x0; the other side is the same with q1 turned by half a circle.
+    # Only postures on the side of +x0: those on the other side differ by half a turn of q1.
     out = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5) > 0
     q = np.stack([np.zeros_like(q2), q2, q5], axis=1)[out]
     found = felt(q, lengths=lengths, stiffness=STIFFNESS_OF_RANGES)
     off = _outside(found.coulomb, *COULOMB_RANGE_N) + _outside(found.stiffness, *STIFFNESS_RANGE).sum(axis=1)
     off += _outside(found.mass, 0.0, MASS_RANGE_KG[1])
-    # The last term is far below any distance that matters: it decides only among postures within all ranges.
+    # The last term is so small that it decides only among postures within all ranges.
     k = int(np.nanargmin(off - 1e-6 * np.log(found.mass)))
     return q[k], Felt(found.mass[k : k + 1], found.coulomb[k : k + 1], found.stiffness[k : k + 1])
 
 
 def _outside(values: Array, low: float, high: float) -> Array:
-    """Squared distance of values from a range, in logarithms; zero inside."""
+    """Squared distance of logarithms of values from those of a range; zero inside."""
     below = np.log(low / values).clip(min=0) if low > 0 else 0.0
     return below**2 + np.log(values / high).clip(min=0) ** 2

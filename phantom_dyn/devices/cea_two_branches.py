@@ -1,26 +1,28 @@
-r"""The device of six degrees of freedom around the CEA branch: two branches, a platform between them, a driven handle.
+r"""URDF and robot.yaml of the device of six degrees of freedom that has two CEA branches, a platform and a handle.
 
-Of the whole device the source says (section IV): two branches of three degrees of freedom, tied by a platform that
-supports a motorized handle, seven motors in all, and extra links of constant orientation between branches and platform
-(the `support` of each branch). It identifies the upper branch alone and names the whole as future work; **lengths and
-masses of platform and handle, and the place of the lower branch, are not published: they are inputs here.**
+The source (section IV) says of the whole device: two branches of three degrees of freedom are joined by a platform that
+carries a motorized handle, with seven motors in total, and extra links of constant orientation between branches and
+platform (the `support` of each branch). It identifies the upper branch only and leaves the whole to future work.
+**Lengths and masses of platform and handle, and the place of the lower branch, are not published: they are inputs.**
 
-Both branches are the built-in `cea_branch`, the lower one below by the length of the platform, the axes of their first
-joints parallel. The platform hangs on the upper support by a universal joint and meets the lower one in a point, so
-that the device has :math:`3 + 2 + 3 - 3 = 5` degrees of freedom, and the handle about the axis of the platform is the
-sixth. Of the seven motors one is redundant: the lower shoulder, whose angle the others leave no choice.
+Both branches are the built-in `cea_branch`, with parallel axes of their first joints; the lower one lies below the
+upper one by the length of the platform. The platform hangs from the upper support by a universal joint and meets the
+lower one in a point. So the device has :math:`3 + 2 + 3 - 3 = 5` degrees of freedom, and the rotation of the handle
+about the axis of the platform is the sixth. One of the seven motors is redundant: the others determine the angle of the
+lower shoulder.
 
-**Rods.** The source leaves them out of its model (section V.D) and states what they would add. A second rod runs beside
-the arm from a point E of the shoulder to a piece CDG at the elbow, a third one beside the forearm from that piece to
-the support of the handle; the piece keeps the direction of the shoulder, as the support does. "If the arm and the
-second rod have the same translational velocity" all of the rod regroups with the arm, "else MYR2 can be identified":
-one parameter per rod.
+**Rods.** The source leaves the rods out of its model (section V.D) and says what they would add. A second rod runs
+beside the arm from a point E of the shoulder to a piece CDG at the elbow. A third rod runs beside the forearm from this
+piece to the support of the handle. The piece keeps the direction of the shoulder, as the support does. "If the arm and
+the second rod have the same translational velocity" all parameters of the rod regroup with the arm, "else MYR2 can be
+identified": one parameter per rod.
 
-**It holds, and this is when.** The offset of E and E' is along X1, says the source. Then the rod's foot moves with q1,
-and its first moment across the rod, MY, has a column of its own; its first moment along it, MX, regroups with that of
-the arm and of the piece. Without rods the branch has 21 inertial base parameters (axis 1 horizontal), with the piece
-22, the radial first moment of the piece; each rod adds one. With an offset along any other axis, or none, it adds none.
-Counted on the regressor of the closed chain; lengths and masses are inputs, as the source gives none.
+**When a rod adds a parameter.** The source says that the offset of E and E' is along X1. Then the foot of the rod moves
+with q1, and the rod's first moment across the rod, MY, has a column of its own; the first moment along the rod, MX,
+regroups with those of the arm and the piece. Without rods the branch has 21 inertial base parameters (axis 1
+horizontal). The piece adds its radial first moment, and each rod adds one parameter. A rod with an offset along another
+axis, or without an offset, adds none. These numbers are counted on the regressor of the closed chain; lengths and
+masses are inputs, as the source gives none.
 
 References:
     Sections IV and V.D, and figures 1 and 2 of [CEA]_ (`phantom_dyn.devices.cea`).
@@ -45,16 +47,16 @@ Vector = tuple[float, float, float]
 
 _BRANCH = "cea_branch"
 UPPER, LOWER = "upper_", "lower_"
-"""Before the names of the links and joints of either branch."""
+"""Prefixes of the names of links and joints of the two branches."""
 ACTIVE = ("lower_q2", "lower_q5", "upper_q1", "upper_q2", "handle", "upper_q5")
-"""Joints that position the device, in the order of its tree; `lower_q1` and both angles of the platform follow."""
+"""Joints that position the device, in the order of its tree; `lower_q1` and both angles of the platform are passive."""
 MOTORS = ("upper_q1", "upper_q2", "upper_q5", "lower_q1", "lower_q2", "lower_q5", "handle")
 """The seven motors."""
 _ARM, _FOREARM = math.radians(-15), math.radians(-105)
 POSTURE = (_ARM, _FOREARM, 0.0, _ARM, 0.0, _FOREARM)
-"""Both branches at the posture at which the published figures of one hold together, the platform upright [rad]."""
+"""Angles of the `ACTIVE` joints [rad]: each branch at `cea_dynamics.nearest_posture`, the platform upright."""
 
-_HERE = (0.0, 0.0, 0.0)
+_NO_OFFSET = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -62,11 +64,11 @@ class Platform:
     """Platform and handle; none of it is published.
 
     Attributes:
-        length: Between the tips of both branches [m].
-        mass: Mass of the platform, a rod of that length [kg].
-        handle_mass: [kg].
-        handle_length: Along the platform [m].
-        handle_radius: [m].
+        length: Distance between the tips of both branches [m].
+        mass: Mass of the platform, which is a thin rod of this length [kg].
+        handle_mass: Mass of the handle, which is a cylinder [kg].
+        handle_length: Length of the handle along the platform [m].
+        handle_radius: Radius of the handle [m].
 
     Raises:
         ParameterError: If a number is not above 0.
@@ -98,31 +100,31 @@ def two_branches_urdf(platform: Platform = PLATFORM) -> str:
         out.extend(branch_elements(prefix))
         add_joint(out, f"{prefix}mount", ("ground", f"{prefix}base"), (0.0, height, 0.0))
     half, radius = 0.5 * platform.length, platform.handle_radius
-    # At the posture -z of the upper support points down, to the lower one.
-    add_link(out, "yoke", 1e-3, _HERE, (1e-7, 1e-7, 1e-7))
+    # At `POSTURE` the -z axis of the upper support points down, to the lower one.
+    add_link(out, "yoke", 1e-3, _NO_OFFSET, (1e-7, 1e-7, 1e-7))
     rod = platform.mass * platform.length**2 / 12
     add_link(out, "platform", platform.mass, (0.0, 0.0, -half), (rod, rod, 0.5 * platform.mass * radius**2))
     wide = platform.handle_mass * (3 * radius**2 + platform.handle_length**2) / 12
-    add_link(out, "grip", platform.handle_mass, _HERE, (wide, wide, 0.5 * platform.handle_mass * radius**2))
+    add_link(out, "grip", platform.handle_mass, _NO_OFFSET, (wide, wide, 0.5 * platform.handle_mass * radius**2))
     ET.SubElement(out, "link", name="tip")
     ET.SubElement(out, "link", name="platform_end")
-    add_joint(out, "tilt", (f"{UPPER}link4", "yoke"), _HERE, axis=(1.0, 0.0, 0.0))
-    add_joint(out, "swing", ("yoke", "platform"), _HERE, axis=(0.0, 1.0, 0.0))
+    add_joint(out, "tilt", (f"{UPPER}link4", "yoke"), _NO_OFFSET, axis=(1.0, 0.0, 0.0))
+    add_joint(out, "swing", ("yoke", "platform"), _NO_OFFSET, axis=(0.0, 1.0, 0.0))
     add_joint(out, "handle", ("platform", "grip"), (0.0, 0.0, -half), axis=(0.0, 0.0, 1.0))
-    add_joint(out, "tip_fixed", ("grip", "tip"), _HERE)
+    add_joint(out, "tip_fixed", ("grip", "tip"), _NO_OFFSET)
     add_joint(out, "platform_end_fixed", ("platform", "platform_end"), (0.0, 0.0, -platform.length))
     return urdf_text(out)
 
 
 def two_branches_yaml() -> str:
-    """Text of the ``robot.yaml`` beside it: gravity, the loops of both branches, and the one through the platform."""
+    """Text of the ``robot.yaml`` beside this URDF: gravity, loops of both branches, and the loop of the platform."""
     lines = [f"gravity: [{', '.join(f'{g:g}' for g in GRAVITY)}]", "payload_frame: tip", "loops:"]
     for prefix in (UPPER, LOWER):
         q2, q5 = f"{prefix}q2", f"{prefix}q5"
         passive = f'{prefix}q3: "{q5} - {q2}", {prefix}q4: "pi/2 - {q5}", {prefix}q6: "{q2} - {q5}"'
         lines.append(f"  - {{kind: linear, active: [{q2}, {q5}], passive: {{{passive}}}}}")
     start = ", ".join(f"{name}: {value!r}" for name, value in zip(ACTIVE, POSTURE, strict=True) if name != "handle")
-    # Of the joints between both frames: the forearms are moved through joints of the parallelograms beside them.
+    # Active joints between the two frames. The forearms' motors are not among them: they drive the parallelograms.
     driven = f"{UPPER}q1, {UPPER}q2, {LOWER}q2"
     lines.append("  - kind: point")
     lines.append(f"    frame_a: platform_end\n    frame_b: {LOWER}tip\n    active: [{driven}]\n    start: {{{start}}}")
@@ -133,11 +135,11 @@ def motor_slope(robot: Robot, q: Float[Array, "N 6"]) -> Float[Array, "N 7 6"]:
     """Angles of the seven `MOTORS` per angle of the six `ACTIVE` joints, shape ``(N, 7, 6)``.
 
     Args:
-        robot: Loaded from the texts of this module.
-        q: Positions of the active joints [rad], neighbouring samples near each other.
+        robot: Robot from `two_branches_urdf` and `two_branches_yaml`.
+        q: Positions of the active joints [rad]; neighbouring samples have to be close to each other.
 
     Raises:
-        RobotError: If the robot is another one.
+        RobotError: If the robot is not this one.
         ChainError: If the loops cannot be closed.
     """
     names = list(robot.model.names)[1:]
@@ -150,17 +152,17 @@ def motor_slope(robot: Robot, q: Float[Array, "N 6"]) -> Float[Array, "N 7 6"]:
 
 
 def shared_torque(slope: Float[Array, "N 7 6"], tau: Float[Array, "N 6"]) -> Float[Array, "N 7"]:
-    r"""Torques of seven motors [N m] with the least sum of squares that do what six do: :math:`J_m^T \tau_m = \tau`.
+    r"""Torques of the seven motors with the least sum of squares [N m] that satisfy :math:`J_m^T \tau_m = \tau`.
 
     Args:
-        slope: Of `motor_slope`.
-        tau: Torques at the active joints, as inverse dynamics gives them [N m].
+        slope: Result of `motor_slope`.
+        tau: Torques at the active joints, from inverse dynamics [N m].
 
     Raises:
         ParameterError: If there are not as many torques as slopes.
     """
     if len(slope) != len(tau):
-        raise ParameterError(f"{len(tau)} torques and {len(slope)} slopes were given: give one of each a sample.")
+        raise ParameterError(f"{len(tau)} torques and {len(slope)} slopes were given: give one of each per sample.")
     return np.einsum("nij,nj->ni", np.linalg.pinv(np.swapaxes(slope, 1, 2)), tau)
 
 
@@ -169,10 +171,10 @@ class Rods:
     """Rods beside arm and forearm; none of it is published.
 
     Attributes:
-        arm_offset: From the axes of arm and shoulder to the foot of the second rod, in the axes of the shoulder [m];
-            None leaves the rod out.
-        forearm_offset: From the elbow to the foot of the third rod, in the axes of the piece CDG [m]; None leaves the
-            rod out.
+        arm_offset: Vector from the crossing of the axes of shoulder and arm to the foot of the second rod, in the axes
+            of the shoulder [m]; None leaves the rod out.
+        forearm_offset: Vector from the elbow to the foot of the third rod, in the axes of the piece CDG [m]; None
+            leaves the rod out.
         rod_mass: Mass of either rod [kg].
         piece_mass: Mass of the piece CDG [kg].
 
@@ -201,12 +203,12 @@ def branch_with_rods_urdf(rods: Rods) -> str:
     out = ET.Element("robot", name="cea_branch_with_rods")
     out.extend(branch_elements())
     small = rods.piece_mass * 0.02**2
-    add_link(out, "piece", rods.piece_mass, _HERE, (small, small, small))
-    # The piece's axes are those of the shoulder, turned as those of the arm at q2 = 0.
+    add_link(out, "piece", rods.piece_mass, _NO_OFFSET, (small, small, small))
+    # The piece keeps the axes that the arm has at q2 = 0.
     add_joint(out, "r_piece", ("link2", "piece"), (LENGTHS.d3, 0.0, 0.0), axis=(0.0, 0.0, 1.0))
     for name, parent, offset, length, turn in (
         ("rod2", "link1", rods.arm_offset, LENGTHS.d3, (-0.5 * math.pi, 0.0, 0.0)),
-        ("rod3", "piece", rods.forearm_offset, LENGTHS.d4, _HERE),
+        ("rod3", "piece", rods.forearm_offset, LENGTHS.d4, _NO_OFFSET),
     ):
         if offset is not None:
             across = rods.rod_mass * length**2 / 12
@@ -216,17 +218,17 @@ def branch_with_rods_urdf(rods: Rods) -> str:
 
 
 def branch_with_rods_yaml(rods: Rods) -> str:
-    """Text of the ``robot.yaml`` beside it: (8), (9), (11), and rods that stay parallel to arm and forearm."""
+    """Text of the ``robot.yaml`` beside this URDF: (8), (9), (11), and rods that stay parallel to arm and forearm."""
     passive = {"q3": "q5 - q2", "q4": "pi/2 - q5", "q6": "q2 - q5", "r_piece": "-q2"}
     passive |= {"r_rod2": "q2"} if rods.arm_offset is not None else {}
     passive |= {"r_rod3": "q5"} if rods.forearm_offset is not None else {}
-    given = ", ".join(f'{name}: "{says}"' for name, says in passive.items())
+    given = ", ".join(f'{name}: "{expression}"' for name, expression in passive.items())
     gravity = ", ".join(f"{g:g}" for g in GRAVITY)
     return f"gravity: [{gravity}]\nloops:\n  - {{kind: linear, active: [q2, q5], passive: {{{given}}}}}\n"
 
 
 def branch_elements(prefix: str = "") -> list[ET.Element]:
-    """Links and joints of the built-in branch, a prefix before their names.
+    """Links and joints of the built-in branch, with a prefix before their names.
 
     Raises:
         RobotError: If the built-in branch is not installed.
@@ -244,12 +246,12 @@ def branch_elements(prefix: str = "") -> list[ET.Element]:
 
 
 def add_link(robot: ET.Element, name: str, mass: float, center: Vector, moments: Vector) -> None:
-    """Put a link into a robot.
+    """Add a link to a robot.
 
     Args:
-        robot: The element of the robot.
+        robot: The robot's XML element.
         name: Name of the link.
-        mass: [kg].
+        mass: Mass [kg].
         center: Centre of mass, in the link's axes [m].
         moments: Moments of inertia about the centre of mass, along the link's axes [kg m2].
     """
@@ -269,14 +271,14 @@ def add_joint(
     axis: Vector | None = None,
     turn: Vector = (0.0, 0.0, 0.0),
 ) -> None:
-    """Put a revolute joint into a robot, or a fixed one where no axis is given.
+    """Add a revolute joint to a robot, or a fixed one if no axis is given.
 
     Args:
-        robot: The element of the robot.
+        robot: The robot's XML element.
         name: Name of the joint.
-        links: Parent and child.
+        links: Names of parent and child.
         origin: Origin of the joint in the parent [m].
-        axis: In the joint's axes.
+        axis: Axis of rotation in the joint's axes.
         turn: Roll, pitch and yaw of the joint's axes in the parent [rad].
     """
     joint = ET.SubElement(robot, "joint", name=name, type="fixed" if axis is None else "revolute")
@@ -284,13 +286,13 @@ def add_joint(
     ET.SubElement(joint, "child", link=links[1])
     ET.SubElement(joint, "origin", xyz=_words(origin), rpy=_words(turn))
     if axis is not None:
-        # Limits of torque and speed are not published: these bind nothing.
+        # A URDF needs limits; these are so wide that nothing reaches them, as none are published.
         ET.SubElement(joint, "axis", xyz=_words(axis))
         ET.SubElement(joint, "limit", lower=repr(-math.pi), upper=repr(math.pi), effort="10", velocity="10")
 
 
 def urdf_text(robot: ET.Element) -> str:
-    """The file, indented."""
+    """Text of an indented URDF file."""
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 

@@ -1,15 +1,16 @@
 r"""PHANToM 1.5 in closed form: published parameters, kinematics, Jacobian and dynamics.
 
-Joint angles ``q = (theta1, theta2, theta3)`` are absolute: theta2 is the upper arm, theta3 the forearm, which does not
-move with theta2. Frame: x right, y up, z towards the user, origin at the tip in the zero configuration, in which the
-upper arm (``l1``) lies along +z and the forearm (``l2``) hangs along -y.
+Joint angles ``q = (theta1, theta2, theta3)`` are absolute: theta2 is the angle of the upper arm, and theta3 that of the
+forearm, which theta2 does not change. In the device's frame x points right, y up and z towards the user; its origin is
+the tip in the zero configuration, in which the upper arm (``l1``) lies along +z and the forearm (``l2``) along -y.
 
-One assembly is possible, because the parallelogram cannot be folded over: ``abs(theta3 - theta2) < pi / 2`` and
-``l1 cos(theta2) + l2 sin(theta3) > 0``. The inverse kinematics returns that one.
+The parallelogram cannot fold over, so that one assembly is possible: ``abs(theta3 - theta2) < pi / 2`` and
+``l1 cos(theta2) + l2 sin(theta3) > 0``. The inverse kinematics returns this assembly.
 
-The dynamics are :math:`M(q)\,a + C(q, v)\,v + N(q) = \tau` as published, with what the Lagrangian shows to be
-misprinted put right: the mass and inertia "e" are those of C, C11 has the whole of its first line, and **C32 has a
-minus sign**. Only with it is C the Christoffel matrix, and ``dM/dt - 2 C`` skew. Friction is not modelled.
+The dynamics are :math:`M(q)\,a + C(q, v)\,v + N(q) = \tau` as published. Three misprints, which a derivation from the
+Lagrangian shows, are corrected: the mass and inertia "e" are those of C, the denominator of C11 holds for its whole
+first line, and **C32 has a minus sign**, with which C is the Christoffel matrix and ``dM/dt - 2 C`` is skew. Friction
+is not modelled.
 
 References:
     M. C. Çavuşoğlu, D. Feygin, F. Tendick, *A Critical Study of the Mechanical and Electrical Properties of the PHANToM
@@ -27,25 +28,24 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class PhantomParameters:
-    """Lengths and inertias of the PHANToM family (1.0, 1.5, 3.0 differ in their numbers); SI units.
+    """Lengths and inertias of a device of the PHANToM family (1.0, 1.5, 3.0), in SI units.
 
     Attributes:
-        l1: Upper arm.
-        l2: Forearm, elbow to tip.
-        l3: Crank: distance of the parallel link from the upper arm.
-        l5: Centre of mass of BE along the upper arm, from the joint centre.
-        l6: Centre of mass of DF, from the joint centre away from the forearm.
+        l1: Length of the upper arm.
+        l2: Length of the forearm, from elbow to tip.
+        l3: Length of the crank, which is the distance of the parallel link from the upper arm.
+        l5: Distance of the centre of mass of BE from the joint centre, along the upper arm.
+        l6: Distance of the centre of mass of DF from the joint centre, away from the forearm.
         m_a: Mass of the forearm A, centre at ``l2 / 2``.
         m_c: Mass of the parallel link C, centre at ``l1 / 2``.
         m_be: Mass of upper arm and counterweight motor BE.
         m_df: Mass of crank and counterweight motor DF.
-        inertia_a: Principal moments (x, y, z) about the centre of mass.
-        inertia_c: Principal moments (x, y, z) about the centre of mass.
-        inertia_be: Moments (x, y, z) about the joint centre, with the rotor as geared in x.
-        inertia_df: Moments (x, y, z) about the joint centre, with the rotor as geared in x.
-        inertia_base: Moment of the base about y, with its rotor.
-        rotor_inertia: Rotor of theta2 and of theta3 seen at the joint: the part of ``inertia_be[0]`` and
-            ``inertia_df[0]`` that belongs to no link.
+        inertia_a: Principal moments of inertia (x, y, z) of A about its centre of mass.
+        inertia_c: Principal moments of inertia (x, y, z) of C about its centre of mass.
+        inertia_be: Moments of inertia (x, y, z) of BE about the joint centre; x includes the rotor inertia.
+        inertia_df: Moments of inertia (x, y, z) of DF about the joint centre; x includes the rotor inertia.
+        inertia_base: Moment of inertia of the base about y, with its rotor.
+        rotor_inertia: Inertia of the rotor of theta2, and of theta3, on the joint side of the gear.
         gear_ratio: Gear ratio of theta2 and theta3.
     """
 
@@ -68,23 +68,23 @@ class PhantomParameters:
 
     @property
     def link_inertia_be(self) -> tuple[float, float, float]:
-        """Moments of the link BE alone about its centre of mass."""
+        """Moments of inertia of the link BE without rotor, about its centre of mass."""
         x, y, z = self.inertia_be
         shift = self.m_be * self.l5**2
         return x - self.rotor_inertia - shift, y - shift, z
 
     @property
     def link_inertia_df(self) -> tuple[float, float, float]:
-        """Moments of the link DF alone about its centre of mass."""
+        """Moments of inertia of the link DF without rotor, about its centre of mass."""
         x, y, z = self.inertia_df
         shift = self.m_df * self.l6**2
         return x - self.rotor_inertia - shift, y, z - shift
 
 
-# The appendix, in which the moment "I_begg" is I_bezz. Only about the joint centre do the moments of BE and DF give the
-# mass matrix of section 3. With the rotor in it no rigid body has them (I_xx exceeds I_yy + I_zz), and the rotor's own
-# moment is not printed: 1.08e-6 kg m2 is the usual value of a Maxon RE25 motor, inside the range 0.3263e-6 to 1.1095e-6
-# in which both links become possible bodies.
+# Numbers of the appendix, in which the moment "I_begg" is I_bezz. The moments of BE and DF give the mass matrix of
+# section 3 only if they are about the joint centre. They include the rotor, because no rigid body has them (I_xx
+# exceeds I_yy + I_zz). The rotor's own moment is not printed: 1.08e-6 kg m2 is the usual value of a Maxon RE25 motor,
+# and bodies can have the rest if it lies between 0.3263e-6 and 1.1095e-6.
 PHANTOM_1_5 = PhantomParameters(
     l1=0.215,
     l2=0.170,
@@ -106,7 +106,7 @@ PHANTOM_1_5 = PhantomParameters(
 
 
 def tip_position(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5) -> Float[Array, "N 3"]:
-    """Tip in the device's frame [m] at joint angles ``q`` [rad], equation (1)."""
+    """Position of the tip in the device's frame [m] at joint angles ``q`` [rad], equation (1)."""
     l1, l2 = parameters.l1, parameters.l2
     (s1, s2, s3), (c1, c2, c3) = np.sin(q.T), np.cos(q.T)
     reach = l1 * c2 + l2 * s3
@@ -122,7 +122,7 @@ def tip_rotation(q: Float[Array, "N 3"]) -> Float[Array, "N 3 3"]:
 
 
 def inverse_kinematics(p: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5) -> Float[Array, "N 3"]:
-    """Joint angles [rad] that bring the tip to ``p`` [m], in the one assembly that is possible.
+    """Joint angles [rad] at which the tip is at ``p`` [m], in the only possible assembly.
 
     Args:
         p: Tip positions in the device's frame, shape ``(N, 3)``.
@@ -173,7 +173,7 @@ def wrench_torque(
 
     Args:
         q: Joint angles [rad], shape ``(N, 3)``.
-        wrench: Force [N], then moment about the tip [N m], in the device's axes, that the tip exerts, shape ``(N, 6)``.
+        wrench: Force [N], then moment about the tip [N m], that the tip exerts, in the device's axes, ``(N, 6)``.
         parameters: Parameters of the device.
 
     Returns:
@@ -183,7 +183,7 @@ def wrench_torque(
 
 
 def manipulability(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5) -> Float[Array, " N"]:
-    """Smallest over largest singular value of the translational Jacobian; at most ``l2 / l1``."""
+    """Ratio of smallest to largest singular value of the translational Jacobian; at most ``l2 / l1``."""
     sigma = np.linalg.svd(body_jacobian(q, parameters)[:, :3], compute_uv=False)
     return sigma[:, -1] / sigma[:, 0]
 
@@ -191,7 +191,7 @@ def manipulability(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANT
 def mass_matrix(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5) -> Float[Array, "N 3 3"]:
     """Mass matrix M [kg m2] with rotors, shape ``(N, 3, 3)``."""
     p = parameters
-    coupling, upper, fore = _constants(p)
+    coupling, upper, fore = _coefficients(p)
     theta2, theta3 = q[:, 1], q[:, 2]
     moments = sum(p.inertia_a[1:]) + sum(p.inertia_c[1:]) + sum(p.inertia_be[1:]) + sum(p.inertia_df[1:])
     masses = p.m_a * (4 * p.l1**2 + p.l2**2) + p.m_c * (p.l1**2 + 4 * p.l3**2)
@@ -211,8 +211,8 @@ def mass_matrix(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_
 def coriolis_matrix(
     q: Float[Array, "N 3"], v: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5
 ) -> Float[Array, "N 3 3"]:
-    """Christoffel matrix C [N m s/rad], shape ``(N, 3, 3)``: the velocity torque is ``C v``."""
-    coupling, upper, fore = _constants(parameters)
+    """Christoffel matrix C [kg m2/s], shape ``(N, 3, 3)``: the centrifugal and Coriolis torque is ``C v``."""
+    coupling, upper, fore = _coefficients(parameters)
     theta2, theta3 = q[:, 1], q[:, 2]
     v1, v2, v3 = v.T
     along2 = upper * np.sin(2 * theta2) + 4 * coupling * np.sin(theta2) * np.sin(theta3)
@@ -237,8 +237,8 @@ def gravity_torque(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANT
     return N
 
 
-def _constants(p: PhantomParameters) -> tuple[float, float, float]:
-    """Coefficients of cos(theta2) sin(theta3), cos(2 theta2) and -cos(2 theta3); the last two times eight."""
+def _coefficients(p: PhantomParameters) -> tuple[float, float, float]:
+    """Coefficients in M11: of cos(theta2) sin(theta3), eight times that of cos(2 theta2) and of -cos(2 theta3)."""
     (_, ay, az), (_, cy, cz) = p.inertia_a, p.inertia_c
     (_, bey, bez), (_, dfy, dfz) = p.inertia_be, p.inertia_df
     coupling = p.l1 * (p.l2 * p.m_a + p.l3 * p.m_c)

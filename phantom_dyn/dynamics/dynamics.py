@@ -1,7 +1,7 @@
 r"""Rigid-body dynamics of a robot over whole trajectories: torques, mass matrix, regressor and derivatives.
 
-Motion and torque of a closed chain are those of its active joints. `phantom_dyn._kernels.rigid_body` computes the
-torques of all joints of its tree, and `phantom_dyn.dynamics.tree_motion` projects them on the active joints.
+For a closed chain, motion and torque are those of the active joints: `phantom_dyn._kernels.rigid_body` computes the
+torques of all joints of the tree, and `phantom_dyn.dynamics.tree_motion` projects them on the active joints.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from phantom_dyn.errors import LogError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
+# Step of a central difference [rad or m]; with it the truncation error is about as large as the rounding error.
 _DIFFERENCE = 1e-5
-"""Step of a central difference [rad or m]: the error of the step squared equals that of rounding over the step."""
 
 
 def _require_finite(motion: Motion) -> None:
-    """Refuse motion that is not finite: Pinocchio computes with it and says nothing."""
+    """Refuse motion that is not finite, which Pinocchio does not."""
     for name in ("q", "v", "a"):
         finite = np.isfinite(getattr(motion, name))
         if not finite.all():
@@ -46,8 +46,8 @@ def _root_motion(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
         return tree.base.columns
     if robot.floating:
         raise RobotError(
-            f"{robot.name} is not bolted down (base: floating): give the motion of its base as well, or say base: "
-            "fixed where it is held."
+            f"{robot.name} is not bolted down (base: floating): give the motion of its base as well, or state base: "
+            "fixed in robot.yaml if it is held."
         )
     return None
 
@@ -61,7 +61,7 @@ def _friction(robot: Robot, motion: Motion, tree: TreeMotion) -> Float[Array, "N
 
 
 def active_friction(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Drive torque [N m or N] against the modelled friction of the active joints at velocities, ``sign(0) = 0``."""
+    """Drive torque against the modelled friction of the active joints [N m or N], with ``sign(0) = 0``."""
     return v * robot.viscous_friction + np.sign(v) * robot.coulomb_friction
 
 
@@ -81,7 +81,7 @@ def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     ``armature`` but neither ``damping`` nor ``friction``, so the last two are added here.
 
     Args:
-        robot: Gives model and friction.
+        robot: Robot with its modelled friction.
         motion: N samples.
 
     Returns:
@@ -97,7 +97,7 @@ def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
 
 
 def rotor_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
-    """Torque that accelerates the rotors, those on passive joints included, shape ``(N, nv)`` [N m or N].
+    """Torque that accelerates the rotors, including those on passive joints, shape ``(N, nv)`` [N m or N].
 
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
@@ -121,7 +121,7 @@ def link_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
 def body_torque_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv"]:
     """Torque that links and rotors need for a motion of the tree, without friction, shape ``(N, nv)`` [N m or N].
 
-    Rotors on passive joints are included: they may accelerate while no active joint does.
+    Rotors on passive joints are included.
     """
     return _on_active_joints(robot, tree, _tree_torque(robot, tree))
 
@@ -131,16 +131,16 @@ def inverse_dynamics_derivatives(
 ) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
     r"""Derivatives :math:`\partial\tau/\partial q` and :math:`\partial\tau/\partial v` with armature, without friction.
 
-    They are analytic if the motion of the tree is linear in that of the active joints (constant ``G``). Otherwise they
-    are central differences with steps of 1e-5 rad or m in the active joints, accurate to about 1e-7 of the torque.
+    They are analytic if the loops are linear (constant ``G``). Otherwise they are central differences with steps of
+    1e-5 rad or m in the active joints, with errors of about 1e-7 of the torque.
 
     Args:
-        robot: Gives the model.
+        robot: The robot.
         motion: N samples.
 
     Returns:
-        The derivatives by position and by velocity, each ``(N, nv, nv)``; entry ``[k, i, j]`` is that of the torque of
-        joint i by joint j at sample k.
+        The derivatives by position and by velocity, each ``(N, nv, nv)``; entry ``[k, i, j]`` is the derivative of the
+        torque of joint i by the position or velocity of joint j at sample k.
 
     Raises:
         LogError: If a value is not finite.
@@ -159,7 +159,7 @@ def inverse_dynamics_derivatives(
 
 
 def _difference(robot: Robot, motion: Motion, quantity: Literal["q", "v"]) -> Float[Array, "N nv nv"]:
-    """Derivative of the rigid-body torque by one quantity of each active joint, from central differences."""
+    """Derivative of the rigid-body torque by position or velocity of each active joint, from central differences."""
     out = np.empty((*motion.q.shape, robot.nv))
     for j in range(robot.nv):
         torques = []
@@ -178,7 +178,7 @@ def gravity_torque(
     """Torque that holds the links against gravity, shape ``(N, nv)`` [N m or N].
 
     Args:
-        robot: Gives the model.
+        robot: The robot.
         q: Joint positions [rad or m].
         gravity: Acceleration [m/s^2] in the base frame; by default the robot's.
 
@@ -199,18 +199,18 @@ def rigid_body_regressor(
     1..njoints-1: ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`` about the joint origin.
 
     Args:
-        robot: Gives the model.
+        robot: The robot.
         motion: N samples.
-        columns: Which columns to compute, ascending; by default all.
-        out: Zeros that receive them in their first columns, C-contiguous, ``c`` at least the number of columns.
+        columns: Columns to compute, ascending; by default all ``10 (njoints - 1)``.
+        out: C-contiguous array of zeros whose first columns receive the result; ``c`` is at least the number of
+        columns.
 
     Returns:
-        Regressor in SI units, shape ``(N, nv, p)``, ``p`` the number of columns, by default ``10 (njoints - 1)``; or
-        ``out``.
+        Regressor in SI units, shape ``(N, nv, p)`` with ``p`` the number of columns; or ``out``.
 
     Raises:
         LogError: If a value is not finite.
-        ParameterError: If a column does not exist, they do not ascend, or ``out`` has no room for them.
+        ParameterError: If a column does not exist, columns do not ascend, or ``out`` has too few columns.
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     _require_finite(motion)
@@ -238,6 +238,6 @@ def mass_matrix(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nv nv"
 
 
 def mass_matrix_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv"]:
-    """Joint-space mass matrix with armature, as `mass_matrix`, for known positions of the tree."""
+    """Joint-space mass matrix with armature at known positions of the tree, shape ``(N, nv, nv)``."""
     out = rigid_body.mass(robot.model, robot.arrays, tree.configuration)
     return out if robot.chain is None else project(tree.G, out) @ tree.G

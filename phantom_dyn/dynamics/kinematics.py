@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Pose, Jacobian and acceleration of a frame over whole trajectories of a Pinocchio model; closed chains included."""
+"""Pose and Jacobian of a frame over whole trajectories, and joint torques for a wrench at a frame."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def frame_index(robot: Robot, frame: str) -> int:
     """Index of a frame in the robot's model.
 
     Raises:
-        RobotError: If there is none of that name.
+        RobotError: If there is no frame of this name.
     """
     if not robot.model.existFrame(frame):
         names = dict.fromkeys(f.name for f in robot.model.frames)
@@ -28,7 +28,7 @@ def frame_index(robot: Robot, frame: str) -> int:
 
 
 def _at_rest(robot: Robot, q: Array) -> TreeMotion:
-    """Motion of the tree at standstill."""
+    """Motion of the tree at rest at the positions ``q``."""
     zero = np.zeros_like(q)
     return tree_motion(robot, Motion(np.arange(float(len(q))), q, zero, zero))
 
@@ -37,7 +37,7 @@ def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float
     """Orientation and position [m] of a frame in the root frame.
 
     Args:
-        robot: A plain robot or a closed chain.
+        robot: The robot.
         q: Joint positions [rad or m], shape ``(N, nv)``.
         frame: Name of the frame.
 
@@ -55,7 +55,7 @@ def frame_jacobian(
     """Jacobian of the twist of a frame: rows of the velocity of its origin, then of its angular velocity.
 
     Args:
-        robot: A plain robot or a closed chain; of the latter the columns are those of its active joints.
+        robot: The robot; the columns are those of its active joints.
         q: Joint positions [rad or m], shape ``(N, nv)``.
         frame: Name of the frame.
         axes: ``body`` for the frame's own axes, ``hybrid`` for those of the root frame.
@@ -72,10 +72,10 @@ def frame_jacobian(
 def wrench_torque(
     robot: Robot, q: Float[Array, "N nv"], wrench: Float[Array, "N 6"], frame: str
 ) -> Float[Array, "N nv"]:
-    """Drive torque with which a frame exerts a wrench, at rest and without weight.
+    """Drive torque with which a frame exerts a wrench, at rest and without gravity.
 
     Args:
-        robot: A plain robot or a closed chain.
+        robot: The robot.
         q: Joint positions [rad or m], shape ``(N, nv)``.
         wrench: Force [N], then moment about the frame's origin [N m], in the root frame's axes, shape ``(N, 6)``.
         frame: Name of the frame.

@@ -1,13 +1,15 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Motion of a base that is not bolted down, and the rows of its dynamics that hold whatever forces its feet feel.
+r"""Motion of a floating base from its sensors, and its dynamics with the contact forces of its feet eliminated.
 
-An accelerometer reads the specific force: acceleration less gravity. Recursive Newton-Euler starts from exactly this at
-the root, so that neither the position of the base nor its velocity is needed. From the place ``p`` of the
-accelerometer to the origin of the root, :math:`f = f_s - \dot\omega \times p - \omega \times (\omega \times p)`.
+An accelerometer measures the specific force, which is acceleration minus gravity. Recursive Newton-Euler needs only the
+specific force and the angular motion of the root, neither its position nor its velocity. An accelerometer at the place
+``p`` that measures :math:`f_s` gives :math:`f = f_s - \dot\omega \times p - \omega \times (\omega \times p)` at the
+origin of the root.
 
-**Feet on the ground.** The base and the joints obey :math:`M a + h = S\tau + J^T f` with the forces :math:`f` of the
-points that touch. Where the columns of :math:`N` span the null space of :math:`J`, :math:`N^T J^T f = 0`: these rows
-hold without the forces. Base first, force before moment, in the root's axes.
+**Feet on the ground.** The base and the joints obey :math:`M a + h = S\tau + J^T f` with the forces :math:`f` at the
+points of contact. If the columns of :math:`N` span the null space of :math:`J`, then :math:`N^T J^T f = 0`, so that
+:math:`N^T (M a + h) = N^T S\tau` does not contain the forces. In all arrays the base comes first, force before moment,
+in the root's axes.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from phantom_dyn.motion import BaseMotion, Motion
 
 
 def place_on_base(robot: Robot, frame: str) -> pin.SE3:
-    """Place of a sensor's frame in the axes of the root.
+    """Pose of a sensor's frame in the frame of the root.
 
     Raises:
         RobotError: If the robot has no such frame, or a joint moves it.
@@ -46,7 +48,7 @@ def place_on_base(robot: Robot, frame: str) -> pin.SE3:
 
 
 def any_base_motion(rng: np.random.Generator, count: int) -> BaseMotion:
-    """Independent samples that excite all that a moving base can: any direction of gravity, some rad/s and rad/s^2."""
+    """Random independent samples of a base in motion: angular velocity, angular acceleration and specific force."""
     return BaseMotion(*(size * rng.normal(size=(count, 3)) for size in (2.0, 10.0, 10.0)))
 
 
@@ -58,33 +60,32 @@ def base_motion(
     dw: Float[Array, "N 3"],
     force: Float[Array, "N 3"],
 ) -> BaseMotion:
-    """Motion of the root from what its own sensors read.
+    """Motion of the root from the readings of the sensors on it.
 
     Args:
-        robot: Says where the frames are.
+        robot: Robot with both frames.
         gyroscope: Frame in whose axes ``w`` and ``dw`` are.
-        accelerometer: Frame in whose axes ``force`` is, and at whose origin.
+        accelerometer: Frame in whose axes, and at whose origin, ``force`` is.
         w: Angular velocity [rad/s].
-        dw: Its derivative [rad/s^2].
-        force: Specific force [m/s^2]: upwards and as large as gravity at rest.
+        dw: Angular acceleration [rad/s^2].
+        force: Specific force [m/s^2]; at rest it points upwards and is as large as gravity.
 
     Raises:
-        RobotError: If a frame is unknown, or does not move with the base.
+        RobotError: If a frame is unknown or not fixed to the base.
     """
-    turn, place = place_on_base(robot, gyroscope).rotation, place_on_base(robot, accelerometer)
-    turned, faster = w @ turn.T, dw @ turn.T
-    lever = place.translation
-    at_root = force @ place.rotation.T - np.cross(faster, lever) - np.cross(turned, np.cross(turned, lever))
-    return BaseMotion(turned, faster, at_root)
+    rotation, place = place_on_base(robot, gyroscope).rotation, place_on_base(robot, accelerometer)
+    w_root, dw_root, lever = w @ rotation.T, dw @ rotation.T, place.translation
+    at_root = force @ place.rotation.T - np.cross(dw_root, lever) - np.cross(w_root, np.cross(w_root, lever))
+    return BaseMotion(w_root, dw_root, at_root)
 
 
 def torque_of_base(robot: Robot, motion: Motion) -> Float[Array, "N nv 9"]:
-    """Slopes of the torque in the columns of `BaseMotion`: angular velocity, its derivative, specific force.
+    """Derivatives of the torque by angular velocity, angular acceleration and specific force of the root.
 
-    The torque is a polynomial of second degree in the first and linear in the others, so that differences are exact.
+    The torque is quadratic in the angular velocity and linear in the others, so that differences are exact.
 
     Args:
-        robot: Gives the model.
+        robot: The robot.
         motion: N samples, with the motion of the root.
     """
     assert motion.base is not None
@@ -105,15 +106,15 @@ def wrench_and_torque(robot: Robot, motion: Motion) -> Float[Array, "N n"]:
     """Force and moment on the base, and torque of every joint, that the given model needs for a motion.
 
     Args:
-        robot: Not bolted down, without closed loops.
-        motion: With the motion of its root.
+        robot: Robot with a floating base and without closed loops.
+        motion: Motion with that of the root.
     """
     base = motion.base
     assert base is not None
     free = free_flyer(robot)
     data, out = free.createData(), np.empty((len(motion.t), 6 + robot.nv))
-    q = _at_the_origin(robot, motion.q)
-    # Without gravity and without a velocity of its origin, the root's acceleration is the specific force.
+    q = _with_root_at_origin(robot, motion.q)
+    # In a model without gravity the specific force is the acceleration of the root; its velocity does not matter.
     still = np.zeros_like(base.f)
     v, a = np.hstack([still, base.w, motion.v]), np.hstack([base.f, base.dw, motion.a])
     for k in range(len(q)):
@@ -123,9 +124,9 @@ def wrench_and_torque(robot: Robot, motion: Motion) -> Float[Array, "N n"]:
 
 
 def contact_jacobian(robot: Robot, q: Float[Array, " nv"], frames: Sequence[str]) -> Float[Array, "f n"]:
-    """Velocity of the origins of frames by those of base and joints, in the root's axes."""
+    """Velocities of the origins of frames per velocity of base and joints, in the root's axes."""
     free = free_flyer(robot)
-    data, at = free.createData(), _at_the_origin(robot, q[None, :])[0]
+    data, at = free.createData(), _with_root_at_origin(robot, q[None, :])[0]
     pin.computeJointJacobians(free, data, at)
     axes = pin.LOCAL_WORLD_ALIGNED
     return np.vstack([pin.getFrameJacobian(free, data, free.getFrameId(name), axes)[:3] for name in frames])
@@ -134,13 +135,13 @@ def contact_jacobian(robot: Robot, q: Float[Array, " nv"], frames: Sequence[str]
 def contact_free(
     robot: Robot, q: Float[Array, " nv"], frames: Sequence[str], rows: Bool[Array, " n"] | None = None
 ) -> Float[Array, "k m"]:
-    """Orthonormal columns: the sums of rows of base and joints that no force at the origins of frames changes.
+    """Combinations of the rows of base and joints that contact forces at frames do not change, orthonormal columns.
 
     Args:
-        robot: Not bolted down.
-        q: Positions.
-        frames: That touch something.
-        rows: Of base and joints that are summed; None: all.
+        robot: Robot with a floating base.
+        q: Joint positions [rad or m].
+        frames: Frames whose origins touch something.
+        rows: Rows that may be combined; None for all.
     """
     slopes = contact_jacobian(robot, q, frames)
     return null_space(slopes if rows is None else slopes[:, rows])
@@ -155,6 +156,6 @@ def free_flyer(robot: Robot) -> pin.Model:
     return out
 
 
-def _at_the_origin(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
+def _with_root_at_origin(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
     level = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(q), 1))
     return np.hstack([level, robot.configuration(q)])

@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Motion of the tree of a closed chain from that of its active joints, and projection of its torques on them.
+r"""Motion of all joints of a closed chain from that of its active joints, and projection of torques on active joints.
 
-With :math:`v_t = G(q)\,v` and :math:`a_t = G\,a + d(q, v)`, virtual work gives :math:`\tau = G^T \tau_t` for every
-torque on the tree, so also :math:`W = G^T W_t` for a regressor and :math:`M = G^T M_t G`.
+The tree is the chain with its loops cut. With :math:`v_t = G(q)\,v` and :math:`a_t = G\,a + d(q, v)`, virtual work
+gives :math:`\tau = G^T \tau_t` for every torque on the tree, so also :math:`W = G^T W_t` for a regressor and
+:math:`M = G^T M_t G` for a mass matrix.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from phantom_dyn.motion import BaseMotion, Motion, configurations
 
 @dataclass(frozen=True)
 class TreeMotion:
-    """``N`` samples of the motion of every joint of a robot's tree; of a plain robot its own, with ``G`` the identity.
+    """``N`` samples of the motion of every joint of a robot's tree; without loops, ``G`` is the identity.
 
     Attributes:
         configuration: Pinocchio's configurations, shape ``(N, nq)``.
         q: Joint positions [rad or m], shape ``(N, nt)``.
         v: Velocities, shape ``(N, nt)``.
         a: Accelerations, shape ``(N, nt)``.
-        G: Slope of the tree's positions in the active ones, shape ``(N, nt, nv)``; read-only, the same memory for
-            every sample where it is constant.
-        base: How the root moves; None for a robot that is bolted down.
+        G: Derivative of the tree's positions by the active ones, shape ``(N, nt, nv)``, read-only. If it is constant,
+            all samples share one matrix in memory.
+        base: Motion of the root; None for a robot that is bolted down.
     """
 
     configuration: Float[Array, "N nq"]
@@ -41,13 +42,13 @@ class TreeMotion:
 
 
 def tree_motion(robot: Robot, motion: Motion, *, near: Float[Array, " nt"] | None = None) -> TreeMotion:
-    """Motion of the whole tree while the active joints move as given.
+    """Motion of the whole tree for a motion of the active joints.
 
     Args:
-        robot: A closed chain or a plain robot.
+        robot: The robot.
         motion: N samples of the active joints.
-        near: Positions of the tree that close its loops, from which the search for the first sample begins, as in a
-            simulation that asks state by state; by default where the chain starts.
+        near: Positions of the tree that close its loops, from which the search for the first sample starts; by default
+            the start of the chain. Simulations that ask state by state give those of the last state.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample.
@@ -70,24 +71,24 @@ def apply(G: Float[Array, "N nt nv"], values: Float[Array, "N nv"]) -> Float[Arr
 
 
 def project(G: Float[Array, "N nt nv"], values: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
-    """``G^T`` times torques, or columns of torques, of the tree for each sample: what they are on the active joints."""
+    """Torques on the active joints, ``G^T`` times torques (or columns of torques) on the tree, for each sample."""
     if _varies(G):
         return np.einsum("nti,nt...->ni...", G, values, optimize=True)
     return values @ G[0] if values.ndim == 2 else G[0].T @ values
 
 
 def _varies(G: Array) -> bool:
-    """False if the same matrix holds for every sample."""
+    """False if all samples share one matrix in memory."""
     return len(G) == 0 or G.strides[0] != 0
 
 
 def joint_velocity(robot: Robot, motion: Motion, joint: str) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
-    """Velocity of an active or passive joint, and the torque on the active ones per unit of torque on it.
+    """Velocity of an active or passive joint, and the torque on the active joints per unit of torque on it.
 
     Args:
-        robot: Gives the joints.
+        robot: The robot.
         motion: N samples of the active joints.
-        joint: Any joint of the tree that is not held fixed.
+        joint: Name of a joint of the tree that is not held fixed.
 
     Returns:
         Velocity [rad/s or m/s], and its row of ``G``: the torque on each active joint per unit of torque on this one.
@@ -108,7 +109,7 @@ def joint_velocity(robot: Robot, motion: Motion, joint: str) -> tuple[Float[Arra
 
 
 def passive_friction(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv"]:
-    """Torque on the active joints that the modelled friction of the passive ones needs, ``sign(0) = 0``."""
+    """Torque on the active joints against the modelled friction of the passive ones, with ``sign(0) = 0``."""
     chain = robot.chain
     if chain is None or not (chain.viscous_friction.any() or chain.coulomb_friction.any()):
         return np.zeros((len(tree.v), robot.nv))

@@ -1,1 +1,1 @@
-"""Closed chains: what the passive joints of a tree do when the active ones move."""
+"""Closed chains: motion of the passive joints that follows from the active joints and the loops."""

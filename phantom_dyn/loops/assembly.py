@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The assembly mode in which a closed chain starts, and whether its loops determine every passive joint."""
+"""Finds a start at which the loops of a closed chain are closed, and checks that they determine all passive joints."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _HINT = "give start: {joint: position} near a position that closes the loop"
 
 
 def assembled(model: pin.Model, chain: ClosedChain, config: Path) -> ClosedChain:
-    """The chain with a start at which its loops are closed, as near as it gets to the one given.
+    """The chain with a start near the given one at which its loops are closed.
 
-    The active joints stay where they are if the passive ones alone can close the loops; else all joints move.
+    The active joints keep their positions if the passive joints alone can close the loops; otherwise all joints move.
 
     Args:
         model: The tree.
-        chain: Its ``start`` need not close the loops.
-        config: The file, for messages.
+        chain: The chain, whose ``start`` need not close the loops.
+        config: Path of the configuration for messages.
 
     Raises:
         RobotError: If no position near the start closes the loops.
@@ -64,8 +64,8 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
 
     Args:
         model: The tree.
-        chain: With a start that closes its loops.
-        config: The file, for messages.
+        chain: The chain, whose ``start`` closes its loops.
+        config: Path of the configuration for messages.
 
     Raises:
         RobotError: If the numbers do not fit, or the start is singular.
@@ -91,12 +91,12 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
 
 
 def _elsewhere(chain: ClosedChain, at: Constraints) -> Float[Array, "m n"]:
-    """Slope of the loop constraints at a generic posture: joints turned from the start by angles without a pattern."""
+    """Derivative of the loop constraints at a generic posture, away from the start."""
     turned = 0.3 * np.sin(1 + np.arange(chain.linear_map.shape[1]) ** 2)
     return error_and_slope(at, chain.start + chain.linear_map @ turned)[1] @ chain.linear_map
 
 
 def _loose(slope: Float[Array, "m n"], names: list[str]) -> str:
-    """The joint that moves most while the loops stay closed and the active joints at rest."""
+    """The joint that can move most while the loops stay closed and the active joints do not move."""
     right = np.linalg.svd(slope)[2]
     return names[int(np.abs(right[-1]).argmax())]

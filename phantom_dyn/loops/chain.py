@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A closed chain as data: a tree, its active and passive joints, and the anchors that close its loops.
+"""Description of a closed chain: a tree, its active and passive joints, and the anchors that close its loops.
 
-The constraints of the anchors are evaluated with Pinocchio: distance of the two frames, its Jacobian, and the unknowns
-at which the frames are nearest to each other, whether or not they meet.
+An anchor keeps two frames together. This module computes, with Pinocchio, the distance between the two frames, the
+Jacobian of the distance, and the passive positions at which the distance is smallest.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.motion import configurations
 
 _MODELS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorConstraintModel}
+# Step [rad or m] at which the search for the smallest distance ends; smaller steps are rounding errors.
 _LAST_STEP = 1e-11
-"""Step [rad or m] below which the search for the nearest frames ends: smaller ones are rounding errors."""
+# Largest number of steps of the search; from a start near the solution it needs about ten.
 _MOST_STEPS = 100
-"""Largest number of steps of that search; from a start near the solution it takes about ten."""
+# First and smallest damping of the Levenberg-Marquardt steps, relative to the trace of the normal matrix.
 _DAMPING, _LEAST_DAMPING = 1e-3, 1e-12
-"""First and smallest damping of the Levenberg-Marquardt steps, relative to the trace of the normal matrix."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Anchor:
     """Two frames of the tree that a loop keeps together.
 
     Attributes:
-        label: The loop's name for messages, such as ``loops[1] (a_pin to c_pin)``.
-        kind: ``point`` keeps the origins together, ``frame`` the axes too.
+        label: Name of the loop for messages, such as ``loops[1] (a_pin to c_pin)``.
+        kind: ``point`` keeps the origins together, ``frame`` origins and axes.
         frame_a, frame_b: Indices of the frames in the model.
     """
 
@@ -43,20 +43,20 @@ class Anchor:
 
 @dataclass(frozen=True)
 class ClosedChain(ReadOnlyArrays):
-    r"""Joint positions of the tree as :math:`x = S\,(q, z) + o`, with ``z`` such that all anchors are closed.
+    r"""Closed chain, whose joint positions are :math:`x = S\,(q, z) + o` with ``z`` such that all anchors are closed.
 
     The tree has ``nt`` joints. Its ``nv`` active joints have the positions ``q``. The ``nz`` unknowns ``z`` are the
-    positions of passive joints that are no linear function of others. A chain with linear loops alone has no unknowns.
+    positions of passive joints that are no linear functions of others. A chain with linear loops only has no unknowns.
 
     Attributes:
         active: Indices of the active joints among the tree's velocities, ascending.
         passive: Indices of the passive joints, ascending.
         passive_names: Names of the passive joints.
-        unknowns: Indices of ``z`` among the tree's velocities, some of ``passive``.
+        unknowns: Indices of ``z`` among the tree's velocities, a part of ``passive``.
         linear_map: ``S``, shape ``(nt, nv + nz)``.
         offset: ``o`` [rad or m], shape ``(nt,)``.
         anchors: Loops that are solved numerically.
-        start: Tree positions [rad or m] at which every anchor is closed; they select one of the ways of assembly.
+        start: Tree positions [rad or m] at which all anchors are closed; they select one assembly mode.
         viscous_friction: Modelled viscous coefficients of the passive joints.
         coulomb_friction: Modelled Coulomb torques of the passive joints.
     """
@@ -80,7 +80,7 @@ class ClosedChain(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class Constraints:
-    """Pinocchio's constraint models of the anchors, made for each trajectory, as they hold working memory."""
+    """Pinocchio's constraint models of the anchors with their working memory, made anew for each trajectory."""
 
     model: pin.Model
     anchors: tuple[Anchor, ...]
@@ -117,7 +117,7 @@ def error_and_slope(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Arra
 def nearest(
     chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
 ) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
-    """Unknowns at which the frames are nearest to each other (Levenberg-Marquardt), and error and Jacobian there."""
+    """Unknowns with the smallest distance of the frames (Levenberg-Marquardt), and error and Jacobian at them."""
     S, nv = chain.linear_map, chain.nv
     fixed, damping = S[:, :nv] @ q + chain.offset, _DAMPING
 
@@ -128,7 +128,7 @@ def nearest(
     error, slope = evaluate(z)
     for _ in range(_MOST_STEPS):
         normal = slope.T @ slope
-        # The damping must not vanish where the Jacobian is zero.
+        # The damping must not be zero if the Jacobian is zero.
         size = max(np.trace(normal), 1e-12)
         step = np.linalg.solve(normal + damping * size * np.eye(len(z)), -slope.T @ error)
         tried, tried_slope = evaluate(z + step)
@@ -142,7 +142,7 @@ def nearest(
 
 
 def sentence_of_worst(chain: ClosedChain, at: Constraints, error: Float[Array, " m"]) -> tuple[str, str]:
-    """Label of the anchor that is farthest from closed, and its distance in words."""
+    """Label of the anchor with the largest distance, and this distance in words."""
     worst = max(range(len(chain.anchors)), key=lambda k: float(np.linalg.norm(error[at.slices[k]])))
     rows = error[at.slices[worst]]
     apart = f"{np.linalg.norm(rows[:3]):.3g} m"

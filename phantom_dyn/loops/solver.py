@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Positions of the tree of a closed chain along a trajectory of the active joints, by Newton's method.
+"""Computes the positions of all joints of a closed chain along a trajectory of the active joints, by Newton's method.
 
-Each sample starts from the one before, so that the way of assembly in which the chain starts is kept: no step is taken
-that the slope does not predict. `close_loops` of `phantom_dyn._kernels.loop_closing` is the compiled search; where it
-stops, this module says which loop fails and why.
+Each sample starts from the one before. A step is accepted only if its result is near the linear prediction, so that the
+chain stays in the assembly mode of its start. `close_loops` of `phantom_dyn._kernels.loop_closing` is the compiled
+search; if it fails, this module says which loop fails and why.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from phantom_dyn.loops.chain import (
 )
 
 CLOSED = 1e-6
-"""Frames this close [m, rad] count as together: robot files carry about six digits."""
+"""Largest distance [m, rad] between two frames that count as together: robot files have about six digits."""
 SINGULAR = 1e-5
-"""Smallest over largest singular value of the constraint's slope in the unknowns, below which they are not determined:
-Newton's steps then end in rounding."""
+"""Ratio of smallest to largest singular value of the constraints' derivative by the unknowns below which the unknowns
+are not determined, because Newton's steps would be rounding errors."""
+# Newton's last step [rad or m]; it converges quadratically, so that the error is rounding.
 _STEP = 1e-11
-"""Newton's last step [rad or m]; it converges quadratically, so that the error is rounding."""
+# Largest number of iterations of Newton's method; from a distance of `REACH` it needs four or five.
 _ITERATIONS = 12
-"""Of Newton's method at most: from one step of `REACH` away it takes four or five."""
 REACH = 0.3
 """Longest step of a joint between two solutions [rad or m]."""
-_FORESEEN = 0.5
-"""Largest correction of a step, relative to the step: beyond it, the way of assembly may have changed."""
+# Largest correction of a predicted solution, over the length of the step: beyond it, the assembly mode may change.
+_LARGEST_CORRECTION = 0.5
+# Smallest part of the way to the next sample that is tried.
 _SHORTEST = 1e-7
-"""Smallest part of the way to a sample that is tried: what fails there, fails."""
+# Number of kept solutions: those of a motion, of its two neighbours in a central difference, and one more.
 _REMEMBERED = 4
-"""Trajectories whose solution is kept: a motion, its two neighbours in a central difference, and one to spare."""
 _LIMITS = Limits(
     closed=CLOSED,
     singular=SINGULAR,
     last_step=_STEP,
     reach=REACH,
-    correction=_FORESEEN,
+    correction=_LARGEST_CORRECTION,
     shortest=_SHORTEST,
     iterations=_ITERATIONS,
 )
@@ -59,7 +59,7 @@ _LIMITS = Limits(
 
 @dataclass(frozen=True)
 class _State:
-    """One solution: active and unknown positions, slope of the unknowns, and the inverse of the constraint's slope."""
+    """One solution: active and unknown positions, and derivatives as in `Closed`."""
 
     q: Float[Array, " nv"]
     z: Float[Array, " nz"]
@@ -69,12 +69,12 @@ class _State:
 
 @dataclass(frozen=True)
 class Solution:
-    """Positions ``x`` [rad or m] of the tree for N samples, and what follows from them.
+    """Positions of the tree for N samples, and their derivatives. Arrays are read-only if the chain has anchors.
 
     Attributes:
-        x: Shape ``(N, nt)``; read-only where anchors were solved, as are the others.
-        G: Slope in the active joints, shape ``(N, nt, nv)``.
-        inverse: Unknown accelerations per acceleration of the constraint, ``(N, nz, m)``; no anchors: ``nz`` is 0.
+        x: Positions [rad or m], shape ``(N, nt)``.
+        G: Derivative of the positions by the active ones, shape ``(N, nt, nv)``.
+        inverse: Inverse of the constraints' derivative by the unknowns, ``(N, nz, m)``; ``nz`` is 0 without anchors.
     """
 
     x: Float[Array, "N nt"]
@@ -90,14 +90,15 @@ def solve(
     *,
     arrays: TreeArrays,
 ) -> Solution:
-    """Positions of all joints of the tree, and their slope in the active ones, for N samples.
+    """Positions of all joints of the tree, and their derivatives by the active ones, for N samples.
 
     Args:
         model: The tree.
-        chain: Its loops.
+        chain: The loops of the tree.
         q: Positions of the active joints [rad or m].
-        near: Positions of the tree that close its loops, to begin at; by default where the chain starts.
-        arrays: The tree as compiled loops take it.
+        near: Positions of the tree that close its loops, from which the first sample is reached; by default the start
+            of the chain.
+        arrays: Arrays of the tree for compiled loops.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample, or a position is not finite.
@@ -120,7 +121,7 @@ def solve(
 
 
 def _require_finite(q: Float[Array, "N nv"]) -> None:
-    """No step leads to what is not a number."""
+    """Refuse positions that are not finite, which no step can reach."""
     bad = np.argwhere(~np.isfinite(q))
     if len(bad):
         raise ChainError(
@@ -132,11 +133,11 @@ def _require_finite(q: Float[Array, "N nv"]) -> None:
 def _followed(
     chain: ClosedChain, at: Constraints, state: _State, q: Float[Array, "N nv"], tree: AnchoredTree
 ) -> tuple[Float[Array, "N nz"], Float[Array, "N nz nv"], Float[Array, "N nz m"]]:
-    """Unknowns, their slope and the inverse of the constraint's slope along a trajectory that begins at ``state``."""
+    """The arrays of `Closed` along a trajectory that starts near ``state``."""
     rows = len(q) + 1
     z, slopes = np.empty((rows, *state.z.shape)), np.empty((rows, *state.slope.shape))
     inverses = np.empty((rows, *state.inverse.shape))
-    # The last row is the one before the first.
+    # The last row holds the solution before the first sample.
     z[-1], slopes[-1], inverses[-1] = state.z, state.slope, state.inverse
     announce(close_loops)
     closed = Closed(z, slopes, inverses)
@@ -147,12 +148,12 @@ def _followed(
 
 
 def loop_closure_of(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) -> LoopClosureState | None:
-    """The loops that are closed numerically, for compiled steps through time; None if there are none.
+    """State of the loops for compiled simulations; None if no loop is closed numerically.
 
     Args:
         model: The tree.
-        chain: Its loops; its start closes them.
-        arrays: The tree as compiled loops take it.
+        chain: The loops of the tree, which are closed at the start.
+        arrays: Arrays of the tree for compiled loops.
     """
     if not chain.anchors:
         return None
@@ -168,16 +169,16 @@ def loop_closure_of(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) ->
 def closed_each(
     model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], arrays: TreeArrays
 ) -> Float[Array, "N nz m"]:
-    """`Solution.inverse` of positions that are no trajectory, each reached from where the chain starts.
+    """`Solution.inverse` for separate postures, each of which is reached from the start of the chain.
 
     Args:
         model: The tree.
-        chain: Its loops, some of them anchors.
+        chain: The loops of the tree, some of them anchors.
         q: Positions of the active joints [rad or m].
-        arrays: The tree as compiled loops take it.
+        arrays: Arrays of the tree for compiled loops.
 
     Returns:
-        Not a number where a loop cannot be closed or is singular, or a position is not finite.
+        Shape ``(N, nz, m)``; NaN where a loop cannot be closed or is singular, or a position is not finite.
     """
     rows = sum(6 if anchor.kind == "frame" else 3 for anchor in chain.anchors)
     out = np.full((len(q), len(chain.unknowns), rows), np.nan)
@@ -193,10 +194,10 @@ def closed_each(
 
 
 class RecentSolutions:
-    """Solutions of one chain at the positions that were asked for last.
+    """Cache of the latest solutions of one chain.
 
-    Torque, friction, regressor and mass matrix are asked for on the same trajectory. A solution depends on the
-    positions alone, so that what is kept changes how long an answer takes and never the answer.
+    Torque, friction, regressor and mass matrix need the same solution. It depends on the positions only, so that the
+    cache changes no result.
     """
 
     def __init__(self, model: pin.Model, chain: ClosedChain, arrays: TreeArrays):
@@ -204,7 +205,7 @@ class RecentSolutions:
         self._kept: tuple[tuple[Array, Solution], ...] = ()
 
     def at(self, q: Float[Array, "N nv"]) -> Solution:
-        """As `solve` from where the chain starts.
+        """Solution from the start of the chain, see `solve`.
 
         Raises:
             ChainError: If a loop cannot be closed or is singular at a sample.
@@ -214,12 +215,12 @@ class RecentSolutions:
                 return solution
         found = solve(self._model, self._chain, q, arrays=self._arrays)
         if self._chain.anchors:
-            # One assignment: threads that share a robot never see half of it.
+            # One assignment, because threads may share a robot.
             self._kept = (*self._kept[1 - _REMEMBERED :], (np.array(q), found))
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """State for a copy in another process: all attributes but the solutions."""
+        """State for a copy in another process, without the solutions."""
         return self.__dict__ | {"_kept": ()}
 
 
@@ -242,10 +243,10 @@ def drift(
 
     Args:
         model: The tree.
-        chain: Its loops.
+        chain: The loops of the tree.
         solution: Result of `solve`.
         v: Velocities of the tree.
-        arrays: The tree as compiled loops take it.
+        arrays: Arrays of the tree for compiled loops.
     """
     out = np.zeros_like(v)
     if not (chain.anchors and v.any()):
@@ -256,7 +257,7 @@ def drift(
 
 
 def _newton(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]) -> _State | None:
-    """The solution at ``q`` next to ``z``; None where there is none or it is singular."""
+    """The solution at ``q`` near ``z``; None if there is none or the constraints are singular."""
     S, nv = chain.linear_map, chain.nv
     fixed = S[:, :nv] @ q + chain.offset
     for _ in range(_ITERATIONS):
@@ -273,7 +274,7 @@ def _newton(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Floa
 
 
 def _inverse(slope: Float[Array, "m nz"]) -> Float[Array, "nz m"] | None:
-    """Pseudo-inverse, or None where the unknowns are not determined. More rows than unknowns are usual: flat loops."""
+    """Pseudo-inverse, or None if the unknowns are not determined. Planar loops have more rows than unknowns."""
     left, values, right = np.linalg.svd(slope, full_matrices=False)
     if len(values) < slope.shape[1] or not values[-1] > SINGULAR * values[0]:
         return None
@@ -281,7 +282,7 @@ def _inverse(slope: Float[Array, "m nz"]) -> Float[Array, "nz m"] | None:
 
 
 def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"], where: str) -> str:
-    """Sentence on a loop that does not close: unreachable if its frames stay apart at their nearest, else singular."""
+    """Sentence on a loop that cannot be closed: out of reach if its smallest distance is not zero, else singular."""
     z, error, slope = nearest(chain, at, q, z)
     label, apart = sentence_of_worst(chain, at, error)
     if np.abs(error).max() > CLOSED:
@@ -299,13 +300,13 @@ def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[A
 def distance_from_singularity(inverse: Float[Array, "N nz m"]) -> Float[Array, " N"]:
     r"""Distance from a singularity of each sample, from 0 (singular) to 1, shape ``(N,)``; infinite without loops.
 
-    The smallest singular value of the constraint's slope in the unknowns, each column of it at unit length: how
-    independently the passive joints move the frames that the loops keep together. Of a four-bar with the transmission
-    angle :math:`\mu` between coupler and rocker it is :math:`\sqrt{1 - |\cos\mu|}`.
+    It is the smallest singular value of the constraints' derivative by the unknowns, with columns of unit length, which
+    measures how independently the passive joints move the frames that the loops keep together. For a four-bar linkage
+    with the transmission angle :math:`\mu` between coupler and rocker it is :math:`\sqrt{1 - |\cos\mu|}`.
 
     Args:
-        inverse: Inverse of the constraint's Jacobian in the unknowns, see
-            `phantom_dyn.loops.solver.Solution`; if it is NaN, so is the distance.
+        inverse: Inverse of the constraints' derivative by the unknowns, see `Solution`; the distance is NaN where it
+        is.
     """
     if not inverse.shape[1]:
         return np.full(len(inverse), np.inf)

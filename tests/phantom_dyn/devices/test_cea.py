@@ -186,7 +186,7 @@ def test_transmission_and_motor_in_series_have_half_the_stiffness(unit, total):
 
 
 def test_an_unknown_reading_of_the_stiffness_is_refused():
-    with pytest.raises(ParameterError, match=r"'N m/grad' is no reading .* take one of N m/rad, N m/deg, N m/mrad"):
+    with pytest.raises(ParameterError, match=r"'N m/grad' is no unit .* take one of N m/rad, N m/deg, N m/mrad"):
         cea.joint_stiffness("N m/grad")
 
 

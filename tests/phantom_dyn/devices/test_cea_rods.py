@@ -223,7 +223,7 @@ def test_another_robot_has_no_such_motors():
 
 @pytest.mark.whole  # past the check of shapes, as a caller is
 def test_torques_and_slopes_of_different_length_are_refused():
-    with pytest.raises(ParameterError, match="give one of each a sample"):
+    with pytest.raises(ParameterError, match="give one of each per sample"):
         shared_torque(np.zeros((2, 7, 6)), np.zeros((3, 6)))
 
 
