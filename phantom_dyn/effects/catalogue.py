@@ -1,6 +1,6 @@
 """The list of all effects. A new effect needs its own file and one line here.
 
-Effects that a user defines for one run are stored in the robot, see `phantom_dyn.effects.user`.
+Effects that a user defines for one run are kept in the `Robot`, see `phantom_dyn.effects.user.user_effects`.
 """
 
 from __future__ import annotations
@@ -72,25 +72,25 @@ EFFECTS: tuple[Effect, ...] = (
 def kind_and_place(name: str) -> tuple[str, int] | None:
     """Kind of an effect (the folder of its file) and its index in the catalogue; None for effects of a user."""
     place = next((place for place, effect in enumerate(EFFECTS) if effect.name == name), None)
-    return None if place is None else (type(EFFECTS[place]).__module__.split(".")[-2:][0], place)
+    return None if place is None else (type(EFFECTS[place]).__module__.split(".")[-2], place)
 
 
 def effects_of(robot: Robot) -> tuple[Effect, ...]:
-    """Every effect that the given robot may have: those of the catalogue, then those that the user defined for it."""
+    """All effects that the robot may have: those of the catalogue, then those that the user defined for it."""
     return (*EFFECTS, *cast("tuple[Effect, ...]", robot.user_effects))
 
 
 def known_effect(name: str, robot: Robot | None = None) -> Effect | None:
-    """The effect of that name in the catalogue or among the user's effects of the robot; None if there is none."""
+    """The effect of this name in the catalogue or among the user's effects of the robot; None if there is none."""
     known = EFFECTS if robot is None else effects_of(robot)
     return next((effect for effect in known if effect.name == name), None)
 
 
 def effect_named(name: str, robot: Robot | None = None) -> Effect:
-    """The effect of that name in the catalogue or among the user's effects of the robot.
+    """The effect of this name in the catalogue or among the user's effects of the robot.
 
     Raises:
-        ParameterError: If there is none; the text lists the known names.
+        ParameterError: If there is none; the message lists the known names.
     """
     effect = known_effect(name, robot)
     if effect is not None:

@@ -1,13 +1,13 @@
-"""The compiled laws of the catalogue, gathered from the files of its effects, and what calls one by its number.
+"""Collects the compiled laws from the files of the effects, and makes compiled functions that call a law by its number.
 
-A law is marked where it stands, see `phantom_dyn.effects.simulated.torque_law`; its number is made of its name. An
-effect without a marked law is stepped in Python, and every effect beside it. Scalars in and out: a law that took an
-array would cost more than its numbers, for counting who holds the array.
+The file of an effect marks its laws with a decorator, see `phantom_dyn.effects.simulated.torque_law`; the number of a
+law is a checksum of its name. If an effect has no marked law, the whole simulation is stepped in Python. Laws take and
+return scalars: for an array, numba would count references, which takes longer than the law itself.
 
-Compiled code cannot call a function that it finds in a list, so the text of the functions below is made of the list.
-Numba does not see that a function which calls these must be compiled anew after a change of an effect's law or of the
-catalogue: delete the ``__pycache__`` of `phantom_dyn.simulation.compiled` then. A law that it does not know gives no
-number.
+Compiled code cannot call a function from a list. So this module writes the source of a function that compares the
+number with that of each law, and compiles it. Numba does not notice that the callers of this function have to be
+compiled again after a change of a law or of the catalogue: delete the ``__pycache__`` of
+`phantom_dyn.simulation.compiled` then. An unknown number gives NaN.
 """
 
 from __future__ import annotations
@@ -27,34 +27,33 @@ from phantom_dyn.effects.simulated import Channel, channel_of
 
 LawFunction = Callable[..., Any]
 
-# Inputs of the moment that a law of the torque channel may ask for; behind them are its parameters.
+# Arguments of a torque law that describe the state of the joint; its parameters follow them.
 _INPUTS = ("q", "v", "load")
 
 
 def laws_of(channel: Channel) -> tuple[LawFunction, ...]:
-    """Compiled laws of a channel in the order of the catalogue, those of one file in the order in which they stand."""
+    """Compiled laws of a channel, in the order of the catalogue and of the file."""
     files = dict.fromkeys(type(effect).__module__ for effect in EFFECTS)
     marked = (value for file in files for value in vars(sys.modules[file]).values() if channel_of(value) == channel)
-    # Without numba a law may be the plain function beside it.
     return tuple(dict.fromkeys(marked))
 
 
 def number_of(law: LawFunction) -> int:
-    """The number of a law, the same in whatever catalogue it is."""
+    """Number of a law, which does not depend on the other laws of the catalogue."""
     return zlib.crc32(f"{law.__module__}.{law.__name__}".encode())
 
 
 TORQUES, COMMANDS, READINGS = laws_of("torque"), laws_of("command"), laws_of("reading")
-# The one law with a memory too long for scalars: kernels call it themselves.
 DELAY = number_of(delay_law)
+"""Number of the delay, which has too much memory for scalars, so that simulations call its law directly."""
 
 
 def torque_call(law: str, names: list[str]) -> str:
-    """Text that returns state and torque of a law, of which ``s0`` is the position of the step before.
+    """Source line that returns the state and the torque of a law; ``s0`` is the position at the step before.
 
     Args:
-        law: What it is called in the text.
-        names: Names of its arguments.
+        law: Name of the law in the source.
+        names: Names of the law's arguments.
 
     Raises:
         TypeError: If they are not in the order of `phantom_dyn.effects.simulated.torque_law`.
@@ -65,8 +64,8 @@ def torque_call(law: str, names: list[str]) -> str:
     remembers = names[0] == "last"
     if names[first : first + len(inputs)] != inputs or remembers != (first > 0) or first > 3 or len(numbers) > 4:
         raise TypeError(
-            f"A torque law takes {', '.join(names)}, wanted last and what it remembers (two numbers at most) if it has "
-            f"a memory, then those of {', '.join(_INPUTS)} that it needs, then four parameters at most: order them so."
+            f"A torque law takes {', '.join(names)}: give it last and at most two numbers of memory if it has a "
+            f"memory, then those of {', '.join(_INPUTS)} that it needs, then at most four parameters."
         )
     if not remembers:
         return f"return s0, s1, s2, {law}({', '.join([*inputs, *numbers])})"
@@ -86,7 +85,7 @@ def _reading_call(law: str, names: list[str]) -> str:
 def _by_number(
     head: str, unknown: str, laws: tuple[LawFunction, ...], call: Callable[[str, list[str]], str], doc: str
 ) -> LawFunction:
-    """A compiled function that calls the law with a number, by comparing it with one number after the other."""
+    """A compiled function that compares a number with that of each law, and calls the law that it belongs to."""
     known = {f"law_{number_of(law)}": law for law in laws if law is not delay_law}
     lines = [
         f"    if code == {name.removeprefix('law_')}:\n        {call(name, list(inspect.signature(law).parameters))}"
@@ -94,7 +93,7 @@ def _by_number(
     ]
     name, _, arguments = head.partition("(")
     body = "\n".join([*lines, f"    return {unknown}"])
-    # What is compiled is kept under the name: other laws, another name.
+    # Numba caches compiled code by the name of the function, so that other laws need another name.
     full = f"{name}_{zlib.crc32(body.encode()):08x}"
     scope: dict[str, Any] = {"__name__": __name__, "nan": np.nan, **known}
     exec(compile(f"def {full}({arguments}:\n{body}\n", __file__, "exec"), scope)
@@ -108,14 +107,14 @@ torque_of = _by_number(
     "s0, s1, s2, nan",
     TORQUES,
     torque_call,
-    "State (three numbers) and torque of the law ``code`` with parameters ``p`` and state ``s``.",
+    "New state (three numbers) and torque of the law ``code`` with parameters ``p`` and state ``s``.",
 )
 command_of = _by_number(
     "command_of(code, p0, s0, dt, tau)",
     "s0, nan",
     COMMANDS,
     _command_call,
-    "State and torque that the drive gives when ``tau`` is asked for, by any law but that of a delay.",
+    "New state, and torque that the drive gives for the command ``tau``; for every law except the delay.",
 )
 reading_of = _by_number(
     "reading_of(code, p0, p1, p2, q)", "nan", READINGS, _reading_call, "Reading of an encoder at position ``q``."

@@ -1,4 +1,4 @@
-"""How an effect is described: in words for reports, and in numbers for model files and control laws."""
+"""Descriptions of an effect: in words for reports, and in numbers for model files and control laws."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
-# What a residual may be drawn over.
+# Quantities over which a report may draw a residual.
 Variable = Literal[
     "velocity",
     "position",
@@ -43,15 +43,16 @@ class EffectWords:
 
     Attributes:
         name: A noun that "on joint j2" can follow.
-        meaning: Description of the effect, a phrase.
-        next_step: Advice on the next step, a sentence.
-        less: Name when the first parameter is negative, where that has a meaning of its own.
-        size: Phrase after the name that states its size, such as ``of {torque}``; a field is a parameter.
-        parameters: Meaning of each parameter, where its name does not give it already.
-        shown_over: Variables that its law depends on, the likeliest first; of several the data choose.
-        separated_by: What distinguishes it from effects that leave the same torque in every motion.
-        kept: The part of it that a model file can express, after "It has, "; empty if that is all of it or none.
-        lost: The part that a model file cannot express; the name if empty.
+        meaning: A phrase that describes the effect.
+        next_step: A sentence that says what to do next.
+        less: Name if the first parameter is negative, where the effect then has another name.
+        size: A phrase after the name that states the size, such as ``of {torque}`` with the name of a parameter.
+        parameters: Meaning of each parameter whose name does not say it.
+        shown_over: Quantities on which the law depends, the likeliest first; the data decide between several.
+        separated_by: What distinguishes the effect from effects that leave the same torque in every motion.
+        kept: The part of the effect that a model file can express, a phrase after "It has, "; empty if a model file can
+            express all or nothing.
+        lost: The part that a model file cannot express; empty if the name says it.
     """
 
     name: str
@@ -68,15 +69,15 @@ class EffectWords:
 
 @dataclass(frozen=True)
 class FormulaTerm:
-    """A column of an effect as a term of a formula for torque that no effect explains.
+    """A term that an effect offers to formulas of torque that no effect explains.
 
     Attributes:
-        kind: Its kind in words; terms of one kind can replace each other.
-        text: The term as a function of the inputs, such as ``|tl|*sign(v)``.
-        column: The same as a function. Its arguments are the inputs that it needs, by their names: ``q``, ``v`` and
-            ``a`` of the joint, ``tl`` (torque that the transmission passes), ``temp`` (temperature of the drive).
-        per: Unit that divides that of the torque, with ``{angle}``, ``{speed}`` and ``{torque}`` for the units of
-            the joint; empty if the coefficient is a torque.
+        kind: Kind of the term in words; terms of one kind can replace each other.
+        text: The term in writing, such as ``|tl|*sign(v)``.
+        column: Function that computes the term. Its arguments are named after the inputs that it needs: ``q``, ``v``
+            and ``a`` of the joint, ``tl`` (torque that the transmission passes), ``temp`` (temperature of the drive).
+        per: The unit of the coefficient is that of a torque over this unit, with ``{angle}``, ``{speed}`` and
+            ``{torque}`` for the units of the joint; empty if the coefficient is a torque.
     """
 
     kind: str
@@ -92,7 +93,7 @@ def less(name: str, value: float) -> str:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Friction and inertia that move with ``v_first + ratio v_second``, from `joint_coupling`."""
+    """Friction and inertia of a part that moves with ``v_first + ratio v_second``, from `joint_coupling`."""
 
     first: str
     second: str
@@ -104,27 +105,27 @@ class Coupling:
 
 @dataclass(frozen=True)
 class ModelNumbers:
-    """One effect in the numbers that model files and control laws can express; SI units on the joint side.
+    """Numbers by which model files and control laws express one effect; SI units on the joint side of the gear.
 
     Attributes:
-        whole: True if they express all of the effect.
-        viscous: Viscous coefficient beyond the modelled one.
-        coulomb: Coulomb torque beyond the modelled one.
-        rotor_inertia: Rotor inertia beyond the modelled one.
+        whole: True if the numbers express all of the effect.
+        viscous: Viscous coefficient in addition to the modelled one.
+        coulomb: Coulomb torque in addition to the modelled one.
+        rotor_inertia: Rotor inertia in addition to the modelled one.
         robot: Function that changes links or gravity of a robot.
         turned: Rotation of gravity in the base frame, ``(3, 3)``.
-        offset: Constant torque, positive along the joint.
+        offset: Constant torque, positive in the positive direction of the joint.
         spring: Stiffness and rest position.
         gain: True torque over logged torque.
         limit: Largest torque of the drive.
-        delay: Time [s] by which the drive is late.
+        delay: Delay [s] of the drive.
         lag: Time constant [s] of the drive.
-        reference_delay: Time [s] by which references of a position controller arrive late.
+        reference_delay: Delay [s] of the references of a position controller.
         gap: Full width of backlash.
         stiffness: Stiffness of the transmission.
-        waves: Order, amplitude and phase of each wave of a torque over position.
+        waves: Order, amplitude and phase of each wave of a torque that is periodic in position.
         coupling: Coupling of two joints.
-        zero: Reading of the encoder less the true position.
+        zero: Reading of the encoder minus the true position.
     """
 
     whole: bool = False

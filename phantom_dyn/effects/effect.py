@@ -1,8 +1,8 @@
 """Interface of an effect of the catalogue.
 
-An author gives a name, a regime, words, `Effect.parameters`, the law `Effect.torque`, its columns `Effect.signature`
-and how it enters a simulation `Effect.simulated`. All the rest has a default that is right for a torque on one joint
-that is linear in its parameters. An effect that differs says so by an attribute or a small method here. Relations
+Every effect defines a name, a regime, words, `Effect.parameters`, its law `Effect.torque`, its columns
+`Effect.signature` and its part in a simulation `Effect.simulated`. Everything else has a default that is right for a
+torque on one joint that is linear in its parameters; other effects override an attribute or a small method. Relations
 between effects are in `phantom_dyn.effects.relations`, so that no other code has to know effects by name.
 """
 
@@ -23,8 +23,8 @@ from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Parameters as a finding or a file states them, by name: numbers, or lists of an effect that takes lists.
 Stated = Mapping[str, float | list[float]]
+"""Parameters by name as a finding or a file states them: numbers, or lists if the effect takes lists."""
 
 
 @dataclass(frozen=True)
@@ -34,16 +34,17 @@ class Parameter:
     Attributes:
         name: Name in files and in the catalogue.
         unit: SI; ``1`` if it has none.
-        lower: Smallest value that the law allows; at zero the effect is absent.
-        upper: Largest one.
-        default: Value for a device if none is given; None if it must be given.
-        above_zero: True if zero is impossible in a device, although a search may reach it.
-        plausible: Smallest and largest value of a sound device; a size outside it has to be checked. None if unknown.
-        plausible_because: Reason for that range.
-        listed: True if it is a list (the orders of a cogging torque); then all parameters of the effect are lists.
-        either_sign: True if it can be negative even if the model has none of it; an undetected one is then drawn with
-            either sign.
-        tried: For a `LawEffect`: values to try of a parameter in which the torque is not linear; empty for others.
+        lower: Smallest value that the law allows.
+        upper: Largest value that the law allows.
+        default: Value if a description of a device gives none; None if it must give one.
+        above_zero: True if no device has zero, although a search may reach it.
+        plausible: Smallest and largest value of a sound device; a size outside has to be checked. None if unknown.
+        plausible_because: Reason for this range.
+        listed: True if the parameter is a list, as the orders of a cogging torque; then all parameters of the effect
+            are lists.
+        either_sign: True if the parameter can be negative even if the model has none of the effect; an undetected
+            effect is then drawn with either sign.
+        tried: For a `LawEffect`: values to try of a parameter in which the torque is not linear; otherwise empty.
     """
 
     name: str
@@ -60,14 +61,15 @@ class Parameter:
 
 
 class Effect(Rival):
-    """One cause of a gap between robot and model that the catalogue has a name for.
+    """One named cause of a gap between robot and model.
 
-    The parameters are those of `parameters`. If the torque is linear in them, they are the coefficients.
+    Arguments ``theta`` are values of the parameters of `parameters`. If the torque is linear in the parameters, they
+    are the coefficients of the columns.
 
     Attributes:
-        words: How reports describe it.
-        changes_with: Kind of change between two recordings that may change it: of friction, of temperature (which
-            changes friction too), or of the controller; None if no known change does.
+        words: Words for reports.
+        changes_with: Kind of known change between two recordings that may change the effect: of friction, of
+            temperature (which changes friction too), or of the controller; None if there is none.
     """
 
     words: EffectWords
@@ -75,7 +77,7 @@ class Effect(Rival):
 
     @property
     def displaces(self) -> bool:
-        """True if it has a `true_motion` of its own."""
+        """True if the effect has its own `true_motion`."""
         return type(self).true_motion is not Effect.true_motion
 
     def reads_one_place(self, theta: Float[Array, " p"]) -> bool:
@@ -91,11 +93,11 @@ class Effect(Rival):
         return any(one.listed for one in self.parameters(robot, joint))
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Further parameters of the law that a device may have, all or none; no fit estimates them."""
+        """Further parameters of the law that a device may have, all of them or none; no fit estimates them."""
         return ()
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """True if a device can have it there, also where no search tries it."""
+        """True if a device can have the effect on this joint, even if no search tries it there."""
         places = self.places(robot)
         if self.shared and joint is not None and "+" in joint:
             return all(one in places for one in joint.split("+"))
@@ -110,15 +112,15 @@ class Effect(Rival):
     def stated_law(
         self, robot: Robot, joint: str | None, shape: Shape, std: Float[Array, " k"], coefficients: Float[Array, " k"]
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
-        """Parameters that a finding states, and the function that gives them from coefficients and shape of a fit.
+        """Parameters that a finding states, and the function that computes them from the coefficients of a fit.
 
-        By default the effect's parameters.
+        By default the effect's parameters. The coefficients may be followed by an estimated shape.
 
         Args:
             robot: The given model.
-            joint: Where it sits.
-            shape: Shape of the fit, if it is fixed.
-            std: Deviations of the coefficients.
+            joint: Joint of the effect.
+            shape: Shape of the fit, used if the coefficients are not followed by one.
+            std: Standard deviations of the coefficients.
             coefficients: Coefficients of the fit.
         """
         count = len(coefficients)
@@ -129,30 +131,30 @@ class Effect(Rival):
         return self.parameters(robot, joint), law
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Its columns as terms of a formula, if they have no shape and depend on inputs of the same moment alone.
+        """Columns as terms of a formula, if they have no shape and depend only on inputs at the same instant.
 
         Args:
-            middle: Function that gives the middle of the recorded values of an input; some terms are written about it.
+            middle: Function that returns the middle of the recorded values of an input, from which some terms count.
         """
         return ()
 
     def remark(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> str:
-        """A sentence on what such a size means for this robot; empty if there is none."""
+        """A sentence that says what parameters of this size mean for this robot; empty if there is none."""
         return ""
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """Parameters of the effect from those of a finding or file, which may be others or older ones."""
+        """Parameters of the effect from those that a finding or file states, which may have other or older names."""
         return stated
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
-        """The parameter that is the size of the effect, and the coefficients of one unit of it.
+        """Name of the parameter that is the size of the effect, and the coefficients of an effect of size one.
 
         By default the first parameter, which is the only coefficient.
         """
         return self.parameters(robot, joint)[0].name, np.array([1.0])
 
     def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
-        """Unit of what `probe` names."""
+        """Unit of the parameter that `probe` names."""
         return next(parameter.unit for parameter in self.parameters(robot, joint) if parameter.name == name)
 
     def sized(
@@ -162,10 +164,10 @@ class Effect(Rival):
 
         Args:
             robot: The given model.
-            joint: Where it sits.
+            joint: Joint of the effect.
             name: Parameter that `probe` names.
-            size: Its value.
-            posture: Mean positions [rad or m], about which the other parameters are those of `probe`.
+            size: Value of this parameter.
+            posture: Mean positions of the joints [rad or m].
         """
         known = self.parameters(robot, joint)
         return (size,) if [parameter.name for parameter in known] == [name] else None
@@ -174,34 +176,33 @@ class Effect(Rival):
     def torque(
         self, robot: Robot, operation: Operation, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"]:
-        """Torque that the effect adds on the joints (friction opposes motion), from the effect's parameters.
+        """Torque that the effect adds on the joints; friction, for example, opposes the motion.
 
-        For an effect of a reading, the drive or the transmission: minus the additional drive torque that it leaves in
-        the recording.
+        For an effect of an encoder, a drive or a transmission: minus the additional drive torque in the recording.
         """
 
     def link_ahead(
         self, operation: Operation, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"] | None:
-        """How far links are ahead of their motors [rad or m]; None where they are rigidly tied."""
+        """How far links are ahead of their motors [rad or m]; None if they are rigidly connected."""
         return None
 
     def true_motion(
         self, robot: Robot, motion: Motion, joint: str | None, theta: Float[Array, " p"]
     ) -> tuple[Robot, Motion]:
-        """The robot in the gravity that it truly feels, and the motion of its links; as given by default."""
+        """The robot with its true gravity, and the true motion of its links; by default as given."""
         return robot, motion
 
     def at_work(self, operation: Operation, joint: str | None, theta: Float[Array, " p"]) -> Float[Array, " p"]:
-        """The parameters for a simulation of that operation, if something in it (a temperature) changes them slowly."""
+        """Parameters for a simulation of this operation, in which a temperature may change them slowly."""
         return theta
 
     @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
-        """Its channels in a simulation, from the effect's parameters."""
+        """How a simulation takes the effect into account."""
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> ModelNumbers:
-        """Its numbers in model files and control laws; by default the changed links or gravity, if that is all."""
+        """Numbers for model files and control laws; by default the changed robot, if the effect has no other part."""
         part = self.simulated(robot, joint, theta)
         others = (
             part.command, part.torque, part.reading, part.transmission, part.inertia, part.reference_delay

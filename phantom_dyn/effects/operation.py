@@ -1,10 +1,4 @@
-"""Input of effects: motion, the drive torque of the model, and the drive torque of the recording.
-
-Where position controllers compute the torque from references, it can be computed for references that arrive later.
-Only the reference arrives late: the feedback is that of the drive itself. Where the torque that a controller asks for
-is known for the reference as it was sent, the torque for a later one differs by the gain times the change of the
-reference, within the limits of the drive.
-"""
+"""Input of effects: motion, drive torque of the model, drive torque of the recording, and references of controllers."""
 
 from __future__ import annotations
 
@@ -32,16 +26,19 @@ _POLES = 4
 
 @dataclass(frozen=True)
 class References(ReadOnlyArrays):
-    """References of position controllers and the torques that they command; joints without a gain have no loop.
+    """References of position controllers and the torques that they command, from which a later reference follows.
+
+    Only the reference arrives late, not the feedback: the commanded torque changes by the gain times the change of the
+    reference, within the limits of the drive.
 
     Attributes:
         t: Times [s], increasing, shape ``(N,)``.
         q_ref: References as they were sent [rad or m], shape ``(N, nv)``.
         commanded: Torque that each controller commands with them, before any limit [N m or N], shape ``(N, nv)``.
-        gain: Torque per unit of the reference [N m/rad or N/m], zero for joints without one, shape ``(nv,)``.
+        gain: Torque per unit of the reference [N m/rad or N/m], zero for joints without a controller, shape ``(nv,)``.
         limits: Torque at which the drives clip the command, infinite if they do not, shape ``(nv,)``.
-        least: Least delay of each reference [s] that a reading of the drives' output allows, shape ``(nv,)``.
-        most: Largest one, infinite where no output was read.
+        least: Smallest delay of each reference [s] that the recorded output of the drives allows, shape ``(nv,)``.
+        most: Largest such delay [s], infinite if no output was recorded, shape ``(nv,)``.
     """
 
     t: Float[Array, " N"]
@@ -53,7 +50,9 @@ class References(ReadOnlyArrays):
     most: Float[Array, " nv"]
 
     def later(self, delay: float, rows: tuple[int, ...]) -> Float[Array, "N m"]:
-        """Change of the drive torque if references arrive ``delay`` seconds later; the first one holds before it.
+        """Change of the drive torque if references arrive ``delay`` seconds later.
+
+        The first reference applies before the start.
 
         Args:
             delay: Additional delay [s].
@@ -70,7 +69,7 @@ class References(ReadOnlyArrays):
         return np.clip(then, -self.limits, self.limits) - np.clip(self.commanded, -self.limits, self.limits)
 
 
-# Cached quantities that do not change with a fit or its residual.
+# Cached quantities that depend on motion and model only, not on a fit.
 _OF_THE_MOTION = ("own_friction", "transmitted", "inertia", "steepest")
 
 
@@ -80,21 +79,22 @@ class Operation(Motion):
 
     Attributes:
         robot: The given model, from which the cached quantities below are computed.
-        tau: Drive torque that the model needs (modelled friction and armature included, and effects that are known),
-            shape ``(N, nv)``. Signatures are computed from it and not from the measured one, whose noise would bias a
-            fit.
-        expected: The same with the findings so far, shape ``(N, nv)``: the command of a late or saturated drive.
-        logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` where there is none.
+        tau: Drive torque that the model needs for the motion, with modelled friction, armature and known effects,
+            shape ``(N, nv)``. Signatures use it instead of the measured torque, whose noise would bias a fit.
+        expected: ``tau`` with the findings so far, shape ``(N, nv)``.
+        logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` if there is none.
         residual_of_fit: Torque residual of the last fit of tolerances and findings, shape ``(N, nv)``; None before the
             first fit.
-        recording: Index of its recording, for effects that act in some recordings only.
-        band_hz: Edge [Hz] of the band in which torques are judged.
-        found_load: Part of `load` from the findings so far, shape ``(N, nv)``; None for nothing.
-        known_in_drive: Part of ``tau`` that is friction or drive faults that are known, which no link receives,
-            ``(N, nv)``; None for nothing.
-        temperature: Temperature of the drives [deg C], shape ``(N, nv)``, NaN for joints without; None for no joint.
-        per_load: Drive torque per torque on the link, ``(N, nv)``: one plus known friction under load; None for one.
-        references: References and commands, if the torque was computed from references; else None.
+        recording: Index of the recording, for effects that act in some recordings only.
+        band_hz: Upper edge of the band in which torques are judged [Hz].
+        found_load: Part of `load` from the findings so far, shape ``(N, nv)``; None for zero.
+        known_in_drive: Part of ``tau`` from known friction and known faults of the drive, which does not reach the
+            link, shape ``(N, nv)``; None for zero.
+        temperature: Temperature of the drives [deg C], shape ``(N, nv)``, NaN where none was recorded; None if none was
+            recorded for any joint.
+        per_load: Drive torque per torque on the link, which is one plus known friction under load, shape ``(N, nv)``;
+            None for one.
+        references: References and commands if the torque was computed from references; otherwise None.
     """
 
     robot: Robot = field(repr=False)
@@ -130,9 +130,9 @@ class Operation(Motion):
         residual_of_fit: Float[Array, "N nv"] | None = None,
         found_load: Float[Array, "N nv"] | None = None,
     ) -> Operation:
-        """The same motion after another fit; quantities that were computed from motion and model are kept.
+        """The same motion after another fit; cached quantities of the motion are kept, except `partials`.
 
-        `partials` are not kept. The found load is, unless another one is given.
+        The found load is kept too, unless another one is given.
         """
         found_load = self.found_load if found_load is None else found_load
         out = replace(self, expected=expected, residual_of_fit=residual_of_fit, found_load=found_load)
@@ -141,16 +141,16 @@ class Operation(Motion):
         return out
 
     def short_lived_copy(self) -> Operation:
-        """A copy for a short use: its `partials`, and the arrays that effects store in it, are freed with it.
+        """A copy that frees its `partials`, and the arrays that effects store in it, after a short use.
 
-        Those of all recordings together would fill most of the memory.
+        Those of all recordings together would need too much memory.
         """
         out = self.after_fit(self.expected, self.residual_of_fit)
         out.__dict__["kept"] = dict(self.kept)
         return out
 
     def made_of(self, parts: Sequence[Operation]) -> Operation:
-        """The same with the cached quantities of the parts of its motion, if they are of the same robot."""
+        """This operation with cached quantities joined from the parts of its motion, if their robot is the same."""
         if any(part.robot is not self.robot for part in parts):
             return self
         out = replace(self)
@@ -166,12 +166,12 @@ class Operation(Motion):
 
     @property
     def residual(self) -> Float[Array, "N nv"]:
-        """Torque residual of the last fit, or of the given model before any fit; periodicities are looked for in it."""
+        """Torque residual of the last fit, or of the given model before any fit."""
         return self.logged - self.tau if self.residual_of_fit is None else self.residual_of_fit
 
     @cached_property
     def expected_rate(self) -> Float[Array, "N nv"]:
-        """Rate of the expected torque [N m/s or N/s], from the samples next to each."""
+        """Time derivative of the expected torque [N m/s or N/s], from neighbouring samples."""
         return np.gradient(self.expected, self.t, axis=0)
 
     @cached_property
@@ -181,7 +181,7 @@ class Operation(Motion):
 
     @cached_property
     def transmitted(self) -> Float[Array, "N nv"]:
-        """Torque that the transmissions pass to the links: drive torque less what rotors, friction and drives take."""
+        """Torque that transmissions pass to links: drive torque minus that for rotors, friction and drive faults."""
         passed = self.tau - rotor_torque(self.robot, self) - self.own_friction
         return passed if self.known_in_drive is None else passed - self.known_in_drive
 
@@ -192,34 +192,34 @@ class Operation(Motion):
 
     @cached_property
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
-        """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included).
+        """Derivatives of the rigid-body torque by positions, velocities and accelerations, with armature.
 
-        For a long motion they are large and quick to compute, so no other operation takes them over.
+        They are large and quick to compute, so that no other operation keeps them.
         """
         to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
         return _by_entry(to_q), _by_entry(to_v), _by_entry(mass_matrix(self.robot, self.q))
 
     @cached_property
     def inertia(self) -> Float[Array, "N nv"]:
-        """Inertia that each joint moves while the others hold still, armature included."""
+        """Inertia that each joint moves while the others are at rest, with armature."""
         mass = self.partials[2] if "partials" in self.__dict__ else mass_matrix(self.robot, self.q)
         return mass.diagonal(axis1=1, axis2=2).copy()
 
     @cached_property
     def steepest(self) -> Float[Array, " nv"]:
-        """For each joint the largest change of any joint's torque per unit of its position."""
+        """For each joint, the largest change of any joint's torque per unit of this joint's position."""
         known = "partials" in self.__dict__
         to_q = self.partials[0] if known else inverse_dynamics_derivatives(self.robot, self)[0]
         return np.abs(to_q).max(axis=(0, 1))
 
     @cached_property
     def kept(self) -> dict[tuple, Array]:
-        """Arrays that effects compute once for all their shapes, by a name and a row."""
+        """Arrays that effects compute once for all their shapes, by name and joint index."""
         return {}
 
 
 def joined(parts: Sequence[Float[Array, "_ nv"]]) -> Float[Array, "N nv"]:
-    """Series one after the other, read-only."""
+    """Parts of a series joined, read-only."""
     out = np.concatenate(parts)
     out.flags.writeable = False
     return out
@@ -231,12 +231,12 @@ def _by_entry(values: Float[Array, "N nv nv"]) -> Float[Array, "N nv nv"]:
 
 
 def up_to_band(operation: Operation, load: Float[Array, " N"]) -> Float[Array, " N"]:
-    """A load up to the edge of the judged band, as above it accelerations are noisy.
+    """A load low-passed at the edge of the judged band, above which accelerations are noisy.
 
-    What it is multiplied by then keeps its steps in a wider band.
+    A product with the load is not filtered, so that steps of the other factor stay sharp.
 
     Args:
-        operation: Gives the band and the rate.
+        operation: Operation with the band and the time step.
         load: Torque that the transmission of a joint passes to its link [N m or N].
     """
     if not 0.0 < operation.band_hz * operation.dt < 0.5:

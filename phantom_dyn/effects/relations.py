@@ -1,8 +1,7 @@
-"""The one table of what two effects are to each other, where their laws do not say it by themselves.
+"""Table of relations between two effects: one is a special case of the other, or both can leave the same torque.
 
-Of most effects there is nothing to say. A row is for a law of which another one is a special case, or that leaves the
-same torque as others do; `tests/phantom_dyn/effects/test_relations.py` compares the rows with the columns of both, so
-that a row which is missing or wrong is noticed.
+`tests/phantom_dyn/effects/test_relations.py` compares the rows with the columns of both effects, so that it notices a
+row that is missing or wrong.
 """
 
 from __future__ import annotations
@@ -22,18 +21,20 @@ Kind = Literal[
 
 
 class Relation(NamedTuple):
-    """One row.
+    """One row of the table.
 
     Attributes:
         effect: Name of the first effect.
-        kind: What the first is to the second. It ``contains`` what is a special case of it. It ``tends to`` what it
-            comes arbitrarily near to on the same joint without being it. An effect between two joints ``resembles on
-            each joint`` what, on both of them, may leave much the same. It ``may be a sum with`` several others, the
-            sum of which is a special case of it, so that no data distinguish the two. It ``resembles a sum of`` several
-            others that, all together, may leave much the same where one of them does not. It is ``nearly same in closed
-            loop`` as what leaves nearly the same while a controller keeps a joint close to its reference. It has the
-            ``same shapes as`` a law of the same orders over the position, from which a constant load does not separate
-            it.
+        kind: Relation of the first effect to the second:
+
+            - ``contains``: the second is a special case of the first.
+            - ``tends to``: on the same joint, the first comes arbitrarily close to the second.
+            - ``resembles on each joint``: the first acts between two joints; the second on both of them may look alike.
+            - ``may be a sum with``: the second and another effect with this relation add up to a special case of the
+              first, so that no data distinguish the two explanations.
+            - ``resembles a sum of``: the second and all others with this relation together may look like the first.
+            - ``nearly same in closed loop``: both look alike while a controller keeps a joint close to its reference.
+            - ``same shapes as``: both have the same orders over the position; a constant load does not separate them.
         other: Name of the second effect.
     """
 
@@ -49,7 +50,7 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("direction_dependent_friction", "may be a sum with", "coulomb_friction"),
     Relation("direction_dependent_friction", "may be a sum with", "torque_offset"),
     Relation("stribeck_friction", "contains", "coulomb_friction"),
-    # Without a displacement.
+    # If the displacement is zero.
     Relation("presliding_friction", "contains", "coulomb_friction"),
     Relation("position_dependent_friction", "contains", "coulomb_friction"),
     Relation("temperature_dependent_friction", "contains", "coulomb_friction"),
@@ -57,13 +58,13 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("joint_coupling", "resembles on each joint", "coulomb_friction"),
     Relation("joint_coupling", "resembles on each joint", "viscous_friction"),
     Relation("inertial_parameters", "contains", "payload"),
-    # It scales all that a drive works against.
+    # It scales the whole torque of a drive.
     Relation("torque_constant", "resembles a sum of", "coulomb_friction"),
     Relation("torque_constant", "resembles a sum of", "viscous_friction"),
     Relation("torque_constant", "resembles a sum of", "payload"),
     # A reference that is late by d lacks kp d v while the joint follows it.
     Relation("reference_delay", "nearly same in closed loop", "viscous_friction"),
-    # A soft spring that is at rest far away.
+    # A soft spring whose rest position is far away.
     Relation("parasitic_spring", "tends to", "torque_offset"),
     Relation("cogging", "same shapes as", "torque_ripple"),
     Relation("torque_ripple", "same shapes as", "cogging"),
@@ -71,7 +72,7 @@ RELATIONS: tuple[Relation, ...] = (
 
 
 def related(effect: str, kind: Kind) -> tuple[str, ...]:
-    """Names of the effects to which one has a relation, in the order of the table."""
+    """Names of the effects to which ``effect`` has this relation, in the order of the table."""
     return _BY_EFFECT.get((effect, kind), ())
 
 

@@ -1,4 +1,4 @@
-"""A cause that leaves columns in inverse dynamics: what the search for causes asks of it.
+"""Interface that the search for causes requires: a cause adds columns to the drive torque of inverse dynamics.
 
 Effects of the catalogue are such causes, and so are structures that the catalogue has no name for.
 """
@@ -17,40 +17,42 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.relations import related
 from phantom_dyn.model.robot import Robot
 
-# Numbers in which the torque is not linear (a Stribeck velocity, the orders of a cogging torque); () if there are none.
 Shape = tuple[float, ...]
-# What columns are computed from besides positions and velocities:
-# - acceleration: carries the noise of a twice differentiated position;
-# - model: the model's torque or its derivatives, so that the columns change with the model's parameters; those of the
-#   rigid-body regressor do not, as torque is linear in those;
-# - load: the torque that the transmission passes, all other findings included;
-# - torque: the torque of the drive, all other findings included;
-# - whole joint: the torque of the joint that the coefficient scales, other findings included.
+"""Numbers of a law in which its torque is not linear, such as a Stribeck velocity; () if there are none."""
 Source = Literal["acceleration", "model", "load", "torque", "whole joint"]
-# How a fit takes the numbers of a law:
-# - plain: the torque is linear in the coefficients; each number of the shape is a parameter that is fitted with them;
-# - shape held: the joint fit of all parameters keeps the shape that the search has found;
-# - secant: the shape is the last estimate of the coefficients, and no parameter of its own;
-# - first order: the columns are a first-order expansion, so that the joint fit evaluates the law itself;
-# - size in shape: the coefficient is the share of the effect that is there and should be one; the shape is its size;
-# - any size: the same, and any size can be seen;
-# - nothing: it has no column, as it adds noise to the readings and nothing else.
+"""What columns are computed from in addition to positions and velocities:
+
+- acceleration: it has the noise of a twice differentiated position.
+- model: the model's torque or its derivatives, so that the columns change with the model's parameters. The columns of
+  the rigid-body regressor do not change with them.
+- load: the torque that the transmission passes, with all other findings.
+- torque: the torque of the drive, with all other findings.
+- whole joint: the torque of the joint, with all other findings; the coefficient scales it."""
 Fitted = Literal["plain", "shape held", "secant", "first order", "size in shape", "any size", "nothing"]
-# Additional drive torque, ``(N, nv)``, from operation, joint, coefficients and shape.
+"""How a fit estimates the numbers of a law:
+
+- plain: the torque is linear in the coefficients; numbers of the shape are further parameters of the joint fit.
+- shape held: the joint fit of all parameters keeps the shape that the search has found.
+- secant: the shape is the last estimate of the coefficients, and not a further parameter.
+- first order: the columns are a first-order expansion, so that the joint fit evaluates the law itself.
+- size in shape: the shape is the size of the effect; the coefficient should be one.
+- any size: as size in shape, and no size is too small to be detected.
+- nothing: the law has no column, because it only adds noise to the readings."""
 OtherLaw = Callable[[Operation, str | None, Array, Array], Array]
+"""Function of operation, joint, coefficients and shape that returns the additional drive torque, ``(N, nv)``."""
 
 
 @dataclass(frozen=True)
 class Signature:
-    """Residual of an effect in inverse dynamics: drive torque per unit of each coefficient.
+    """Columns of an effect: additional drive torque per unit of each coefficient.
 
     Attributes:
-        rows: Indices of the joints whose torque it touches.
-        columns: Shape ``(N, len(rows), k)``; measured torque = model + ``columns @ coefficients``.
-        names: One per coefficient.
-        units: One per coefficient.
-        steps: The part of the columns that has no noise of accelerations above the judged band, as it is computed from
-            the signs of velocities or from a low-passed torque.
+        rows: Indices of the joints whose torque the effect changes.
+        columns: Shape ``(N, len(rows), k)``; the measured torque is that of the model plus ``columns @ coefficients``.
+        names: Names of the coefficients.
+        units: Units of the coefficients.
+        steps: The part of the columns without noise of accelerations above the judged band, because it is computed from
+            signs of velocities or from a low-passed torque; None if there is no such part.
     """
 
     rows: tuple[int, ...]
@@ -62,11 +64,11 @@ class Signature:
 
 @dataclass(frozen=True)
 class SpecialCase:
-    """A law with some of its numbers at zero: a sum of simpler laws, or no effect at all.
+    """A simpler law, or no effect at all, that a law equals if some of its numbers are zero.
 
     Attributes:
-        names: Names of the simpler effects, on the same joint; empty if nothing is left.
-        numbers: Numbers of the fit, or sums of them, that are all zero in this case.
+        names: Names of the effects, on the same joint, whose sum is the simpler law; empty for no effect.
+        numbers: Numbers of the fit, or functions of them, that are all zero in this case.
     """
 
     names: tuple[str, ...]
@@ -74,30 +76,31 @@ class SpecialCase:
 
 
 class Rival(ABC):
-    """A cause that leaves columns in inverse dynamics; ``joint`` is None where it is one of the whole robot.
+    """A cause of a torque residual; ``joint`` is None for a cause that concerns the whole robot.
 
-    The measured torque is linear in the coefficients once the ``shape`` (a Stribeck velocity) is fixed. A law that is
-    not linear in its only parameter (a delay) takes its last estimate as shape. Its column is a secant: the change of
-    torque from zero to the shape, per unit of the parameter. The law is exact if coefficient and shape are equal.
+    For a given ``shape`` (a Stribeck velocity, for example) the measured torque is linear in the coefficients. If a law
+    is not linear in its only parameter (a delay), the shape is the last estimate of the parameter and the column is a
+    secant: the change of torque from zero to the shape, per unit of the parameter. It is exact if coefficient and shape
+    are equal.
 
     Attributes:
-        name: Name of the effect in the catalogue, or another one for a cause that the catalogue does not have.
-        regime: Where the effect shows most.
-        scope: Where it sits: on a joint, between a pair of joints (two names joined by ``+``), on the whole robot, or
+        name: Name of the effect in the catalogue, or another name for a cause that the catalogue does not have.
+        regime: Part of the motion in which the effect is largest.
+        scope: Where the effect can be: on a joint, between two joints (names joined by ``+``), on the whole robot, or
             either on a joint or on the whole robot.
-        made_of: What its columns are computed from besides positions and velocities, see `Source`.
-        acts_as: A ``load`` if its torque is on the link, so that the transmission passes it; ``dry friction`` if it may
-            hold a joint at standstill; None for all others: viscous friction, the drive and its rotor.
-        shows_with: What its torque varies with: ``velocity``; ``acceleration``, or rate and peaks of the torque; or
-            ``slow motion``, if it acts only while a joint creeps or reverses. Noise in the motion, and the answer of a
-            controller to it, look like the second.
-        fitted: How a fit takes its numbers, see `Fitted`.
-        inertial: How it uses columns of the rigid-body regressor, see `regressor_columns`: as a point mass (mass and
-            first moments are free, the inertia follows from them), or each column by itself; then only base parameters
-            can be identified, and a finding lists no others. None for an effect with columns of its own.
-        built_in: True if it is a permanent property of a robot, so that an earlier diagnosis would have found it.
-        exact: True if rigid bodies obey its law exactly, so that a residual beside it has another cause.
-        other_laws: Other laws of the same parameters that the catalogue's definition fits as well. No recording
+        made_of: What the columns are computed from in addition to positions and velocities, see `Source`.
+        acts_as: ``load`` if the torque acts on the link, so that the transmission passes it; ``dry friction`` if it may
+            hold a joint at rest; None for all others: viscous friction, the drive and its rotor.
+        shows_with: What the torque depends on: ``velocity``; ``acceleration``, also for rate and peaks of the torque;
+            ``slow motion`` if the effect acts only while a joint moves slowly or reverses. Noise in the motion, and a
+            controller's response to noise, look like the second.
+        fitted: How a fit estimates the numbers of the law, see `Fitted`.
+        inertial: How the effect uses columns of the rigid-body regressor, see `regressor_columns`: ``point mass`` if
+            mass and first moments are free and the inertia follows from them; ``free`` if each column has its own
+            coefficient, of which only base parameters can be identified. None for other effects.
+        built_in: True for a permanent property of a robot, which an earlier diagnosis would have found.
+        exact: True if the law is exact, so that a residual that remains has another cause.
+        other_laws: Other laws with the same parameters that fit the definition in the catalogue as well. No recording
             distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
     """
 
@@ -113,8 +116,6 @@ class Rival(ABC):
     built_in: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 
-    # Attributes and relations under the names by which they are asked for.
-
     @property
     def contains(self) -> tuple[str, ...]:
         """Names of the effects that are special cases of it; a law that is not in the catalogue overrides this."""
@@ -122,37 +123,37 @@ class Rival(ABC):
 
     @property
     def tends_to(self) -> tuple[str, ...]:
-        """Names of effects on the same joint that it can approach as closely as one likes."""
+        """Names of effects on the same joint to which it can come arbitrarily close."""
         return related(self.name, "tends to")
 
     @property
     def on_each_joint(self) -> tuple[str, ...]:
-        """For an effect between two joints: effects of single joints that, on both, leave nearly the same torque."""
+        """For an effect between two joints: names of effects that, on both joints, may leave nearly the same torque."""
         return related(self.name, "resembles on each joint")
 
     @property
     def same_as_sum(self) -> tuple[str, ...]:
-        """Names of effects whose sum is a special case of it, so that no data distinguish the two."""
+        """Names of effects that add up to a special case of it, so that no data distinguish the two explanations."""
         return related(self.name, "may be a sum with")
 
     @property
     def sum_parts(self) -> tuple[str, ...]:
-        """Names of the effects of which several together may leave much the same."""
+        """Names of effects of which several together may leave nearly the same torque."""
         return related(self.name, "resembles a sum of")
 
     @property
     def near_twins(self) -> tuple[str, ...]:
-        """Names of effects on the same joint that leave nearly the same while it follows its reference."""
+        """Names of effects that leave nearly the same torque while the joint follows its reference."""
         return related(self.name, "nearly same in closed loop")
 
     @property
     def same_shapes(self) -> tuple[str, ...]:
-        """Names of effects on the same joint that are tried with its shape once it is found."""
+        """Names of effects on the same joint that are tried with its shape after it is found."""
         return related(self.name, "same shapes as")
 
     @property
     def uses_acceleration(self) -> bool:
-        """True if its columns carry the noise of a twice differentiated position."""
+        """True if its columns have the noise of a twice differentiated position."""
         return "acceleration" in self.made_of
 
     @property
@@ -162,50 +163,50 @@ class Rival(ABC):
 
     @property
     def follows_load(self) -> bool:
-        """True if its columns are computed from the load of the transmission, all other findings included."""
+        """True if its columns are computed from the load of the transmission, with all other findings."""
         return "load" in self.made_of
 
     @property
     def follows_torque(self) -> bool:
-        """True if its columns are computed from the torque of the drive, all other findings included."""
+        """True if its columns are computed from the torque of the drive, with all other findings."""
         return "torque" in self.made_of
 
     @property
     def scales_joint(self) -> bool:
-        """True if its coefficient scales the whole torque of its joint, other findings included."""
+        """True if its coefficient scales the whole torque of its joint, with all other findings."""
         return "whole joint" in self.made_of
 
     @property
     def shared(self) -> bool:
         """True if one cause may give several joints the same number, such as a wrong current scale of equal drives.
 
-        It then also sits on several joints, their names joined by ``+``.
+        Then ``joint`` may also be several names, joined by ``+``.
         """
         return self.scales_joint
 
     @property
     def on_link(self) -> bool:
-        """True if its torque is on the link, so that the transmission passes it."""
+        """True if its torque acts on the link, so that the transmission passes it."""
         return self.acts_as == "load"
 
     @property
     def rubs(self) -> bool:
-        """True if it is friction that may hold a joint at standstill."""
+        """True if it is friction that may hold a joint at rest."""
         return self.acts_as == "dry friction"
 
     @property
     def goes_with_motion(self) -> Literal["velocity", "acceleration"] | None:
-        """Whether its torque varies with velocity or acceleration, at any speed."""
+        """Whether its torque depends on velocity or on acceleration; None for neither, or if it acts in slow motion."""
         return None if self.shows_with == "slow motion" else self.shows_with
 
     @property
     def acts_when_slow(self) -> bool:
-        """True if it acts only while a joint creeps or reverses."""
+        """True if it acts only while a joint moves slowly or reverses."""
         return self.shows_with == "slow motion"
 
     @property
     def shape_is_estimate(self) -> bool:
-        """True if the shape is the last estimate of a coefficient, and no parameter of its own."""
+        """True if the shape is the last estimate of a coefficient, and not a further parameter."""
         return self.fitted == "secant"
 
     @property
@@ -220,29 +221,26 @@ class Rival(ABC):
 
     @property
     def seen_by(self) -> Literal["coefficient", "shape", "neither"]:
-        """Whether its size is the coefficient or the shape; neither, if any size can be seen."""
+        """Whether its size is the coefficient or the shape; ``neither`` if no size is too small to be detected."""
         return "shape" if self.fitted == "size in shape" else "neither" if self.fitted == "any size" else "coefficient"
 
     @property
     def only_noise(self) -> bool:
-        """True if it adds noise to the readings and nothing else, so that simulated motion does not include it."""
+        """True if it only adds noise to the readings, so that simulated motion does not include it."""
         return self.fitted == "nothing"
 
     @property
     def displaces(self) -> bool:
-        """True if with it the links are not where the readings say, or feel another gravity.
-
-        The torque of a wrong mass then differs too.
-        """
+        """True if it changes the true positions of the links or gravity, and so the torque of a wrong mass, too."""
         return False
 
     @property
     def stays(self) -> bool:
-        """True if its columns of one shape do not change with the result of a fit."""
+        """True if its columns for a given shape do not change with the result of a fit."""
         return not (self.follows_torque or self.follows_load)
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Joints where a search tries it; None is the whole robot."""
+        """Joints on which a search tries it; None is the whole robot."""
         if self.scope == "robot":
             return (None,)
         return (None, *robot.joint_names) if self.scope == "either" else robot.joint_names
@@ -252,11 +250,11 @@ class Rival(ABC):
         return ((),)
 
     def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
-        """Shapes to try after a fit: the same and its neighbours, or the last estimate of a secant."""
+        """Shapes to try after a fit: the same shape and its neighbours, or for a secant the last estimate."""
         return (shape,)
 
     def at_estimate(self, coefficients: Float[Array, " k"], shape: Shape) -> Shape:
-        """The shape at which a law that takes its own parameter as shape agrees with its coefficients."""
+        """The shape that agrees with the coefficients; it differs from ``shape`` only if the column is a secant."""
         near = self.refined(coefficients, shape)
         return near[len(near) // 2]
 
@@ -269,32 +267,32 @@ class Rival(ABC):
         """Columns of the effect, see `Signature`."""
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Lower and upper bound of each coefficient where physics has any; empty if it has none at all."""
+        """Lower and upper bound of each coefficient from physics; empty if no coefficient is bounded."""
         return ()
 
     def bounds_in(
         self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
     ) -> tuple[tuple[float, float], ...]:
-        """The bounds, narrowed by what the recordings tell besides their torques; by default not narrowed."""
+        """Bounds narrowed by other data of the recording than its torques; by default those of `coefficient_bounds`."""
         return self.coefficient_bounds(robot, joint, shape)
 
     def lightest(self, robot: Robot) -> float:
-        """Least mass [kg] of an effect that is ``inertial`` as a point mass."""
+        """Smallest allowed mass [kg] of an effect that is a point mass."""
         return 0.0
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
-        """Inertia about its own centre, per mass [m^2], of the part that a point mass stands for; a point has none."""
+        """Inertia per mass [m^2], about its own centre, of the part that a point mass stands for; by default none."""
         return np.zeros(6)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Simpler laws that it becomes if some of its numbers are zero, the simplest first.
+        """Simpler laws that it equals if some of its numbers are zero, the simplest first.
 
-        By default: no effect at all, if the coefficients are zero, or if the shape is zero and any size can be seen.
+        By default no effect at all, with all coefficients zero, or with the shape zero if `seen_by` is ``neither``.
         """
         return (SpecialCase((), np.array(shape) if self.seen_by == "neither" else coefficients),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Why no recording like this one can show the effect, in words; None if it may."""
+        """Reason in words why no recording like this one can show the effect; None if it can."""
         return None

@@ -1,4 +1,4 @@
-"""How an effect enters a simulation: the channels that it changes, as compiled laws of joints or Python functions."""
+"""What an effect changes in a simulation: torques, commands, readings or the robot, by compiled laws or functions."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from phantom_dyn.model.robot import Robot
 F = TypeVar("F", bound=Callable[..., Any])
 
 _MARK = "_channel_of_a_simulation"
-# Damping ratio of link and motor on a spring between them; gears and belts have 0.02 to 0.1.
 SPRING_DAMPING = 0.05
-# The same of a link alone on a stiff spring, as it is computed from recordings. At the frequency of such a spring much
-# of what is read is noise, since the motor nearly stands still: less damping would amplify it more.
+"""Damping ratio of link and motor on the spring between them; gears and belts have 0.02 to 0.1."""
 SWING_DAMPING = 0.1
+"""Damping ratio of a link on a stiff spring, if its motion is computed from recordings. At the resonance of such a
+spring the reading of the motor is mostly noise, which a smaller ratio would amplify more."""
 Channel = Literal["torque", "command", "reading"]
+"""What a law changes: the torque on its joint, the torque that a drive gives for a command, or an encoder's reading."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """One instant of a simulation, as a torque law sees it; arrays have one entry per joint.
+    """State of a simulation at one instant, the input of a torque law; arrays have one entry per joint.
 
     Attributes:
         t: Time [s].
@@ -42,7 +43,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Transmission:
-    """A joint whose motor and link may move apart: a spring behind a play of full width ``gap``."""
+    """A joint with a spring, a damper and a play of full width ``gap`` between motor and link."""
 
     joint: str
     stiffness: float
@@ -51,26 +52,26 @@ class Transmission:
 
 
 def torque_law(function: F) -> F:
-    """Mark a compiled function as a law that adds a torque on its joint, so that `compiled_laws` gathers it.
+    """Mark a compiled function as a law that adds a torque on its joint, so that `compiled_laws` collects it.
 
-    Its arguments are scalars: of ``q``, ``v`` and ``load`` (position, velocity and transmitted torque of the moment)
-    those that it needs, then its parameters. A law with a memory has ``last`` (position of the step before) and what it
-    remembers in front, two numbers at most, and returns what it remembers now before its torque.
+    Its arguments are scalars: those of ``q``, ``v`` and ``load`` (position, velocity and transmitted torque) that it
+    needs, then its parameters. A law with a memory has further arguments before these: ``last``, the position at the
+    step before, and at most two numbers that it remembers. It returns the new numbers, then its torque.
     """
     return _marked(function, "torque")
 
 
 def command_law(function: F) -> F:
-    """Mark a compiled function as a law of what a drive gives when ``tau`` is asked for, see `torque_law`.
+    """Mark a compiled function as a law that gives the torque of a drive for the command ``tau``, see `torque_law`.
 
-    Its arguments are ``tau`` and its parameter. A law with a memory has one number in front and ``dt``, the length of
-    the step, behind ``tau``, and returns the next number before what the drive gives.
+    Its arguments are ``tau`` and its parameter. A law with a memory takes one remembered number before ``tau`` and the
+    length ``dt`` of the step after it, and returns the new number, then the torque.
     """
     return _marked(function, "command")
 
 
 def reading_law(function: F) -> F:
-    """Mark a compiled function as a law of what an encoder reads at position ``q``, its parameters behind it."""
+    """Mark a compiled function as a law that gives the reading of an encoder, from position and parameters."""
     return _marked(function, "reading")
 
 
@@ -80,21 +81,22 @@ def _marked(function: F, channel: Channel) -> F:
 
 
 def channel_of(function: object) -> Channel | None:
-    """Channel of a law that is marked; None for anything else."""
+    """Channel of a marked law; None for any other object."""
     return getattr(function, _MARK, None)
 
 
 @dataclass(frozen=True)
 class Law:
-    """A channel of `Simulated` on one joint, for compiled steps: a function that is marked as a law of that channel.
+    """A marked law on one joint, with its parameters.
 
     Attributes:
-        function: Compiled law on scalars, in the effect's own file.
-        row: The joint.
-        numbers: Its parameters, at most four.
-        start: Its state at the start, at most three numbers.
-        other: A joint whose speed counts too, ``share`` times, and that takes ``share`` of the torque.
-        share: Speed and torque that count of ``other``, per unit; zero without one.
+        function: Compiled law on scalars, see `torque_law`, `command_law` and `reading_law`.
+        row: Index of the joint.
+        numbers: Parameters of the law, at most four.
+        start: State at the start, at most three numbers.
+        other: Index of a second joint; ``share`` times its velocity is added to ``v``, and ``share`` times the torque
+            acts on it.
+        share: See ``other``; zero if there is no second joint.
     """
 
     function: Callable
@@ -107,22 +109,22 @@ class Law:
 
 @dataclass(frozen=True)
 class Simulated:
-    """How one effect enters a simulation: the channels that it changes, and its state; None leaves a channel alone.
+    """What one effect changes in a simulation, and its state; None means no change.
 
     Attributes:
         start: State at the start.
-        robot: Rigid-body model that moves instead of the given one.
-        command: ``(state, dt, tau) -> (state, tau)``: what the drive gives when ``tau`` is asked for.
-        series: ``(t, tau) -> tau``: the same for a torque ``(N, nv)`` that is asked for at uniform times, the drive in
-            balance at the first; None where ``command`` has to be stepped through.
-        limit: Torque beyond which ``command`` gives no more, where that is all it does.
-        torque: ``(state, dt, moment) -> (state, torque)``: torque that it adds on the joints.
+        robot: Function that returns the changed robot.
+        command: ``(state, dt, tau) -> (state, tau)``: torque that the drive gives for the command ``tau``.
+        series: ``(t, tau) -> tau``: the same for all commands ``(N, nv)`` at uniform times, from an equilibrium at the
+            first one; None if ``command`` has to be called step by step.
+        limit: Largest torque that ``command`` gives, if ``command`` does nothing but clip.
+        torque: ``(state, dt, moment) -> (state, torque)``: torque that the effect adds on the joints.
         reading: Position readings ``(nv,)`` from true positions at the encoders.
-        transmission: A motor that is not rigidly tied to its link.
-        inertia: What it adds to the joints' mass matrix, shape ``(nv, nv)``.
-        reference_delay: Time [s] by which the references of each joint's controller arrive late, shape ``(nv,)``.
-        laws: Compiled laws of joints; of those of a channel that is not given above its Python function is made, for
-            steps beside an effect that has Python functions only.
+        transmission: A transmission that is not rigid.
+        inertia: Matrix that is added to the mass matrix, shape ``(nv, nv)``.
+        reference_delay: Delay [s] of the references of each joint's controller, shape ``(nv,)``.
+        laws: Compiled laws. If ``torque``, ``command`` or ``reading`` is not given, it is made from them, for
+            simulations that are stepped in Python because another effect has no compiled law.
     """
 
     start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
@@ -144,7 +146,7 @@ class Simulated:
                 object.__setattr__(self, channel, made(own))
 
     def given(self, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-        """Torque that the drive gives at uniform times when ``tau`` is asked for; it starts in balance."""
+        """Torque that the drive gives for commands ``tau`` at uniform times; it starts in equilibrium."""
         if self.command is None:
             return tau
         if self.series is not None:
@@ -156,7 +158,7 @@ class Simulated:
 
 
 def _torque_of(laws: list[Law]) -> Callable[[Array, float, Moment], tuple[Array, Array]]:
-    """Torque of all laws together, of which one that remembers is alone."""
+    """Torque of all laws together; at most one of them has a memory."""
     arguments = [tuple(inspect.signature(law.function).parameters) for law in laws]
 
     def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
@@ -178,7 +180,7 @@ def _torque_of(laws: list[Law]) -> Callable[[Array, float, Moment], tuple[Array,
 
 
 def _command_of(laws: list[Law]) -> Callable[[Array, float, Array], tuple[Array, Array]]:
-    """What all drives give; the state has one number of each if they remember."""
+    """Torque of all drives; the state has one number of each law with a memory."""
 
     def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
         now, out = state.copy(), tau.copy()
@@ -193,7 +195,7 @@ def _command_of(laws: list[Law]) -> Callable[[Array, float, Array], tuple[Array,
 
 
 def _reading_of(laws: list[Law]) -> Callable[[Array], Array]:
-    """Readings of all joints, also of many samples."""
+    """Readings of all joints, for one sample or many."""
 
     def reading(q: Array) -> Array:
         out = np.array(q, dtype=float)

@@ -1,7 +1,7 @@
 """A drive that follows its command as a first-order low pass: ``T dtau/dt + tau = command``.
 
-The command has to lead: it is the needed torque plus ``T`` times its time derivative, which is exact. To first order it
-equals a delay of ``T``; motion of high frequency separates the two. A lag that all joints share belongs to no joint.
+The command is the needed torque plus ``T`` times its time derivative; this is exact. To first order a lag equals a
+delay of ``T``; motion of high frequency separates the two. A lag that all joints share belongs to no joint.
 MJCF: actuator ``dyntype="filterexact"`` with ``dynprm``; URDF has no place for it.
 """
 
@@ -29,7 +29,7 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
 from phantom_dyn.signals.recursive import recursive_filter
 
-# Longest lag that is fitted [s]: beyond it the recorded torque and the motion are unrelated.
+# Longest lag that is fitted [s]: with a longer one the recorded torque would not be related to the motion.
 _LONGEST = 1.0
 
 
@@ -53,7 +53,7 @@ class ActuatorLag(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """All joints alike, or one."""
+        """All joints together, and each joint."""
         return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -69,33 +69,33 @@ class ActuatorLag(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Time derivative of the torque that the drive is asked for."""
+        """Time derivative of the needed torque."""
         rows = driven_rows(robot, joint)
-        return Signature(rows, _slope(operation, rows)[:, :, None], ("time_constant",), ("s",))
+        return Signature(rows, _torque_rate(operation, rows)[:, :, None], ("time_constant",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """No drive is early, and none is late by a second."""
+        """From zero to the longest lag."""
         return ((0.0, _LONGEST),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without lag there is no effect, and the longest lag is the limit."""
+        """No lag, and the longest lag."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if a torque sensor sits behind the drive."""
+        """A torque sensor behind the drive does not show the lag."""
         return hidden_behind_drive(robot, "the lag of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the lead that the command needs."""
+        """True torque minus command."""
         rows = driven_rows(robot, joint)
-        return torque_on_rows(robot, rows, -theta.item() * _slope(operation, rows))
+        return torque_on_rows(robot, rows, -theta.item() * _torque_rate(operation, rows))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Mean of the low pass over the step, with the command held: exact for any time step.
+        """Mean torque over each step, during which the command is constant: exact for any time step.
 
-        The state is the torque that the drive gives now; it starts at the first command.
+        The state is the torque at the end of the last step; before the first step it is the first command.
         """
         rows, time_constant = list(driven_rows(robot, joint)), theta.item()
 
@@ -109,17 +109,17 @@ class ActuatorLag(Effect):
         return Simulated(start=np.full(len(rows), np.nan), series=series, laws=laws)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The time constant, which describes the effect completely."""
         return ModelNumbers(whole=True, lag=theta.item())
 
 
-def _slope(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
-    asked = operation.expected[:, list(rows)]
-    return np.gradient(asked, operation.t, axis=0) if len(asked) > 1 else np.zeros_like(asked)
+def _torque_rate(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
+    needed = operation.expected[:, list(rows)]
+    return np.gradient(needed, operation.t, axis=0) if len(needed) > 1 else np.zeros_like(needed)
 
 
 def _lagged(tau: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
-    """First-order low pass, exact for a torque that is linear between samples."""
+    """Torque behind a first-order low pass, exact for a torque that is linear between samples."""
     if time_constant <= 0:
         return tau
     steps = dt / time_constant
@@ -131,7 +131,7 @@ def _lagged(tau: Float[Array, " N"], dt: float, time_constant: float) -> Float[A
 @command_law
 @jit
 def lag_law(now: float, tau: float, dt: float, time_constant: float) -> tuple[float, float]:
-    """Torque at the end of a step and its mean over the step; ``now`` is not a number at the first."""
+    """Torque at the end of a step and its mean over the step; ``now`` is NaN at the first step."""
     if np.isnan(now):
         now = tau
     if time_constant <= 0.0:

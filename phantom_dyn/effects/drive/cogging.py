@@ -1,9 +1,9 @@
 """Torque that is periodic in the joint's position: ``sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
 
-It leaves the same torque at the same position, in both directions and at any speed. Friction ripple changes its sign
-with the direction, and an eccentric encoder leaves a torque that grows with the square of speed: motion at several
-speeds over at least one period separates them. On a prismatic joint ``n`` is in radians per metre. If a joint travels
-less than one period of a wave, the torque cannot be separated from gravity or a spring, so such waves are not searched.
+It is the same torque at the same position, in both directions and at any speed. Friction ripple changes its sign with
+the direction, and an eccentric encoder adds a torque that grows with the square of speed: motion at several speeds over
+at least one period separates them. On a prismatic joint ``n`` is in radians per metre. If a joint travels less than one
+period of a wave, the wave cannot be separated from gravity or a spring, so that it is not searched.
 MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no place for it.
 """
 
@@ -64,7 +64,7 @@ class Cogging(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Lists of equal length; ``theta`` is all orders, then all amplitudes, then all phases."""
+        """Order, amplitude and phase of each wave; ``theta`` holds all orders, then all amplitudes, then all phases."""
         amplitude = Parameter(
             "amplitude",
             torque_unit(robot, joint),
@@ -77,18 +77,18 @@ class Cogging(Effect):
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Sets of orders to try: the strongest one in the residual torque over position, the two strongest, and so on.
 
-        Only orders with enough periods in the recording are kept.
+        Orders with too few periods in the recording are left out.
         """
         row = row_of(robot, joint)
         found = orders_in(operation, row, whole_numbers=not robot.prismatic[row])
         kept = (tuple(order for order in orders if comes_back(operation, row, order)) for orders in found)
         sets = tuple(dict.fromkeys(orders for orders in kept if orders))
-        # If there is no such order, the lowest one that the recording could show gives the limit of detection.
+        # Without such an order, the limit of detection is computed for the lowest order that the recording could show.
         slowest = slowest_order(operation, row)
         return sets or (() if slowest is None else ((slowest,),))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Minus sine and cosine of every order, as the drive has to cancel the torque."""
+        """Minus sine and cosine of every order, because the drive has to compensate the torque."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
         waves, names = sines_and_cosines(operation.q[:, row], shape)
         return Signature((row,), -waves[:, None, :], names, (unit,) * len(names))
@@ -106,21 +106,21 @@ class Cogging(Effect):
         return unseen_waves(operation, joint, "cogging")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law on the joint."""
+        """Sum of all waves."""
         return torque_on_joint(robot, joint, waves_at(operation.q[:, row_of(robot, joint)], theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The law at the true position."""
+        """One compiled law for each wave."""
         row = row_of(robot, joint)
         return Simulated(laws=tuple(Law(wave_law, row, wave) for wave in each_wave(theta)))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All waves."""
+        """All waves, which describe the effect completely."""
         return ModelNumbers(whole=True, waves=tuple(each_wave(theta)))
 
 
 @torque_law
 @inlined_jit
 def wave_law(q: float, order: float, amplitude: float, phase: float) -> float:
-    """One wave of the law."""
+    """Torque of one wave."""
     return amplitude * np.sin(order * q + phase)

@@ -1,9 +1,9 @@
-"""A drive that is late: ``true torque(t) = command(t - d)``, so that the command is ahead of the needed torque.
+"""A drive with a delay: ``true torque(t) = command(t - d)``, so that the command leads the needed torque.
 
-The torque is not linear in ``d``. The column is therefore a secant: the change of torque from no delay to the last
-estimate of ``d`` (the shape), per second. To first order it equals a lag of the same time, and in a position loop it
-looks like viscous friction of about ``kp d``: two controller gains or steps separate them. A delay that all joints
-share belongs to no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
+The torque is not linear in ``d``. So the column is a secant: the change of torque from no delay to the last estimate of
+``d`` (the shape), per second of delay. To first order a delay equals a lag of the same time, and in a position loop it
+looks like viscous friction of about ``kp d``: recordings with two controller gains, or steps, separate them. A delay
+that all joints share belongs to no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 
-# Longest delay that is fitted [s]: beyond it the recorded torque and the motion are unrelated.
+# Longest delay that is fitted [s]: with a longer one the recorded torque would not be related to the motion.
 _LONGEST = 1.0
-
-# Delays at which a fit starts [s], besides one sample; and the shortest delay of a secant, to be above rounding errors.
+# Delays at which a fit starts [s], besides one sample.
 _STARTS = (0.002, 0.005, 0.012)
+# Shortest delay of a secant [s], so that its torque differences are larger than rounding errors.
 _LEAST = 1e-5
 
 
@@ -61,7 +61,7 @@ class InputDelay(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """All joints alike, or one."""
+        """All joints together, and each joint."""
         return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -92,29 +92,29 @@ class InputDelay(Effect):
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """No drive is early, and none is late by a second."""
+        """From zero to the longest delay."""
         return ((0.0, _LONGEST),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without delay there is no effect, and the longest delay is the limit."""
+        """No delay, and the longest delay."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if a torque sensor sits behind the drive."""
+        """A torque sensor behind the drive does not show the delay."""
         return hidden_behind_drive(robot, "the delay of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the torque by which the command is ahead of the needed one."""
+        """True torque minus command."""
         rows = driven_rows(robot, joint)
         return torque_on_rows(robot, rows, -_ahead(operation, rows, theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Mean over each step of the delayed command, which is held from step to step: exact for any time step.
+        """Mean of the delayed command over each step, during which the command is constant: exact for any time step.
 
         The state is the part of the history that is still needed, flattened: one row for each step, with its length and
-        the commands during it. So its size changes. Before the first step, the command is taken to be the first one.
+        the commands during it. So its size changes. Before the first step the command is the first one.
         """
         rows, delay = list(driven_rows(robot, joint)), theta.item()
 
@@ -125,7 +125,7 @@ class InputDelay(Effect):
             ends = np.cumsum(history[:, 0]) - history[:, 0].sum()  # time before the end of this step
             out = tau.copy()
             out[rows] = _mean_held(history, ends, -delay - dt, -delay)
-            # The next mean begins one delay before the end of this step: steps that ended before are not needed.
+            # The next mean begins one delay before the end of this step: steps that ended earlier are not needed.
             return history[ends > -delay].ravel(), out
 
         def series(t: Array, tau: Array) -> Array:
@@ -138,16 +138,17 @@ class InputDelay(Effect):
         return Simulated(command=command, series=series, laws=laws)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The delay, which describes the effect completely."""
         return ModelNumbers(whole=True, delay=theta.item())
 
 
 def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
-    """Change of the expected torque over the next ``delay`` seconds; beyond the end the last value is held."""
+    """Change of the needed torque over the next ``delay`` seconds; after the end it stays at its last value."""
     expected = operation.expected[:, list(rows)]
     if len(expected) < 2:
         return np.zeros_like(expected)
-    # Cubic with slopes from the neighbours only: a spline over all samples rings at every reversal of friction.
+    # Cubic interpolation with slopes from neighbouring samples: a spline over all samples would oscillate where the
+    # friction changes its sign.
     t, slopes = operation.t, operation.expected_rate[:, list(rows)]
     later = np.minimum(t + delay, t[-1])
     k = np.clip(np.searchsorted(t, later, side="right") - 1, 0, len(t) - 2)
@@ -159,7 +160,7 @@ def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[A
 
 
 def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: float, stop: float) -> Float[Array, " m"]:
-    """Mean of the held commands between two times; before the first step, its command is taken."""
+    """Mean command between two times; before the first step the command is the first one."""
     begin = np.maximum(ends - history[:, 0], start)
     begin[0] = start
     lengths = np.clip(np.minimum(ends, stop) - begin, 0.0, None)
@@ -171,17 +172,17 @@ def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: fl
 def delay_law(
     line: Float[Array, "n 2"], first: int, last: int, delay: float, dt: float, tau: float
 ) -> tuple[int, int, float]:
-    """The delay line one step later: its first and last index, and the mean command that leaves it.
+    """First and last index of the delay line after one step, and the mean command that leaves the line.
 
-    The line always contains ``delay`` seconds of commands: a step that enters pushes commands of the same length out.
+    The line always contains ``delay`` seconds of commands: a step that enters pushes out commands of the same duration.
 
     Args:
-        line: Lengths [s] and commands of the delayed steps, as a ring, with room for two steps more than a delay has.
+        line: Lengths [s] and commands of the delayed steps, a ring buffer with two rows more than a delay has steps.
         first: Index of the oldest step.
         last: Index of the newest step, -1 at the first call.
         delay: Delay of the line [s].
         dt: Length of this step [s].
-        tau: Command during it.
+        tau: Command during this step.
     """
     if last < 0:
         first = last = 0

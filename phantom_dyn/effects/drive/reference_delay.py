@@ -1,11 +1,11 @@
 """A reference that arrives late in a drive whose own loop is fast: ``u(t) = kp (q_ref(t - d) - q(t))``.
 
-Where the torque was computed from the reference as it was sent, by whoever made the log or by a stated controller, the
-true torque is that of the reference ``d`` earlier. The feedback is not late: the torque as a whole is not shifted
-(`input_delay`), and the loop stays as stable as it is. It looks like viscous friction of ``kp d`` while the joint
-follows its reference closely. A delay that all joints share, such as that of a bus, belongs to no joint. The torque is
-not linear in ``d``. The column is therefore a secant: the change of torque from no delay to the last estimate of ``d``
-(the shape), per second; it contains no noise of the positions.
+If a torque was computed from the reference as it was sent (by the log's author or from a stated controller), the true
+torque is that of an earlier reference. Only the reference is late, not the feedback: an `input_delay` would shift the
+whole torque and make the loop less stable. While the joint follows its reference closely, the effect looks like viscous
+friction of ``kp d``. A delay that all joints share, such as that of a bus, belongs to no joint. The torque is not
+linear in ``d``. So the column is a secant: the change of torque from no delay to the last estimate of ``d`` (the
+shape), per second of delay. It contains no noise of the positions.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 
-# Longest delay that is fitted [s]: beyond it the reference and the motion are unrelated.
+# Longest delay that is fitted [s]: with a longer one the reference would not be related to the motion.
 _LONGEST = 1.0
-# Delays at which a fit starts [s]: a bus of 100 to 20 Hz; and the shortest delay of a secant: less would be rounding.
+# Delays at which a fit starts [s]: a cycle of a fast and of a slow bus.
 _STARTS = (0.01, 0.03)
+# Shortest delay of a secant [s], so that its torque differences are larger than rounding errors.
 _LEAST = 1e-5
 
 
@@ -58,7 +59,7 @@ class ReferenceDelay(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """All joints alike, or one."""
+        """All joints together, and each joint."""
         return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -74,7 +75,7 @@ class ReferenceDelay(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """One cycle of a fast and of a slow bus."""
+        """Delays at which a fit starts."""
         return tuple((start,) for start in _STARTS)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
@@ -82,19 +83,19 @@ class ReferenceDelay(Effect):
         return secant(max(float(coefficients[0]), 0.0), _LEAST)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Torque computed from the reference as sent, less the one from the late reference, per second of delay."""
+        """Torque computed from the reference as sent minus that from the late reference, per second of delay."""
         rows = driven_rows(robot, joint)
-        columns = -_later(operation, rows, shape[0]) / shape[0]
+        columns = -_change_of_torque(operation, rows, shape[0]) / shape[0]
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """No reference is early, and none is late by a second."""
+        """From zero to the longest delay."""
         return ((0.0, _LONGEST),)
 
     def bounds_in(
         self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
     ) -> tuple[tuple[float, float], ...]:
-        """Delay of a drive by regression of its logged output."""
+        """Bounds by which the logged output of the drives limits the delay."""
         known = operation.references
         if known is None:
             return self.coefficient_bounds(robot, joint, shape)
@@ -104,11 +105,11 @@ class ReferenceDelay(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without delay there is no effect, and the longest delay is the limit."""
+        """No delay, and the longest delay."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It needs references, and a torque that was computed from them."""
+        """Only a torque that was computed from references shows their delay."""
         hidden = hidden_behind_drive(robot, "the delay of a reference")
         if hidden is not None:
             return hidden
@@ -118,7 +119,7 @@ class ReferenceDelay(Effect):
         return None
 
     def remark(self, robot: Robot, joint: str | None, theta: Array) -> str:
-        """A held reference looks the same; says so if the configuration does not state whether references are held."""
+        """Warning that a held reference looks the same; empty if the configuration states ``reference_hold``."""
         if robot.reference_hold is not None:
             return ""
         return (
@@ -127,23 +128,23 @@ class ReferenceDelay(Effect):
         )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Torque with the late reference, less the one with the reference as it was sent."""
+        """Torque with the late reference minus that with the reference as it was sent."""
         rows = driven_rows(robot, joint)
-        return torque_on_rows(robot, rows, _later(operation, rows, theta.item()))
+        return torque_on_rows(robot, rows, _change_of_torque(operation, rows, theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The references of the controller are those of an earlier time."""
+        """Delay of the references of each joint's controller."""
         late = np.zeros(robot.nv)
         late[list(driven_rows(robot, joint))] = theta.item()
         return Simulated(reference_delay=late)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The delay, which describes the effect completely."""
         return ModelNumbers(whole=True, reference_delay=theta.item())
 
 
-def _later(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
-    """Change of torque if the reference comes ``delay`` later; zero where no reference is known."""
+def _change_of_torque(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
+    """Change of torque if the reference comes ``delay`` later; zero if no reference is known."""
     if operation.references is None:
         return np.zeros((len(operation.t), len(rows)))
     return operation.references.later(delay, rows)

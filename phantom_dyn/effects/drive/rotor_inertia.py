@@ -1,7 +1,7 @@
-"""Rotor inertia that the model lacks, reflected to the joint side: ``torque = -I a``.
+"""Rotor inertia that the model lacks, on the joint side of the gear: ``torque = -I a``.
 
-It leaves a residual proportional to that joint's own acceleration, and none in gravity. On the first joint, and on all
-others where it regroups with the inertia of the link, the two cannot be separated.
+Its torque is proportional to the joint's own acceleration, and gravity does not act on it. On the first joint, and on
+every other joint where it regroups with the inertia of the link, the two cannot be separated.
 URDF has no place for it; MJCF: joint ``armature``.
 """
 
@@ -80,7 +80,7 @@ class RotorInertia(Effect):
         return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], inertia_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds with which the sum of this and the modelled rotor inertia is not negative."""
+        """The sum with the modelled rotor inertia cannot be negative."""
         return ((-float(robot.rotor_inertia[row_of(robot, joint)]), np.inf),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -88,9 +88,9 @@ class RotorInertia(Effect):
         return torque_on_joint(robot, joint, -theta.item() * operation.a[:, row_of(robot, joint)])
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The robot with a heavier rotor."""
+        """The robot with this rotor inertia added."""
         return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The rotor inertia, with which a model file describes the effect completely."""
+        """The rotor inertia, which describes the effect completely."""
         return ModelNumbers(whole=True, rotor_inertia=theta.item())

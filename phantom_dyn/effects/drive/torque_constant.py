@@ -1,10 +1,10 @@
 """A wrong torque constant: the true torque is ``ratio`` times the logged one.
 
-Everything of that joint is scaled, gravity and friction included. The column is the modelled torque, not the measured
-one, whose noise would bias the fit. A wrong mass of all links behind the joint looks alike; a known mass, or friction
-that is trusted, separates the two. Drives of one kind may have one ratio in common, as by a current sensor that is
-scaled wrongly; one ratio on all drives leaves what all inertias and frictions leave together. URDF has no place for it;
-MJCF: actuator ``gear``.
+It scales the whole torque of the joint, including gravity and friction. The column is the modelled torque, because the
+noise of the measured torque would bias the fit. A wrong mass of all links behind the joint looks the same; a known mass
+or known friction separates the two. Drives of one kind may share one ratio, for example if their current sensors are
+scaled wrongly. One ratio on all drives cannot be separated from a factor on all inertias and frictions. URDF has no
+place for it; MJCF: actuator ``gear``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import rows_of
 
-# Range of ratios: beyond it the torque is in another unit, or on the other side of a gear.
+# Range of ratios that are fitted: beyond it the torque is in another unit, or on the other side of a gear.
 _LEAST, _MOST = 0.1, 10.0
 
 
@@ -55,7 +55,7 @@ class TorqueConstant(Effect):
     )
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if a torque sensor sits behind the drive."""
+        """A torque sensor behind the drive does not show the torque constant."""
         if robot.torque_source == "sensor":
             return (
                 "the torque columns come from a sensor, behind the drive: the torque constant leaves no trace in them"
@@ -84,18 +84,18 @@ class TorqueConstant(Effect):
         return Signature(rows, operation.tau[:, rows][:, :, None], ("excess",), ("1",), steps=steps)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Beyond a factor of ten either way a drive measures something else."""
+        """Bounds of ``1/ratio - 1`` for the smallest and the largest ratio."""
         return ((1.0 / _MOST - 1.0, 1.0 / _LEAST - 1.0),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """With a ratio of one there is no effect; the smallest and the largest ratio are the limits."""
+        """A ratio of one, and the smallest and the largest ratio."""
         ends = self.coefficient_bounds(robot, joint, shape)[0]
         return SpecialCase((), coefficients), *(SpecialCase((), coefficients - end) for end in ends)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``ratio = 1 / (1 + excess)``, within what is possible."""
+        """``ratio = 1 / (1 + excess)``, within its range."""
         return np.clip(1.0 / np.maximum(1.0 + coefficients[:1], 1.0 / _MOST), _LEAST, _MOST)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
@@ -105,29 +105,29 @@ class TorqueConstant(Effect):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """The ratio of an excess."""
+        """The ratio that belongs to an excess."""
         return (1.0 / (1.0 + size),) if size > -1 else None
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """The torque itself."""
+        """The transmitted torque."""
         return (FormulaTerm("gain", "tl", lambda tl: tl, "{torque}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Torque of the drive in addition to the logged torque, if the logged torque is what the true motion needs."""
+        """True torque minus logged torque, if the true torque is the modelled one."""
         rows = list(rows_of(robot, joint))
         out = np.zeros_like(operation.tau)
         out[:, rows] = operation.tau[:, rows] * (1.0 - 1.0 / theta[0])
         return out
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The drive gives ``ratio`` times what is asked of it."""
+        """The drive gives ``ratio`` times the command."""
         scale, rows = np.ones(robot.nv), rows_of(robot, joint)
         scale[list(rows)] = theta[0]
         laws = tuple(Law(scaled_law, row, (float(theta[0]),)) for row in rows)
         return Simulated(series=lambda t, tau: scale * tau, laws=laws)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The ratio, which describes the effect completely."""
         return ModelNumbers(whole=True, gain=float(theta[0]))
 
 

@@ -1,7 +1,7 @@
-"""A constant torque on one joint that the model lacks (positive along the joint).
+"""A constant torque on one joint that the model lacks, positive in the positive direction of the joint.
 
-The drive has to cancel it, so the measured torque is lower by this amount. On a joint whose gravity torque hardly
-changes, an offset looks like a base tilt or a payload. URDF cannot express it; in MJCF it is ``biasprm`` of the
+The drive has to compensate it, so that the measured torque is lower by this amount. On a joint whose gravity torque
+hardly changes, an offset looks like a base tilt or a payload. URDF has no place for it; MJCF: ``biasprm`` of the
 actuator.
 """
 
@@ -51,7 +51,7 @@ class TorqueOffset(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``torque``, either sign."""
+        """``torque`` of either sign."""
         limit = stated_limit(robot, joint)
         return (
             Parameter(
@@ -64,23 +64,23 @@ class TorqueOffset(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Minus one: the drive cancels the offset."""
+        """Minus one, because the drive has to compensate the offset."""
         return on_one_joint(robot, joint, torque=(-np.ones(len(operation.t)), torque_unit(robot, joint)))
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """The constant."""
+        """A constant."""
         return (FormulaTerm("offset", "1", lambda: np.ones(1)),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The constant on the joint."""
+        """The constant torque."""
         return torque_on_joint(robot, joint, np.full(len(operation.t), theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """A constant torque on the joint."""
+        """The constant torque."""
         return Simulated(laws=(Law(constant_law, row_of(robot, joint), (theta.item(),)),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The offset, which describes the effect completely."""
         return ModelNumbers(whole=True, offset=theta.item())
 
 

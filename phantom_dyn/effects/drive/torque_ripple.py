@@ -1,11 +1,11 @@
 """Torque ripple that grows with the load: ``tl * sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
 
-The torque of a motor with poles that are not sinusoidal, or of a gear with uneven teeth, is too high by a share at some
-angles and too low at others; ``tl`` is the torque that the transmission passes. The residual has waves over position
-that are proportional to the load and change sign with it, while those of a cogging torque are the same at any load:
-several loads at one position separate them. Where the load is a function of the position alone, as that of a slow joint
-in gravity, a ripple of order n is equal to two cogging waves, of n - 1 and n + 1. The load is that of the model, as
-noise of a measured one would bias the fit. It is fitted where such a wave is clearly visible in the residual.
+If the poles of a motor are not sinusoidal, or the teeth of a gear uneven, the torque is a few per cent too high at some
+angles and too low at others; ``tl`` is the torque that the transmission passes. The waves in the residual are
+proportional to the load and change sign with it, while those of a cogging torque are the same at any load: several
+loads at one position separate them. If the load depends on position only, as for a slow joint in gravity, a ripple of
+order n equals two cogging waves of orders n - 1 and n + 1. The load is that of the model, because the noise of a
+measured one would bias the fit. The effect is fitted only if such a wave is clearly visible in the residual.
 On a linear joint ``n`` is in radians per metre. URDF and MJCF have no place for it.
 """
 
@@ -43,7 +43,7 @@ from phantom_dyn.effects.support.position_waves import (
     waves_at,
 )
 
-# Largest ripple as a share of the load.
+# Largest plausible ripple, as a share of the load.
 _LARGEST = 0.5
 
 
@@ -70,7 +70,7 @@ class TorqueRipple(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Lists of equal length; ``theta`` is all orders, then all amplitudes, then all phases."""
+        """Order, amplitude and phase of each wave; ``theta`` holds all orders, then all amplitudes, then all phases."""
         amplitude = Parameter(
             "amplitude",
             "1",
@@ -88,13 +88,13 @@ class TorqueRipple(Effect):
             return ()
         whole = not robot.prismatic[row]
         # Torque that other findings explain may be due to the ripple, so it is added to the residual.
-        there = replace(operation, residual_of_fit=operation.residual + operation.expected - operation.tau)
-        found = orders_in(there, row, whole_numbers=whole, load=operation.transmitted[:, row])
+        with_findings = replace(operation, residual_of_fit=operation.residual + operation.expected - operation.tau)
+        found = orders_in(with_findings, row, whole_numbers=whole, load=operation.transmitted[:, row])
         kept = (tuple(order for order in orders if comes_back(operation, row, order)) for orders in found)
         return tuple(dict.fromkeys(orders for orders in kept if orders))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Minus sine and cosine of every order times the load: the drive cancels them."""
+        """Minus sine and cosine of every order times the load, because the drive has to compensate them."""
         row = row_of(robot, joint)
         waves, names = sines_and_cosines(operation.q[:, row], shape)
         columns = -(up_to_band(operation, operation.transmitted[:, row])[:, None] * waves)[:, None, :]
@@ -109,16 +109,16 @@ class TorqueRipple(Effect):
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Some wave has to turn five times, and three of them slowly enough for the judged band."""
+        """A wave needs five periods in the recording, and in three of them a frequency within the judged band."""
         return unseen_waves(operation, joint, "ripple")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law on the joint."""
+        """Sum of all waves times the load."""
         row = row_of(robot, joint)
         return torque_on_joint(robot, joint, operation.transmitted[:, row] * waves_at(operation.q[:, row], theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The law at the true position with the load of the moment."""
+        """One compiled law for each wave."""
         row = row_of(robot, joint)
         return Simulated(laws=tuple(Law(ripple_law, row, wave) for wave in each_wave(theta)))
 
@@ -126,5 +126,5 @@ class TorqueRipple(Effect):
 @torque_law
 @jit
 def ripple_law(q: float, load: float, order: float, amplitude: float, phase: float) -> float:
-    """One wave of the law under a transmitted torque ``load``."""
+    """Torque of one wave under a transmitted torque ``load``."""
     return load * amplitude * np.sin(order * q + phase)

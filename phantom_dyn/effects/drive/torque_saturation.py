@@ -1,8 +1,8 @@
-"""A drive that gives no more than ``limit``: the true torque is the command held within ``+-limit``.
+"""A drive that gives no more than ``limit``: the true torque is the command clipped to ``+-limit``.
 
-The model is wrong only where the command is beyond the limit, by the excess; every other effect fitted to these samples
-is then wrong too. No effect that acts below the limit looks like this one. The command is smoothed a little before it
-is compared with the limit: otherwise noise beyond the limit would be fitted by itself.
+While the command exceeds the limit, the logged torque is wrong by the excess, and every other effect that is fitted to
+these samples becomes wrong too. No effect that acts below the limit looks like this one. The command is smoothed a
+little before it is compared with the limit; otherwise the effect would explain noise beyond the limit.
 URDF: ``<limit effort>``; MJCF: ``forcerange`` of the actuator.
 """
 
@@ -33,28 +33,29 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import hidden_behind_drive, moving_average, stated_limit
 
-# Limits are tried that the command exceeds in these shares of the recording, and one that the torque which the motion
-# needs exceeds in a share of its own.
+# The needed torque is the torque that the model needs for the recorded motion.
 _BEYOND = (0.4, 0.2, 0.1, 0.05, 0.02, 0.01)
+"""Limits are tried that the command exceeds in these shares of the recording."""
+# One more limit is tried, which the needed torque exceeds in this share of the recording.
 _NEEDED_BEYOND = 0.02
 # The command must exceed a limit for this time at least once [s].
 _LEAST_SECONDS = 0.03
-# Share of the samples beyond the limit above which the needed torque must certainly not rise with the command: friction
-# that the model lacks looks like a limit that is exceeded most of the time.
+# If the command exceeds the limit in more than this share of the samples, the needed torque must certainly not rise
+# with the command: friction that the model lacks looks like a limit that is exceeded most of the time.
 _OFTEN = 0.45
-# Share above which no limit is accepted: hardly any sample shows that the drive gives what is commanded within the
-# limit, and the needed torque is also small and flat if the model lacks its load.
+# If the command exceeds the limit in more than this share of the samples, no limit is accepted: hardly any sample then
+# shows that the drive follows commands below the limit.
 _NEARLY_ALWAYS = 0.95
 # Range of the median needed torque while the command exceeds the limit, as shares of the limit.
 _NEEDED = (0.6, 1.4)
 # A limit below this share of the largest torque that the drive has given is rejected: the needed torque is known to
 # about a fifth.
 _OF_GIVEN = 0.8
-# Beyond a limit the needed torque stays constant while the command rises: largest slope of the needed torque over the
-# command, and its largest standard deviation over the limit. The slope is one without a limit, about a third with a
-# weak supply, and zero at a limit.
+# Largest slope of the needed torque over the command beyond a limit: the slope is zero at a limit and one without.
 _SLOPE = 0.12
+# Largest standard deviation of the needed torque beyond a limit, over the limit.
 _SPREAD = 0.8
+# Slope of the needed torque over the command if the supply of the drive is weak.
 _WEAK_SUPPLY = 1.0 / 3.0
 # Largest log odds of the slope of a weak supply against `_SLOPE` with which a limit is still accepted.
 _MOST_ODDS = 1.0
@@ -98,9 +99,9 @@ class TorqueSaturation(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Limits [N m or N] that the command exceeds for 1 % to 40 % of the recording, and two from the motion.
+        """Limits [N m or N] that the command exceeds in 1 % to 40 % of the recording, and two from the needed torque.
 
-        These two come from the torque that the motion needs, which does not exceed the limit when the command does.
+        The needed torque stays at the limit while the command exceeds it.
         """
         row = row_of(robot, joint)
         command = _command(operation, row)
@@ -110,30 +111,32 @@ class TorqueSaturation(Effect):
         return tuple((float(x),) for x in np.unique([*limits, needed, *plateau]))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same limit and some next to it."""
+        """The same limit and some close to it."""
         return tuple((factor * shape[0],) for factor in (0.9, 0.97, 0.99, 1.0, 1.01, 1.03, 1.1))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Part of the command beyond the limit; its coefficient is one if the limit is right.
 
-        Zero if the motion contradicts this limit: a drive that is asked for more gives just its limit, and the torque
-        that it has given before is not above the limit.
+        It is zero if the motion contradicts this limit: if the drive has given more than the limit, or if the needed
+        torque is not about the limit while the command exceeds it.
         """
         row = row_of(robot, joint)
         excess = _excess(operation, row, shape[0])
-        seen = shape[0] >= _OF_GIVEN * largest_given(operation, row) and _plausible(operation, row, shape[0], excess)
-        return on_one_joint(robot, joint, excess=(excess * seen, "1"))
+        possible = shape[0] >= _OF_GIVEN * largest_given(operation, row)
+        return on_one_joint(
+            robot, joint, excess=(excess * (possible and _plausible(operation, row, shape[0], excess)), "1")
+        )
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """About one: with any other coefficient the effect is not a saturation."""
+        """About one: with another coefficient the effect is not a saturation."""
         return ((0.85, 1.15),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """None: with a limit of zero there is no drive, and a limit that the command never reaches makes no torque.
+        """None, because an estimated coefficient does not say how certain the limit is.
 
-        In one short event the limit and its coefficient have the same effect, so neither is well determined.
+        In one short event, limit and coefficient have the same effect, so that neither is well determined.
         """
         return ()
 
@@ -142,30 +145,27 @@ class TorqueSaturation(Effect):
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if a torque sensor sits behind the drive."""
+        """A torque sensor behind the drive does not show the limit."""
         return hidden_behind_drive(robot, "the limit of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the part of the logged command that is beyond the limit."""
+        """True torque minus command: minus the part of the command beyond the limit."""
         return torque_on_joint(robot, joint, -_excess(operation, row_of(robot, joint), theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The command held within the limit."""
+        """The command clipped to the limit."""
         limit, row = np.full(robot.nv, np.inf), row_of(robot, joint)
         limit[row] = theta.item()
         law = Law(clipped_law, row, (theta.item(),))
-        return Simulated(
-            series=lambda t, tau: held_within(tau, limit),
-            limit=theta.item(),
-            laws=(law,),
-        )
+        return Simulated(series=lambda t, tau: clipped(tau, limit), limit=theta.item(), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The limit, which model files can state."""
+        """The limit, which describes the effect completely."""
         return ModelNumbers(whole=True, limit=theta.item())
 
 
 def _command(operation: Operation, row: int) -> Array:
+    """Logged torque of a joint, smoothed."""
     key = ("command without noise", row)
     if key not in operation.kept:
         operation.kept[key] = moving_average(operation.logged[:, row], operation.dt, _SECONDS)
@@ -173,15 +173,15 @@ def _command(operation: Operation, row: int) -> Array:
 
 
 def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> bool:
-    """True if the command stays beyond the limit for a while, and the needed torque is about the limit there.
+    """True if the command exceeds the limit for some time, and the needed torque is about the limit then.
 
-    Without this, a limit near zero would make the whole logged torque its excess, noise and missing friction included.
+    Without this condition the fit could choose a limit near zero, so that the excess would be the whole logged torque.
     """
     beyond = excess != 0
     runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int))))[::2]
     if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS:
         return False
-    # With the sign of the excess, so that the noise of the acceleration has mean zero.
+    # Times the sign of the excess, which leaves the noise of the acceleration with a mean of zero.
     needed = operation.expected[beyond, row] * np.sign(excess[beyond])
     middle = float(np.median(needed))
     if not _NEEDED[0] * limit < middle < _NEEDED[1] * limit:
@@ -194,9 +194,9 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
 
 
 def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: Array) -> bool:
-    """True if the slope of the needed torque over the command is certainly small, by the scatter about the line.
+    """True if the slope of the needed torque over the command is certainly small, given the scatter about the line.
 
-    The command must vary by more than the limit: otherwise missing friction, which is flat too, may be the cause.
+    The command must vary by more than the limit: otherwise missing friction, which is constant too, may be the cause.
     """
     slope, square, scatter = _line(excess, needed)
     if square <= len(needed) * limit**2:
@@ -207,10 +207,11 @@ def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: A
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
     """True if, beyond the limit, the slope of the needed torque over the command is small within its noise.
 
-    It is not if a weak supply is clearly more likely: with a standard error of a tenth its slope of a third would pass.
+    False if a weak supply is clearly more likely, whose slope of a third would otherwise pass with a standard error of
+    a tenth.
 
     The noise is that of the needed torque minus the command below the limit, or the scatter about the line beyond the
-    limit if that is smaller: friction that the model lacks makes the first one large.
+    limit if this is smaller: friction that the model lacks makes the first one large.
     """
     beyond = excess != 0
     command, needed = _command(operation, row), operation.expected[:, row]
@@ -228,7 +229,7 @@ def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> boo
 
 
 def _line(excess: Array, needed: Array) -> tuple[float, float, float]:
-    """Slope of the needed torque over the size of the excess, its sum of squares about the mean, and the scatter."""
+    """Slope of the needed torque over the size of the excess, the latter's squares about its mean, and the scatter."""
     x = np.abs(excess) - np.abs(excess).mean()
     square = float(x @ x)
     slope = float(x @ needed) / square if square > 0.0 else 0.0
@@ -236,20 +237,20 @@ def _line(excess: Array, needed: Array) -> tuple[float, float, float]:
 
 
 def _slope_error(operation: Operation, noise: float, square: float) -> float:
-    """Standard error of the slope of `_line`, with noise that is the same over `_LEAST_SECONDS`."""
+    """Standard error of the slope of `_line`, for noise that stays the same over `_LEAST_SECONDS`."""
     return noise * float(np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square))
 
 
 def _plateau(command: Array, needed: Array) -> tuple[float, ...]:
     """The highest level at which the needed torque stays while the command rises above it; empty if there is none.
 
-    There the median of the needed torque over all samples with a higher command reaches the level, and at the next
-    level it no longer does. Without a limit the needed torque rises with the command: there is no such level.
+    Over all samples with a higher command than this level, the median needed torque reaches the level; at the next
+    level it no longer does. Without a limit the needed torque rises with the command, so that there is no such level.
     """
     size, needed = np.abs(command), needed * np.sign(command)
     levels = np.linspace(0.0, float(size.max()), _LEVELS + 1)[1:-1]
     passed, met = (np.searchsorted(levels, part, side="right") for part in (size, needed))
-    # Number of samples with a command at each level or above, and of those whose needed torque is so as well.
+    # Number of samples whose command is at a level or above, and number of those whose needed torque is so, too.
     beyond, both = (
         np.cumsum(np.bincount(part, minlength=len(levels) + 1)[:0:-1])[::-1]
         for part in (passed, np.minimum(passed, met))
@@ -271,12 +272,12 @@ def largest_given(operation: Operation, row: int) -> float:
 
 def _excess(operation: Operation, row: int, limit: float) -> Array:
     command = _command(operation, row)
-    return command - held_within(command, limit)
+    return command - clipped(command, limit)
 
 
-def held_within(tau, limit):
-    """``tau`` clipped to ``+-limit``: for numbers or arrays, and compiled for numbers."""
+def clipped(tau, limit):
+    """``tau`` clipped to ``+-limit``, for numbers or arrays; `clipped_law` is compiled for numbers."""
     return np.minimum(np.maximum(tau, -limit), limit)
 
 
-clipped_law = command_law(jit(held_within))
+clipped_law = command_law(jit(clipped))

@@ -1,10 +1,11 @@
 """An encoder disc off its centre: ``reading = q + A sin(n q + p)``, with ``n = 1`` cycle per turn of the joint.
 
-The true motion differs from the reading. So the residual torque is periodic in the joint's angle and grows with speed
-squared and with acceleration (that of cogging does not); the gravity torque changes a little too. Over a small arc the
-error looks like an encoder offset. Motor and link turn together on whichever side the encoder is, so the rotor's torque
-is wrong too. If the encoder is on the motor's side, ``n = 1`` means an eccentric gear on the joint's axis: an eccentric
-disc on the motor would repeat with each turn of the motor, which is far more often. URDF and MJCF cannot express it.
+The true motion differs from the reading. So the residual torque is periodic in the joint's angle and, other than that
+of cogging, grows with acceleration and with speed squared; the gravity torque changes a little too. Over a small arc
+the error looks like an encoder offset. Motor and link turn together, whichever of them the encoder measures, so that
+the torque of the rotor is wrong too. For an encoder on the motor, ``n = 1`` means an eccentric gear on the joint's
+axis: the error of an eccentric disc on the motor would repeat with each turn of the motor. URDF and MJCF have no place
+for it.
 """
 
 from __future__ import annotations
@@ -30,13 +31,14 @@ from phantom_dyn.effects.support.displaced import change_by_reading, displaced, 
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.motion import Motion
 
-# Periods in one turn of the joint.
 ORDER = 1.0
-# Arc [rad] over which a sine departs from a straight line by 1 % of its amplitude.
+"""Periods of the error in one turn of the joint."""
+# Smallest arc [rad]: over this arc a sine differs from a straight line by 1 % of its amplitude.
 _LEAST_ARC = 0.5
 # Newton steps for the true angle; each squares an error of at most the amplitude.
-_NEWTON = 8
-_STEEPEST = 0.5  # largest slope of the error; at 1 the reading would stand still while the joint turns
+_NEWTON_STEPS = 8
+# Largest slope of the error over the position; at a slope of 1 the reading would stop while the joint turns.
+_STEEPEST = 0.5
 
 
 class EncoderEccentricity(Effect):
@@ -63,7 +65,7 @@ class EncoderEccentricity(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Joints that turn."""
+        """Revolute joints."""
         return tuple(name for name, linear in zip(robot.joint_names, robot.prismatic, strict=True) if not linear)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -108,18 +110,18 @@ class EncoderEccentricity(Effect):
         return np.array([np.hypot(sine, cosine), np.arctan2(cosine, sine), ORDER])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """An amplitude of phase zero."""
+        """The amplitude, at phase zero."""
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen over a small arc."""
+        """Over a small arc the error looks like an offset."""
         arc = float(np.ptp(operation.q[:, row_of(robot, joint)]))
         if arc < _LEAST_ARC:
             return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine looks like a line"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Inverse dynamics as read less that of the true motion."""
+        """Drive torque of the motion as read, minus that of the true motion."""
         row = row_of(robot, joint)
         return -exact_change_by_reading(robot, operation, row, *_true_minus_read(operation, row, theta))
 
@@ -139,11 +141,11 @@ class EncoderEccentricity(Effect):
 
 
 def _true_minus_read(motion: Motion, row: int, theta: Array) -> tuple[Array, Array, Array]:
-    """Difference of true and read motion of a joint: position, velocity and acceleration."""
+    """True minus read position, velocity and acceleration of a joint."""
     amplitude, phase, n = theta
     q, v, a = (x[:, row] for x in (motion.q, motion.v, motion.a))
     angle = q - amplitude * np.sin(n * q + phase)
-    for _ in range(_NEWTON):
+    for _ in range(_NEWTON_STEPS):
         excess = angle + amplitude * np.sin(n * angle + phase) - q
         angle = angle - excess / (1.0 + n * amplitude * np.cos(n * angle + phase))
     slope = 1.0 + n * amplitude * np.cos(n * angle + phase)
@@ -153,7 +155,7 @@ def _true_minus_read(motion: Motion, row: int, theta: Array) -> tuple[Array, Arr
 
 
 def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, Array]:
-    """``sin(q + phase)`` and its two time derivatives along the motion that is read: one period a turn."""
+    """``sin(q + phase)`` and its first two time derivatives along the measured motion."""
     q, v, a = (x[:, row] for x in (operation.q, operation.v, operation.a))
     sine, cosine = np.sin(q + phase), np.cos(q + phase)
     return sine, cosine * v, cosine * a - sine * v**2
@@ -162,5 +164,5 @@ def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, 
 @reading_law
 @inlined_jit
 def eccentric_law(q: float, amplitude: float, phase: float, order: float) -> float:
-    """Reading of a disc off its centre at position ``q``."""
+    """Reading of an encoder with an eccentric disc at position ``q``."""
     return q + amplitude * np.sin(order * q + phase)

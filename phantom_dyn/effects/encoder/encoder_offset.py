@@ -1,10 +1,9 @@
 """A wrong zero of an encoder: ``reading = q + offset``.
 
-Gravity and inertia torques are then computed at a wrong position, on every joint where they depend on it. The offset
-leaves no trace if no torque depends on that position, as on a vertical first joint. On a joint with a horizontal axis
-a base tilt about that axis looks the same; over a small range a spring looks nearly the same. Postures far apart
-separate them. An encoder on the motor and one on the link give the same: motor and link turn together.
-URDF: joint ``origin``; MJCF: joint ``ref``.
+The model then computes gravity and inertia torques at a wrong position. If no torque depends on this position, as on a
+first joint with a vertical axis, the offset cannot be detected. On a joint with a horizontal axis a base tilt about
+this axis looks the same, and over a small range a spring looks nearly the same; postures far apart separate them. It
+does not matter whether the encoder is on the motor or on the link. URDF: joint ``origin``; MJCF: joint ``ref``.
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ from phantom_dyn.effects.support.displaced import change_by_reading, displaced, 
 from phantom_dyn.effects.support.rows import branch_rows, secant
 from phantom_dyn.motion import Motion
 
-# Offset [rad or m] below which the tangent is used: the secant is equal to three digits, and suffers from rounding.
+# Offset [rad or m] below which the tangent replaces the secant, which suffers from rounding; three digits agree.
 _LEAST = 1e-4
-# Change of torque with position, over the largest torque, below which it comes from rounding in the robot file (frames
-# printed with seven digits).
-_NOTHING = 1e-6
+# Change of torque per unit of position, over the largest torque, below which it comes from rounded numbers of the robot
+# file.
+_ROUNDING = 1e-6
 
 
 class EncoderOffset(Effect):
@@ -57,7 +56,7 @@ class EncoderOffset(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``offset``: reading less true position."""
+        """``offset``: reading minus true position."""
         row = row_of(robot, joint)
         far = np.inf if robot.prismatic[row] else np.pi
         large = 0.1 if robot.prismatic[row] else 0.5
@@ -74,7 +73,7 @@ class EncoderOffset(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The tangent at no offset; `refined` has secants."""
+        """The tangent at an offset of zero; `refined` returns secants."""
         return ((0.0,),)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
@@ -84,40 +83,40 @@ class EncoderOffset(Effect):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Additional drive torque per unit of offset, as a secant from zero to ``shape``."""
         row, step = row_of(robot, joint), shape[0] if shape else 0.0
-        none = np.zeros(len(operation.t))
+        zero = np.zeros(len(operation.t))
         if abs(step) < _LEAST:
-            change = change_by_reading(operation, row, none - 1.0, none, none)
+            change = change_by_reading(operation, row, zero - 1.0, zero, zero)
         else:
-            change = exact_change_by_reading(robot, operation, row, none - step, none, none) / step
+            change = exact_change_by_reading(robot, operation, row, zero - step, zero, zero) / step
         rows = branch_rows(robot, joint)
         return Signature(rows, change[:, list(rows), None], ("offset",), (robot.position_units[row],))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Half a turn either way for a revolute joint: larger offsets repeat smaller ones."""
+        """Half a turn in both directions for a revolute joint, because larger offsets repeat smaller ones."""
         return () if robot.prismatic[row_of(robot, joint)] else ((-np.pi, np.pi),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if no torque depends on the position."""
-        if operation.steepest[row_of(robot, joint)] <= _NOTHING * np.abs(operation.tau).max():
+        """If no torque depends on the position, the offset has no effect."""
+        if operation.steepest[row_of(robot, joint)] <= _ROUNDING * np.abs(operation.tau).max():
             return "no torque depends on the position of this joint: its zero leaves no trace"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Drive torque of the motion as read, minus that of the true motion."""
-        none = np.zeros(len(operation.t))
-        return -exact_change_by_reading(robot, operation, row_of(robot, joint), none - theta.item(), none, none)
+        zero = np.zeros(len(operation.t))
+        return -exact_change_by_reading(robot, operation, row_of(robot, joint), zero - theta.item(), zero, zero)
 
     def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
         """The motion with the offset subtracted from the readings."""
-        none = np.zeros(len(motion.t))
-        return robot, displaced(motion, row_of(robot, joint), none - theta.item(), none, none)
+        zero = np.zeros(len(motion.t))
+        return robot, displaced(motion, row_of(robot, joint), zero - theta.item(), zero, zero)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The offset, added to the reading."""
         return Simulated(laws=(Law(shifted_law, row_of(robot, joint), (theta.item(),)),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The offset as the zero of the encoder, which model files hold completely."""
+        """The offset as the zero of the encoder, which describes the effect completely."""
         return ModelNumbers(whole=True, zero=theta.item())
 
 

@@ -1,9 +1,9 @@
 """An encoder coarser than stated: the reading is rounded to a ``step``.
 
-In the torque it leaves noise that no column could fit, so its signature has no column. The readings themselves show it,
-as they are multiples of a step: `phantom_dyn.effects.support.encoder_lattice.step_of` finds it. Where no step is
-stated, the steps of the other joints say what is coarse. Text files with few
-digits, or positions of a fieldbus, have the same effect. URDF and MJCF have no place for it.
+In the torque it leaves noise, which no column can fit, so that its signature has no column. The step is found from the
+readings, which are multiples of it (`phantom_dyn.effects.support.encoder_lattice.step_of`). If no step is stated, it is
+compared with those of the other joints. Text files with few digits, and positions from a fieldbus, have the same
+effect. URDF and MJCF have no place for it.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ class EncoderQuantization(Effect):
         return Signature((row_of(robot, joint),), np.zeros((len(operation.t), 1, 0)), (), ())
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The step; there is no coefficient."""
+        """The step, which is not a coefficient."""
         return "step", np.zeros(0)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a stated step it is looked for beside the other joints alone."""
+        """Without a stated step the readings can only be compared with those of other joints."""
         if stated_step(robot, row_of(robot, joint)) is None:
             return (
                 f"no step is stated, and the readings have none that is far coarser than those of other joints: give "
@@ -75,12 +75,12 @@ class EncoderQuantization(Effect):
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Zero: it leaves noise only."""
+        """Zero, because it leaves only noise."""
         row_of(robot, joint)
         return np.zeros((len(operation.t), robot.nv))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The reading rounded to the step."""
+        """The reading, rounded to the step."""
         return Simulated(laws=(Law(rounded_law, row_of(robot, joint), (theta.item(),)),))
 
 

@@ -1,6 +1,6 @@
 """Coulomb friction: ``torque = -T sign(v)``, with ``sign(0) = 0``.
 
-In inverse dynamics it leaves a step of ``2 T`` at every reversal, of the same height everywhere.
+At every reversal the measured torque jumps by ``2 T``, whatever the position and the load.
 URDF: ``<dynamics friction>``; MJCF: joint ``frictionloss``.
 """
 
@@ -52,7 +52,7 @@ class CoulombFriction(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Every joint, the passive ones of a closed chain too."""
+        """All joints, including the passive ones of a closed chain."""
         return (*robot.joint_names, *robot.passive_names)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -65,7 +65,7 @@ class CoulombFriction(Effect):
         return on_any_joint(robot, operation, joint, torque=(s, torque_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum of it and of the modelled torque is not negative."""
+        """The sum with the modelled torque cannot be negative."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf),)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
@@ -77,9 +77,9 @@ class CoulombFriction(Effect):
         return torque_on_any_joint(robot, operation, joint, -theta.item() * np.sign(speed_of(robot, operation, joint)))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """More modelled friction, which sticks at rest."""
+        """The robot with this friction added, which sticks at rest."""
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The torque, which describes the effect completely."""
         return ModelNumbers(whole=True, coulomb=theta.item())

@@ -1,8 +1,8 @@
 """Friction that differs by direction: ``-(T+ + c+ v)`` for ``v > 0``, ``T- - c- v`` for ``v < 0``.
 
-It contains Coulomb friction, viscous friction and a torque offset as special cases. Without a difference of the
-viscous parts it is Coulomb friction plus an offset, and nothing can separate the two.
-URDF and MJCF have a place for the mean of both directions only; MJCF for half the difference of the torques too, as
+Coulomb friction, viscous friction and a torque offset are special cases of it. If the viscous coefficients are equal,
+it equals Coulomb friction plus an offset, and nothing can separate the two.
+URDF and MJCF have a place for the mean of both directions only; in MJCF half the difference of the torques can be
 ``biasprm`` of the actuator.
 """
 
@@ -70,7 +70,7 @@ class DirectionDependentFriction(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """A step and a slope for each direction."""
+        """Direction of motion and velocity, for each direction."""
         v = operation.v[:, row_of(robot, joint)]
         torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
         forward, backward = (v > 0).astype(float), (v < 0).astype(float)
@@ -84,14 +84,17 @@ class DirectionDependentFriction(Effect):
         )
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Friction holds back in either direction, together with what is modelled."""
+        """The sum with the modelled friction cannot be negative in either direction."""
         viscous, coulomb = modelled_friction_of(robot, joint)
         return ((-coulomb, np.inf), (-coulomb, np.inf), (-viscous, np.inf), (-viscous, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Equal levels are plain friction; Coulomb friction with an offset is another name of the same."""
+        """Equal torques, equal viscous coefficients, or both.
+
+        Coulomb friction with an offset is not among them, because it is the same law under another name.
+        """
         torque, viscous = coefficients[0] - coefficients[1], coefficients[2] - coefficients[3]
         return (
             SpecialCase(("coulomb_friction",), np.array([torque, *coefficients[2:]])),
@@ -100,24 +103,24 @@ class DirectionDependentFriction(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """A viscous coefficient in one direction only, which no simpler law explains."""
+        """The viscous coefficient of one direction, which no simpler law explains."""
         return "coefficient_positive", np.array([0.0, 0.0, 1.0, 0.0])
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law of the direction of motion; zero at rest."""
+        """Friction for the direction of motion; zero at rest."""
         v = operation.v[:, row_of(robot, joint)]
         law = np.where(v > 0, -(theta[0] + theta[2] * v), np.where(v < 0, theta[1] - theta[3] * v, 0.0))
         return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The mean of both levels as Coulomb friction, which sticks at rest; half their difference as an offset."""
+        """The mean torque as Coulomb friction, which sticks at rest, and the rest as a torque."""
         row = row_of(robot, joint)
-        level, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
+        mean, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
         law = Law(two_way_law, row, (float(half), float(theta[2]), float(theta[3])))
-        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), laws=(law,))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=mean), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The mean of both directions, and half the difference of the torques."""
+        """The mean of both directions, and half the difference of the torques as an offset."""
         return ModelNumbers(
             viscous=float(0.5 * (theta[2] + theta[3])),
             coulomb=float(0.5 * (theta[0] + theta[1])),
@@ -128,5 +131,5 @@ class DirectionDependentFriction(Effect):
 @torque_law
 @jit
 def two_way_law(v: float, half: float, positive: float, negative: float) -> float:
-    """Torque besides the mean level: half the difference of both levels, and viscous friction of the direction."""
+    """Torque in addition to the mean Coulomb torque: half the difference of both torques, and viscous friction."""
     return -half - (positive if v > 0 else negative) * v

@@ -1,10 +1,9 @@
-"""Friction or inertia of something that turns with two joints: ``w = v_i + ratio v_j``.
+"""Friction or inertia of a part that turns with two joints, at the velocity ``w = v_i + ratio v_j``.
 
-Its torque ``-(T sign(w) + c w + I dw/dt)`` acts on joint i, and ``ratio`` times it on joint j: a belt, a differential,
-a bearing between two links that move on parallel axes. On one joint alone it looks like friction of that joint:
-motions with the joints in and out of phase separate the two. Between the two it leaves a friction that
-flips with the other joint's direction. MJCF: a fixed ``tendon`` with ``frictionloss``, ``damping`` and ``armature``;
-URDF has no place for it.
+Such a part is a belt, a differential, or a bearing between two links with parallel axes. Its torque
+``-(T sign(w) + c w + I dw/dt)`` acts on joint i, and ``ratio`` times this torque on joint j. If only one of the joints
+moves, it looks like friction of this joint: motions with the joints in phase and out of phase separate the two. MJCF: a
+fixed ``tendon`` with ``frictionloss``, ``damping`` and ``armature``; URDF has no place for it.
 """
 
 from __future__ import annotations
@@ -36,12 +35,13 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.described import Coupling
 from phantom_dyn.effects.support.rows import stated_limit, torque_on_rows
 
-# Up to this many joints any two may be coupled; on longer arms a belt spans a joint at most.
+# Largest number of joints with which all pairs are searched; on longer arms a belt passes one joint at most.
 _ALL_PAIRS = 4
 # Travel below which a joint counts as at rest [rad or m].
 _AT_REST = 1e-4
-# Correlation of two speeds from which on they are proportional: planners that start joints together come to 0.9.
-_ALONG = 0.97
+# Correlation of two velocities above which they count as proportional; that of planners which start joints together
+# reaches 0.9.
+_PROPORTIONAL = 0.97
 
 
 class JointCoupling(Effect):
@@ -66,18 +66,18 @@ class JointCoupling(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Pairs in the robot's order: all of them on a short arm, else neighbours and next neighbours."""
+        """Pairs of joints: all of them on a short arm, otherwise those with at most one joint in between."""
         names = robot.joint_names
         reach = len(names) if len(names) <= _ALL_PAIRS else 2
         return tuple(f"{names[i]}+{names[j]}" for i, j in combinations(range(len(names)), 2) if j - i <= reach)
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """Any two joints may be coupled, neighbours or not, and none with itself."""
+        """Any two different joints may be coupled."""
         pair = (joint or "").split("+")
         return len(pair) == len(set(pair)) == 2 and set(pair) <= set(robot.joint_names)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``ratio`` of the second joint, then friction and inertia as felt on the first."""
+        """``ratio`` of the second joint, then friction and inertia on the side of the first."""
         first = robot.joint_names[_pair(robot, joint)[0]]
         return (
             Parameter(
@@ -110,15 +110,15 @@ class JointCoupling(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Sum and difference of the two speeds."""
+        """Sum and difference of the two velocities."""
         return ((1.0,), (-1.0,))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same ratio, and some less and more."""
+        """The same ratio, and some smaller and larger ones."""
         return tuple((factor * shape[0],) for factor in (0.8, 0.93, 1.0, 1.07, 1.25))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction, speed and acceleration of what turns with both, on both joints."""
+        """Direction, velocity and acceleration of the part that turns with both joints, on both joints."""
         rows = _pair(robot, joint)
         w, dw = (_combined(x, rows, shape[0]) for x in (operation.v, operation.a))
         columns = np.stack([np.sign(w), w, dw], axis=-1)
@@ -131,11 +131,11 @@ class JointCoupling(Effect):
         )
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Friction holds back, an inertia is positive."""
+        """Friction and inertia cannot be negative."""
         return ((0.0, np.inf),) * 3
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """The ratio is the shape."""
+        """The shape, which is the ratio, then the coefficients."""
         return np.array([shape[0], *coefficients])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
@@ -143,20 +143,20 @@ class JointCoupling(Effect):
         return "coulomb_torque", np.array([1.0, 0.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Both joints have to move, in phase and out of phase: else a coupling is friction of the single joints."""
+        """Both joints have to move, and not in proportion: otherwise a coupling looks like friction of the joints."""
         rows = _pair(robot, joint)
         for row in rows:
             low, high = np.percentile(operation.q[:, row], [1, 99])
             if high - low < _AT_REST:
                 return f"{robot.joint_names[row]} does not move: a coupling looks like friction of the other joint"
         one, two = (operation.v[:, row] for row in rows)
-        if abs(float(one @ two)) > _ALONG * float(np.linalg.norm(one) * np.linalg.norm(two)):
+        if abs(float(one @ two)) > _PROPORTIONAL * float(np.linalg.norm(one) * np.linalg.norm(two)):
             names = " and ".join(robot.joint_names[row] for row in rows)
             return f"{names} move along one line: a coupling looks like friction of each"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law on both joints."""
+        """Torque on both joints."""
         rows = _pair(robot, joint)
         ratio, coulomb, viscous, inertia = theta
         w, dw = (_combined(x, rows, ratio) for x in (operation.v, operation.a))
@@ -164,7 +164,7 @@ class JointCoupling(Effect):
         return torque_on_rows(robot, rows, np.stack([inner, ratio * inner], axis=1))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Friction as a torque, the inertia as part of the mass matrix."""
+        """Friction as a torque, and the inertia as a part of the mass matrix."""
         rows = list(_pair(robot, joint))
         ratio, coulomb, viscous, inertia = theta
         share = np.zeros(robot.nv)
@@ -173,7 +173,7 @@ class JointCoupling(Effect):
         return Simulated(inertia=inertia * np.outer(share, share), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The coupling, which describes the effect completely."""
         first, _, second = (joint or "").partition("+")
         return ModelNumbers(whole=True, coupling=Coupling(first, second, *(float(x) for x in theta)))
 
@@ -190,5 +190,5 @@ def _combined(x: Float[Array, "N nv"], rows: tuple[int, int], ratio: float) -> F
 @torque_law
 @jit
 def shared_law(v: float, coulomb: float, viscous: float) -> float:
-    """Friction of what turns with both joints at their speeds together."""
+    """Friction of the part that turns with both joints, at its velocity ``v``."""
     return -(coulomb * np.sign(v) + viscous * v)

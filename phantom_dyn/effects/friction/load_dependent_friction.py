@@ -1,8 +1,9 @@
-"""Friction that grows with the load: ``torque = -ratio |tl| sign(v)``, ``tl`` the torque that the transmission passes.
+"""Friction that grows with the load: ``torque = -ratio |tl| sign(v)``, where the transmission passes the torque ``tl``.
 
-It leaves a step at every reversal that is as high as the load there. With a load that hardly changes it looks like
-Coulomb friction: wide postures or two payloads separate them. The load is that of the model with the other findings, as
-a payload is carried too; not the measured one, whose noise would bias the fit. MJCF and URDF have no place for it.
+At every reversal the measured torque jumps in proportion to the load. If the load hardly changes, the effect looks like
+Coulomb friction: postures far apart or two payloads separate them. The load is that of the model with the other
+findings, for example with a payload. The measured load is not used, because its noise would bias the fit. MJCF and URDF
+have no place for it.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.operation import up_to_band
 from phantom_dyn.effects.support.rows import never_reverses
 
-# Share of its load that a transmission cannot lose.
+# Share of the load at which a transmission loses all of it.
 _SELF_LOCKING = 1.0
-# Most that a sound gear loses, and a screw that moves a linear axis: many of these lock by themselves.
+# Largest share of the load that a sound gear loses, and that a screw of a linear axis loses.
 _GEAR, _SCREW = 0.5, 0.9
 
 
@@ -73,27 +74,27 @@ class LoadDependentFriction(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Load in the direction of motion."""
+        """Size of the load, with the sign of the velocity."""
         row = row_of(robot, joint)
         column = (np.abs(up_to_band(operation, operation.load[:, row])) * np.sign(operation.v[:, row]))[:, None, None]
         return Signature((row,), column, ("ratio",), ("1",), column)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Friction holds back, and less than the load: a transmission that loses all of it passes none."""
+        """From zero to a transmission that loses all of its load."""
         return ((0.0, _SELF_LOCKING),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """With a ratio of zero there is no effect; at one the transmission loses all of its load."""
+        """A ratio of zero, and a transmission that loses all of its load."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _SELF_LOCKING)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a reversal it looks like a wrong torque constant or an offset."""
+        """Without a reversal the effect looks like a wrong torque constant or an offset."""
         return never_reverses(robot, operation, joint)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Load in the direction of motion."""
+        """Size of the load, with the sign of the velocity."""
         kind = "friction that grows with load"
         return (FormulaTerm(kind, "|tl|*sign(v)", lambda tl, v: np.abs(tl) * np.sign(v), "{torque}"),)
 
@@ -104,7 +105,7 @@ class LoadDependentFriction(Effect):
         return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The law with the load of the moment."""
+        """Friction that follows the load of the simulation."""
         return Simulated(laws=(Law(loaded_law, row_of(robot, joint), (theta.item(),)),))
 
 

@@ -1,11 +1,12 @@
-"""Coulomb friction that depends on the position: ``-T(q) sign(v)``, ``T`` linear between given positions.
+"""Coulomb friction that depends on the position: ``-T(q) sign(v)``, with ``T`` linear between some positions.
 
-A worn, dirty or misaligned screw, guide or bearing rubs more at some places of its travel than at others; beyond the
-first and the last position the friction stays as it is there. It leaves a step at every reversal whose height depends
-on where the joint is, and contains Coulomb friction (the same everywhere). A cogging torque or a spring is the same in
-both directions, this changes sign with the direction. Friction that grows with the load is much the same where the load
-follows the position, as on a slow pendulum: several loads at one place separate them. It is looked for where friction
-that varies with position explains part of the residual that friction of one level, or growing with load, does not.
+A worn, dirty or misaligned screw, guide or bearing has more friction at some places of its travel than at others.
+Before the first and after the last position the friction is constant. At every reversal the measured torque jumps by an
+amount that depends on the position; Coulomb friction is the special case of a constant amount. Cogging or a spring is
+the same in both directions, while this effect changes its sign. Friction that grows with the load looks similar if the
+load depends on the position, as on a slow pendulum: several loads at one place separate them. The effect is searched
+only if friction that varies with position explains part of the residual that constant or load-dependent friction does
+not.
 URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the positions only.
 """
 
@@ -38,15 +39,19 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import dry_range, modelled_friction_of, never_reverses
 
-# Numbers of positions over the travel that are tried; with the most, a bump over a tenth of the travel is seen.
+# Numbers of positions that are tried; with the largest number, a bump over a tenth of the travel is seen.
 _COUNTS = (5, 9, 14)
-# Percentage of the samples beyond the first and beyond the last position: a place that is visited once is known from
-# one block only.
+# Percentage of the samples before the first and after the last position: only one block knows a place that the joint
+# visits once.
 _BEYOND = 3.0
-_BLOCKS = 16  # that are held out, every other at a time
-_SAMPLES = 4000  # of these, enough to see what matters
-_LEAST = 0.1  # share of what the plain columns leave that the others have to predict
-_MOST = 0.6  # share of the blocks that have to gain
+# Number of blocks, of which every other one is held out.
+_BLOCKS = 16
+# Largest number of samples for the comparison on held-out blocks.
+_SAMPLES = 4000
+# Share of the squared error with plain columns by which the columns of the effect have to reduce it.
+_LEAST_GAIN = 0.1
+# Share of the blocks in which the error has to become smaller.
+_LEAST_BLOCKS = 0.6
 
 
 class PositionDependentFriction(Effect):
@@ -73,7 +78,7 @@ class PositionDependentFriction(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Lists of equal length; ``theta`` is all positions, then all torques."""
+        """Positions and torques; ``theta`` holds all positions, then all torques."""
         row = row_of(robot, joint)
         return (
             Parameter(
@@ -87,41 +92,42 @@ class PositionDependentFriction(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """First and last position and how many, where the residual asks for it; nothing where it does not."""
+        """First position, last position and their number; empty if the residual does not show the effect."""
         row = row_of(robot, joint)
         q, v = operation.q[:, row], operation.v[:, row]
         first, last = np.percentile(q, [_BEYOND, 100.0 - _BEYOND])
         if not last > first:
             return ()
-        # Torque that other findings explain may be due to this friction, so it is added.
+        # Torque that other findings explain may be due to this friction, so it is added to the residual.
         torque = operation.residual[:, row] + operation.expected[:, row] - operation.tau[:, row]
         s, load, need = np.sign(v), operation.transmitted[:, row], operation.tau[:, row]
         plain = np.column_stack([np.ones(len(q)), v, s, q - q.mean(), operation.a[:, row], need, np.abs(load) * s])
-        # Friction of one level is among these, so that one place less is enough.
+        # The plain columns contain constant friction, which is the sum of all weights: the first weight is left out.
         places = np.linspace(first, last, _COUNTS[1])
-        if not foresees(torque, plain, hats(q, places)[:, 1:] * s[:, None]):
+        if not predicts_held_out(torque, plain, interpolation_weights(q, places)[:, 1:] * s[:, None]):
             return ()
         return tuple((float(first), float(last), float(count)) for count in _COUNTS)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion, shared out among the positions."""
+        """Direction of motion times the interpolation weight of each position."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
-        columns = hats(operation.q[:, row], grid_positions(shape)) * np.sign(operation.v[:, row])[:, None]
+        weights = interpolation_weights(operation.q[:, row], grid_positions(shape))
+        columns = weights * np.sign(operation.v[:, row])[:, None]
         names = tuple(f"torque_{k + 1}" for k in range(columns.shape[1]))
         return Signature((row,), columns[:, None, :], names, (unit,) * len(names))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Friction holds back everywhere, together with what is modelled."""
+        """The sum with the modelled friction cannot be negative anywhere."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf),) * len(grid_positions(shape))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """The same everywhere it is Coulomb friction."""
+        """No friction, and the same friction at all positions, which is Coulomb friction."""
         return SpecialCase((), coefficients), SpecialCase(("coulomb_friction",), np.diff(coefficients))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Positions and torques; where a shape says nothing else, as many as there are torques."""
+        """Positions and torques, as many positions as there are torques."""
         return np.concatenate([grid_positions((shape[0], shape[1], float(len(coefficients)))), coefficients])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
@@ -129,16 +135,16 @@ class PositionDependentFriction(Effect):
         return "torque", np.array([1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a reversal it looks like a torque that depends on position."""
+        """Without a reversal the effect looks like a torque that depends on position."""
         return never_reverses(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law on the joint, zero at rest."""
+        """Friction at the position of the joint; zero at rest."""
         row = row_of(robot, joint)
         return torque_on_joint(robot, joint, -_level(operation.q[:, row], theta) * np.sign(operation.v[:, row]))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The least level as Coulomb friction, which sticks; what there is beyond it as a torque."""
+        """The smallest torque as Coulomb friction, which sticks at rest, and the rest as a torque."""
         row = row_of(robot, joint)
         places, torques = np.split(np.asarray(theta, dtype=float), 2)
         least = float(torques.min())
@@ -148,28 +154,28 @@ class PositionDependentFriction(Effect):
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The mean level."""
+        """The mean torque over the positions."""
         return ModelNumbers(coulomb=float(np.mean(np.split(np.asarray(theta, dtype=float), 2)[1])))
 
 
 def grid_positions(shape: Shape) -> Float[Array, " k"]:
-    """Positions between which the friction is interpolated, evenly spaced from the first to the last of a shape."""
+    """Positions between which the friction is interpolated, evenly spaced from the first to the last one."""
     return np.linspace(shape[0], shape[1], round(shape[2]))
 
 
-def hats(q: Float[Array, " N"], places: Float[Array, " k"]) -> Float[Array, "N k"]:
-    """Weights of linear interpolation between positions; beyond the ends the function is constant."""
+def interpolation_weights(q: Float[Array, " N"], places: Float[Array, " k"]) -> Float[Array, "N k"]:
+    """Weights of a linear interpolation between positions, which is constant before the first and after the last."""
     return np.column_stack([np.interp(q, places, one) for one in np.eye(len(places))])
 
 
 def _level(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:
-    """Friction torque at positions ``q``; ``theta`` has the grid positions in rising order, then the torques there."""
+    """Friction torque at positions ``q``; ``theta`` holds positions in rising order, then the torques there."""
     places, torques = np.split(np.asarray(theta, dtype=float), 2)
     return np.interp(q, places, torques)
 
 
 def _bends(places: Float[Array, " k"], torques: Float[Array, " k"]) -> tuple[tuple[float, float, float], ...]:
-    """The same as a sum: level, change of slope and place of each bend; the first has the level of the first place."""
+    """The friction as a sum of laws: level, slope and place of each; only the first has a level."""
     slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(places), [0.0]])
     levels = np.concatenate([torques[:1], np.zeros(len(places) - 1)])
     return tuple(zip(levels.tolist(), np.diff(slopes).tolist(), places.tolist(), strict=True))
@@ -178,14 +184,14 @@ def _bends(places: Float[Array, " k"], torques: Float[Array, " k"]) -> tuple[tup
 @torque_law
 @jit
 def bent_law(q: float, v: float, level: float, slope: float, place: float) -> float:
-    """Friction torque at position ``q`` that is a level up to a place and rises from there on."""
+    """Friction torque at position ``q``, whose size is a level up to a place and changes linearly after it."""
     return -(level + slope * max(q - place, 0.0)) * np.sign(v)
 
 
-def foresees(torque: Float[Array, " N"], plain: Float[Array, "N p"], columns: Float[Array, "N k"]) -> bool:
-    """True if the columns predict, on held-out blocks, part of the torque that the plain columns leave.
+def predicts_held_out(torque: Float[Array, " N"], plain: Float[Array, "N p"], columns: Float[Array, "N k"]) -> bool:
+    """True if the columns predict, on held-out blocks, part of the torque that the plain columns do not explain.
 
-    Least squares on the even blocks are judged on the odd ones, and the other way round. Most blocks have to gain.
+    A least-squares fit to the even blocks predicts the odd ones, and the other way round.
 
     Args:
         torque: Torque to be explained.
@@ -196,12 +202,12 @@ def foresees(torque: Float[Array, " N"], plain: Float[Array, "N p"], columns: Fl
     y, both = torque[::step], np.column_stack([plain, columns])[::step]
     both = both / np.maximum(np.sqrt(np.mean(both**2, axis=0)), 1e-300)
     block = np.arange(len(y)) * _BLOCKS // len(y)
-    left = np.zeros((2, _BLOCKS))
+    squared_error = np.zeros((2, _BLOCKS))
     for held_out in (0, 1):
         train = block % 2 != held_out
         for k, x in enumerate((both[:, : plain.shape[1]], both)):
             fitted = np.linalg.lstsq(x[train].T @ x[train], x[train].T @ y[train], rcond=1e-10)[0]
-            error = np.bincount(block[~train], (y - x @ fitted)[~train] ** 2, _BLOCKS)
-            left[k] += error
-    gain = left[0] - left[1]
-    return bool(gain.sum() > _LEAST * left[0].sum() and (gain > 0.0).sum() > _MOST * _BLOCKS)
+            squared_error[k] += np.bincount(block[~train], (y - x @ fitted)[~train] ** 2, _BLOCKS)
+    gain = squared_error[0] - squared_error[1]
+    enough = gain.sum() > _LEAST_GAIN * squared_error[0].sum()
+    return bool(enough and (gain > 0.0).sum() > _LEAST_BLOCKS * _BLOCKS)

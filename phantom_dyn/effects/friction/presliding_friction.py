@@ -1,17 +1,18 @@
-"""Friction of a bristle: a spring of stiffness ``torque / displacement`` that slips once it has given ``torque``.
+"""Friction of a bristle: a spring of stiffness ``torque / displacement`` that slips when its torque reaches ``torque``.
 
-With ``z`` the bristle's deflection, ``z += dq`` held within ``+-displacement``, the torque is ``-T z/displacement``.
-It leaves a torque that grows with the way since the last reversal, whatever the speed, up to Coulomb friction, which
-it contains (no displacement). It is confused with Coulomb friction and a late drive, and with backlash: reversals at
-several accelerations separate them, as the curves overlay over displacement here and over time for a late drive.
+The deflection ``z`` of the bristle grows by ``dq``, is clipped to ``+-displacement``, and gives the torque
+``-T z/displacement``. So after each reversal the torque grows with the distance, at any speed, up to Coulomb friction,
+which is the special case without a displacement. The effect can be confused with Coulomb friction and a late drive, and
+with backlash. Reversals at several accelerations separate them: here the torque builds up over the same displacement,
+in a late drive over the same time.
 
-The Coulomb friction of a model is a step at each reversal; that of a robot builds up, all of it. So the bristle may
-take the place of modelled friction: ``coulomb_torque``, at most zero, is the change of what sets in at once.
+The Coulomb friction of a model jumps at each reversal, while that of a robot builds up. So the bristle may replace
+modelled friction: ``coulomb_torque`` is the change of the modelled Coulomb torque and at most zero.
 
-With two more numbers, ``static_ratio`` and ``stick_velocity``, it is the modified Karnopp friction of simulated haptic
-hardware: it slips with ``T``, sticks below the stick velocity to where it was the sample before, by a spring of
-stiffness ``static_ratio T / displacement``, and breaks loose at ``static_ratio T``.
-URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the torque behind the bristle only.
+With two more parameters, ``static_ratio`` and ``stick_velocity``, it is the modified Karnopp friction of simulated
+haptic hardware. Below the stick velocity it sticks to the position of the sample before, by a spring of stiffness
+``static_ratio T / displacement``; it breaks loose at ``static_ratio T`` and then slips with ``T``.
+URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the torque of the slipping bristle only.
 """
 
 from __future__ import annotations
@@ -43,23 +44,23 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import modelled_friction_of, never_reverses, stated_limit, turning_points
 
-# Keeps the law defined where a fit goes to Coulomb friction [rad or m].
+# Smallest displacement [rad or m], with which the law is defined even if a fit approaches Coulomb friction.
 _LEAST_DISPLACEMENT = 1e-12
-# Displacement [rad, m] after which every contact slips.
+# Displacement after which every contact slips [rad, m].
 _LONGEST, _LONGEST_LINEAR = 0.2, 0.01
-# No position yet; no deflection (or: not stuck, no anchor).
-_NEW = np.array([np.nan, 0.0, 0.0])
+# State at the start: no position yet, and no deflection (in `stick_law`: not stuck, no anchor).
+_START = np.array([np.nan, 0.0, 0.0])
 
 
 def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
     r"""Torque of a Dahl (1968) bristle as a share of its largest, along the positions ``q``; 0 at the first sample.
 
-    :math:`dz/dq = (1 - z\,\mathrm{sign}\,dq) / d`, solved exactly from sample to sample. Each step is ``z -> r z + c``;
-    two of them one after the other are again one, so that all are put together in ``log2(N)`` passes.
+    :math:`dz/dq = (1 - z\,\mathrm{sign}\,dq) / d` is solved exactly from sample to sample. Each step is
+    ``z -> r z + c``. Two successive steps are a step of the same form, so that ``log2(N)`` passes combine all of them.
 
     Args:
         q: Positions [rad or m].
-        displacement: d, over which it builds up from rest.
+        displacement: d, the displacement over which the torque builds up from rest.
     """
     moved = np.diff(q, prepend=q[:1])
     ratio = np.exp(-np.abs(moved) / displacement)
@@ -72,8 +73,8 @@ def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
     return constant
 
 
-def yielding(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
-    """Torque of a Dahl bristle, which yields gradually and does not slip at once; the same words describe it."""
+def dahl_torque(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
+    """Torque of a Dahl bristle, which starts to slip gradually; it has the same parameters as the effect."""
     out = np.zeros_like(operation.tau)
     row = row_of(operation.robot, joint)
     out[:, row] = own[0] * dahl(operation.q[:, row], float(shape[0]))
@@ -88,7 +89,7 @@ class PreslidingFriction(Effect):
     name = "presliding_friction"
     regime = "velocity_reversal"
     acts_as = "dry friction"
-    other_laws = (yielding,)
+    other_laws = (dahl_torque,)
     words = EffectWords(
         name="presliding friction",
         meaning="friction that builds up over a small displacement after each reversal, like a spring that lets go",
@@ -107,7 +108,7 @@ class PreslidingFriction(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Torque in full slip, the displacement at which the bristle slips, and what it leaves of modelled friction."""
+        """Torque in slip, the displacement at which the bristle slips, and the change of the modelled friction."""
         row, modelled = row_of(robot, joint), modelled_friction_of(robot, joint)[1]
         own = (
             Parameter(
@@ -158,16 +159,16 @@ class PreslidingFriction(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Displacements from 0.4 % to 40 % of the way between reversals: shorter is Coulomb, longer is a spring."""
+        """Displacements from 0.4 % to 40 % of the distance between reversals; a longer one would be a spring."""
         way = max(float(np.percentile(strokes(operation, row_of(robot, joint)), 95)), 1e-9)
         return tuple((float(x),) for x in np.geomspace(0.004, 0.4, 6) * way)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same displacement, and a quarter less and a third more."""
+        """The same displacement, a quarter less and a third more."""
         return tuple((factor * shape[0],) for factor in (0.75, 1.0, 4 / 3))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Share of the slip torque that the bristle gives at displacement ``shape``, and the direction of motion."""
+        """Deflection of a bristle with displacement ``shape``, over its largest one, and the direction of motion."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
         columns = {"torque": (bristle(operation.q[:, row], shape[0]), unit)}
         if modelled_friction_of(robot, joint)[1] > 0.0:
@@ -175,18 +176,18 @@ class PreslidingFriction(Effect):
         return on_one_joint(robot, joint, **columns)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """A bristle holds back, and takes the place of no more Coulomb friction than is modelled."""
+        """The torque cannot be negative, and the bristle replaces no more Coulomb friction than is modelled."""
         modelled = modelled_friction_of(robot, joint)[1]
         return ((0.0, np.inf), (-modelled, 0.0)) if modelled > 0.0 else ((0.0, np.inf),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without a displacement, or without a torque, it is Coulomb friction.
+        """No friction, and Coulomb friction, which has no displacement.
 
-        It builds up during the time that a joint needs for the displacement, which is proportional to the root of the
-        displacement at a constant acceleration. Where it is short, recordings show its product with the torque, and
-        neither of the two.
+        Friction builds up during the time that a joint needs for the displacement. At a constant acceleration this time
+        is proportional to the root of the displacement. If it is short, a recording determines only its product with
+        the torque.
         """
         less = coefficients[0] * np.sqrt(np.array(shape))
         total = np.sum(coefficients, keepdims=True)
@@ -197,7 +198,7 @@ class PreslidingFriction(Effect):
         return np.array([coefficients[0], shape[0], *coefficients[1:]])
 
     def remark(self, robot: Robot, joint: str | None, theta: Array) -> str:
-        """A sentence on the modelled friction whose place it takes, if there is any."""
+        """A sentence on the modelled friction that the bristle replaces, if it does."""
         unit, coulomb = torque_unit(robot, joint), _bristle_and_coulomb(theta)[1]
         if coulomb == 0.0:
             return ""
@@ -208,17 +209,17 @@ class PreslidingFriction(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Torque of the bristle, beside all friction that is modelled."""
+        """Torque of the bristle in addition to the modelled friction."""
         return "torque", np.array([1.0, 0.0] if modelled_friction_of(robot, joint)[1] > 0.0 else [1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen without a reversal: the bristle stays deflected."""
+        """Without a reversal the bristle stays deflected."""
         return never_reverses(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law along the motion; the bristle starts at rest.
+        """Friction along the motion; the bristle starts without deflection.
 
-        ``theta`` may lack the change of the Coulomb torque, and may have the two numbers of sticking at its end.
+        ``theta`` may lack the change of the Coulomb torque, and may end with static ratio and stick velocity.
         """
         row = row_of(robot, joint)
         q, v = operation.q[:, row], operation.v[:, row]
@@ -226,37 +227,37 @@ class PreslidingFriction(Effect):
         step = -coulomb * np.sign(v)
         if len(own) == 2:
             return torque_on_joint(robot, joint, step - own[0] * bristle(q, own[1]))
-        values, state = np.empty(len(q)), _NEW
+        values, state = np.empty(len(q)), _START
         for k in range(len(q)):
             state, values[k] = stick_step(state, q[k], v[k], own)
         return torque_on_joint(robot, joint, step + values)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The same, one step after the other: the state is the last position and what the bristle remembers."""
+        """The law in steps; the state is the last position, then the deflection or where the joint sticks."""
         own, coulomb = _bristle_and_coulomb(theta)
         function = bristle_law if len(own) == 2 else stick_law
-        law = Law(function, row_of(robot, joint), tuple(map(float, own)), tuple(map(float, _NEW)))
+        law = Law(function, row_of(robot, joint), tuple(map(float, own)), tuple(map(float, _START)))
         changed = None if coulomb == 0.0 else lambda moved: with_friction(moved, joint, coulomb=coulomb)
-        return Simulated(_NEW, robot=changed, laws=(law,))
+        return Simulated(_START, robot=changed, laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The torque behind the bristle, less the modelled friction whose place it takes."""
+        """The torque in slip minus the modelled friction that the bristle replaces."""
         return ModelNumbers(coulomb=float(theta[0] + _bristle_and_coulomb(theta)[1]))
 
 
 def _bristle_and_coulomb(theta: Array) -> tuple[Array, float]:
-    """Numbers of the bristle, and the change of the modelled Coulomb torque, which only three or five numbers have."""
+    """Parameters of the bristle, and the change of the modelled Coulomb torque, zero if ``theta`` lacks it."""
     return (np.delete(theta, 2), float(theta[2])) if len(theta) in (3, 5) else (theta, 0.0)
 
 
 def strokes(operation: Operation, row: int) -> Float[Array, " n"]:
-    """Ways between reversals of a joint [rad or m], the first and the last one included."""
+    """Distances between reversals of a joint [rad or m], including those before the first and after the last one."""
     q = operation.q[:, row]
     return np.abs(np.diff(q[[0, *turning_points(operation, row), len(q) - 1]]))
 
 
 def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
-    """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first."""
+    """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first sample."""
     out = np.zeros(len(q))
     _deflect(np.ascontiguousarray(q, dtype=float), displacement, out)
     return out
@@ -264,7 +265,7 @@ def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
 
 @jit
 def _deflect(q: Array, displacement: float, out: Array) -> None:
-    """Fill ``out`` with the deflection over the largest one: the torque of a bristle that pushes with one unit."""
+    """Write the deflection over the largest one into ``out``."""
     z, last = 0.0, np.nan
     for k in range(len(q)):
         z, out[k] = bristle_law(last, z, q[k], -1.0, displacement)
@@ -272,7 +273,7 @@ def _deflect(q: Array, displacement: float, out: Array) -> None:
 
 
 def stick_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
-    """The next state and the torque of Karnopp friction; ``theta`` has static ratio and stick velocity too."""
+    """The next state and the torque of Karnopp friction; ``theta`` includes static ratio and stick velocity."""
     stuck, anchor, torque = stick_law(state[0], state[1], state[2], q, v, theta[0], theta[1], theta[2], theta[3])
     return np.array([q, stuck, anchor]), torque
 
@@ -290,18 +291,18 @@ def stick_law(
     ratio: float,
     stick_velocity: float,
 ) -> tuple[float, float, float]:
-    """Whether it sticks now (1 or 0), what to, and the torque of Karnopp friction.
+    """Whether the joint sticks now (1 or 0), the position that it sticks to, and the torque of Karnopp friction.
 
     Args:
-        last: Position at the sample before, NaN at the first.
-        stuck: 1 if it stuck there.
+        last: Position at the sample before, NaN at the first sample.
+        stuck: 1 if the joint stuck at the sample before, otherwise 0.
         anchor: Position that it stuck to.
         q: Position now.
         v: Velocity now.
-        torque: Friction in slip.
-        displacement: Way over which the spring of the stuck state reaches ``ratio`` times ``torque``.
-        ratio: Torque at which it breaks loose, over ``torque``.
-        stick_velocity: It sticks below that speed.
+        torque: Friction torque in slip.
+        displacement: Displacement at which the spring of a stuck joint reaches ``ratio`` times ``torque``.
+        ratio: Torque at which the joint breaks loose, over ``torque``.
+        stick_velocity: Speed below which the joint sticks.
     """
     if stuck == 0.0 and abs(v) < stick_velocity:
         stuck, anchor = 1.0, (q if np.isnan(last) else last)
@@ -314,8 +315,8 @@ def stick_law(
 @torque_law
 @jit
 def bristle_law(last: float, z: float, q: float, torque: float, displacement: float) -> tuple[float, float]:
-    """Deflection of the bristle at position ``q`` and its torque; ``last`` and ``z`` are those of the step before."""
+    """Deflection of the bristle at ``q`` and its torque, after position ``last`` and deflection ``z`` a step before."""
     d = max(displacement, _LEAST_DISPLACEMENT)
-    # Comparisons and no isnan: what is not a number yet is nowhere.
+    # Only NaN differs from itself: then this is the first step.
     z = min(max(z + q - last, -d), d) if last == last else 0.0
     return z, -torque * z / d

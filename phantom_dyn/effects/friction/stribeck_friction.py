@@ -1,8 +1,7 @@
 """Stribeck friction: ``-(Tc + (Ts - Tc) exp(-(v/vs)^2)) sign(v)``.
 
-It contains Coulomb friction (``Ts = Tc``). They are separated by extra torque at low speed that decays with speed:
-slow constant speeds in both directions show it. URDF and MJCF have a place for the level at
-high speed only.
+Coulomb friction is the special case ``Ts = Tc``. Slow constant speeds in both directions separate the two, as they show
+the torque at low speed that decays with speed. URDF and MJCF have a place for the torque at high speed only.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import dry_range, modelled_friction_of
 
-# Speed [rad/s, m/s] beyond which no joint is still in mixed lubrication.
+# Speed above which no joint is in mixed lubrication [rad/s, m/s].
 _FASTEST, _FASTEST_LINEAR = 3.0, 0.5
 
 
@@ -60,7 +59,7 @@ class StribeckFriction(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""
+        """Torque at high speed, torque at rest, and the velocity at which the difference has fallen to 1/e."""
         unit = velocity_unit(robot, joint)
         fastest = _FASTEST_LINEAR if unit == "m/s" else _FASTEST
         return (
@@ -76,57 +75,57 @@ class StribeckFriction(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Stribeck velocities from 2 % to 50 % of the joint's top speed: outside, the law is Coulomb or viscous."""
+        """Stribeck velocities from 2 % to 50 % of the top speed; others look like Coulomb or viscous friction."""
         top = float(np.percentile(np.abs(operation.v[:, row_of(robot, joint)]), 99))
         return tuple((float(x),) for x in np.geomspace(0.02, 0.5, 7) * max(top, 1e-9))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same velocity, and a sixth less and more."""
+        """The same velocity, and one a sixth smaller and larger."""
         return tuple((factor * shape[0],) for factor in (0.85, 1.0, 1.18))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion, and the same faded out with speed at ``shape`` = vs."""
+        """Direction of motion, and the same times a factor that decays with speed; ``shape`` is vs."""
         v, unit = operation.v[:, row_of(robot, joint)], torque_unit(robot, joint)
         s = np.sign(v)
         return on_one_joint(robot, joint, coulomb_torque=(s, unit), excess=(s * np.exp(-((v / shape[0]) ** 2)), unit))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``Ts`` is the level at speed plus the excess."""
+        """``Tc``, ``Ts`` (which is ``Tc`` plus the excess) and vs."""
         return np.array([coefficients[0], coefficients[0] + coefficients[1], shape[0]])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The excess at rest is not negative; at speed it is friction together with what is modelled."""
+        """Neither the excess at rest nor the sum of ``Tc`` and the modelled torque can be negative."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf), (0.0, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without an excess at rest it is Coulomb friction."""
+        """No excess at rest, which is Coulomb friction."""
         return (SpecialCase(("coulomb_friction",), coefficients[1:2]),)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Torque at rest beyond the level at speed."""
+        """Excess of the torque at rest over that at high speed."""
         return "static_torque", np.array([0.0, 1.0])
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law, zero at rest."""
+        """Friction at the velocity of the joint; zero at rest."""
         v = operation.v[:, row_of(robot, joint)]
         level = theta[0] + (theta[1] - theta[0]) * np.exp(-((v / theta[2]) ** 2))
         return torque_on_joint(robot, joint, -level * np.sign(v))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The level at rest as Coulomb friction, which sticks; what it falls by with speed as a torque."""
+        """The torque at rest as Coulomb friction, which sticks, and its decrease with speed as a torque."""
         row = row_of(robot, joint)
         law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The level at high speed."""
+        """The torque at high speed."""
         return ModelNumbers(coulomb=float(theta[0]))
 
 
 @torque_law
 @jit
 def falling_law(v: float, fall: float, velocity: float) -> float:
-    """Friction torque at standstill less that at velocity ``v``."""
+    """Friction torque at rest minus that at velocity ``v``."""
     return fall * (1.0 - np.exp(-((v / velocity) ** 2))) * np.sign(v)

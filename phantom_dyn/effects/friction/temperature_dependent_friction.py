@@ -1,11 +1,12 @@
 """Friction that changes as the drive warms up: ``-((T + kT d) sign(v) + (c + kc d) v)`` with ``d = temp - temp0``.
 
-Lubricants thin as they warm, so that viscous friction falls, and Coulomb friction with it as seals and preloads give
-way; heat that presses a bearing tighter lets it grow. Without slopes it is Coulomb and viscous friction. Temperature
-and anything else that drifts with time are separated where the drive warms up and cools down in one recording.
-It needs the temperature of the drive (column ``temp.<joint>``). The reference temp0 is the recording's mean, rounded to
-five degrees, where the levels are known best. Temperatures change over minutes, so a simulation is at one temperature:
-the mean of its recording, else the reference. URDF and MJCF have a place for the levels at the reference only.
+Warm lubricants are thinner, so that viscous friction falls; Coulomb friction may fall too, as seals and preloads relax,
+or grow, if heat tightens a bearing. Without slopes the law is Coulomb and viscous friction. A recording in which the
+drive warms up and cools down separates temperature from other causes that drift with time.
+The temperature of the drive (column ``temp.<joint>``) is needed. The reference temp0 is the mean temperature of the
+recording, rounded to five degrees; there the friction is known best. Temperatures change over minutes, so a simulation
+has one temperature: the mean of its recording, or the reference if none was recorded. URDF and MJCF have a place for
+friction at the reference only.
 """
 
 from __future__ import annotations
@@ -44,13 +45,13 @@ from phantom_dyn.effects.support.rows import (
     viscous_range,
 )
 
-# Temperatures that a drive with grease in its gear and magnets in its motor works at [deg C].
+# Range of temperatures in which drives with grease and magnets work [deg C].
 _COLDEST, _HOTTEST = -60.0, 200.0
-# Degrees within which friction does not change by all that a drive can give.
-_AT_LEAST = 10.0
-# Change of temperature [deg C] that stands out from the steps of a sensor, which are a degree or half of one.
+# Smallest change of temperature [deg C] over which friction may change by the limit of the drive.
+_LEAST_FULL_CHANGE = 10.0
+# Smallest change of temperature [deg C] in a recording; steps of a sensor are a degree or half a degree.
 _LEAST_CHANGE = 3.0
-# The reference is a multiple of it, so that recordings at about one temperature have the same.
+# The reference is a multiple of this [deg C], so that recordings at similar temperatures have the same reference.
 _ROUNDED = 5.0
 
 
@@ -81,9 +82,9 @@ class TemperatureDependentFriction(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Levels at the reference temperature, their slopes, and that temperature."""
+        """Coulomb torque and viscous coefficient at the reference temperature, their slopes, and this temperature."""
         torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
-        steepest = stated_limit(robot, joint) / _AT_LEAST
+        steepest = stated_limit(robot, joint) / _LEAST_FULL_CHANGE
         return (
             dry_range(robot, joint, "coulomb_torque"),
             viscous_range(robot, joint, "coefficient"),
@@ -113,12 +114,12 @@ class TemperatureDependentFriction(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The reference: the mean temperature, rounded."""
+        """The reference temperature."""
         mean = mean_temperature(operation, row_of(robot, joint))
         return ((25.0 if mean is None else float(_ROUNDED * np.round(mean / _ROUNDED)),),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion and velocity, and both times the temperature above that of the ``shape``."""
+        """Direction of motion and velocity, and both times the temperature above the reference ``shape``."""
         row, torque, damping = row_of(robot, joint), torque_unit(robot, joint), damping_unit(robot, joint)
         v, warmer = operation.v[:, row], degrees_above(operation, row, shape[0])
         s = np.sign(v)
@@ -132,18 +133,18 @@ class TemperatureDependentFriction(Effect):
         )
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Levels and slopes as they are, and the reference."""
+        """The coefficients, then the reference temperature."""
         return np.array([*coefficients, *shape])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Friction holds back at the reference, together with what is modelled; it may fall or grow."""
+        """The sum with the modelled friction cannot be negative at the reference; slopes have any sign."""
         viscous, coulomb = modelled_friction_of(robot, joint)
         return ((-coulomb, np.inf), (-viscous, np.inf), (-np.inf, np.inf), (-np.inf, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Without slopes it is plain friction."""
+        """No Coulomb slope and torque, no viscous ones, or no slopes: what remains is a simpler law."""
         return (
             SpecialCase(("coulomb_friction",), coefficients[[1, 2, 3]]),
             SpecialCase(("viscous_friction",), coefficients[[0, 2, 3]]),
@@ -155,7 +156,7 @@ class TemperatureDependentFriction(Effect):
         return "torque_slope", np.array([0.0, 0.0, 1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It needs temperatures that change, and a reversal."""
+        """The recording must have a temperature that changes, and a reversal."""
         row = row_of(robot, joint)
         if mean_temperature(operation, row) is None:
             return f"the temperature of its drive was not recorded (column temp.{joint})"
@@ -166,7 +167,7 @@ class TemperatureDependentFriction(Effect):
         return never_reverses(robot, operation, joint)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Direction and speed of motion, times the temperature."""
+        """Direction of motion and velocity, times the temperature."""
         kind, rest = "{} that changes with temperature", middle("temp")
         warmer = less("temp", rest)
         return (
@@ -175,14 +176,14 @@ class TemperatureDependentFriction(Effect):
         )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The law on the joint, zero at rest; at the reference where no temperature is known."""
+        """Friction on the joint, zero at rest; at the reference if the temperature is not known."""
         row = row_of(robot, joint)
         v, warmer = operation.v[:, row], degrees_above(operation, row, theta[4])
         law = -(theta[0] + theta[2] * warmer) * np.sign(v) - (theta[1] + theta[3] * warmer) * v
         return torque_on_joint(robot, joint, law)
 
     def at_work(self, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The levels at the mean temperature, without slopes."""
+        """Friction at the mean temperature, without slopes."""
         mean = mean_temperature(operation, row_of(operation.robot, joint))
         if mean is None:
             return theta
@@ -190,30 +191,30 @@ class TemperatureDependentFriction(Effect):
         return np.array([coulomb, viscous, 0.0, 0.0, mean])
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """More modelled friction, as it is at the reference temperature; it sticks at rest."""
+        """The robot with the friction at the reference temperature added; it sticks at rest."""
         coulomb, viscous = float(theta[0]), float(theta[1])
         return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=viscous, coulomb=coulomb))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The levels at the reference temperature."""
+        """Friction at the reference temperature."""
         return ModelNumbers(viscous=float(theta[1]), coulomb=float(theta[0]))
 
 
 def mean_temperature(operation: Operation, row: int) -> float | None:
-    """Mean temperature [deg C] of the drive of a joint; None where it was not recorded throughout."""
+    """Mean temperature [deg C] of the drive of a joint; None if it was not recorded in all samples."""
     if operation.temperature is None or not np.isfinite(operation.temperature[:, row]).all():
         return None
     return float(operation.temperature[:, row].mean())
 
 
 def degrees_above(operation: Operation, row: int, reference: float) -> Float[Array, " N"]:
-    """Temperature [deg C] of the drive of a joint above a reference; zero where it was not recorded."""
+    """Temperature of the drive of a joint minus a reference [deg C]; zero where it was not recorded."""
     if operation.temperature is None:
         return np.zeros(len(operation.t))
     return np.nan_to_num(operation.temperature[:, row] - reference, nan=0.0)
 
 
 def _per_degree(unit: str) -> str:
-    """A unit over a degree."""
+    """Unit of a slope: the given unit per degree."""
     above, _, below = unit.partition("/")
     return f"{above}/({below} °C)" if below else f"{above}/°C"

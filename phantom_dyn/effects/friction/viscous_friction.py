@@ -1,7 +1,7 @@
 """Viscous friction: ``torque = -c v``.
 
-In inverse dynamics it leaves a residual proportional to velocity. Nothing else in the catalogue is odd and linear in
-``v`` on one joint; a delay under a proportional controller comes close and is distinguished by acceleration.
+It leaves a residual proportional to velocity. No other effect on one joint is linear in ``v``; a delay under a
+proportional controller looks similar, and motion with other accelerations separates the two.
 URDF: ``<dynamics damping>``; MJCF: joint ``damping``.
 """
 
@@ -56,7 +56,7 @@ class ViscousFriction(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Every joint, the passive ones of a closed chain too."""
+        """All joints, including the passive ones of a closed chain."""
         return (*robot.joint_names, *robot.passive_names)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -69,7 +69,7 @@ class ViscousFriction(Effect):
         return on_any_joint(robot, operation, joint, coefficient=(v, damping_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum of it and of the modelled coefficient is not negative."""
+        """The sum with the modelled coefficient cannot be negative."""
         return ((-modelled_friction_of(robot, joint)[0], np.inf),)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
@@ -81,9 +81,9 @@ class ViscousFriction(Effect):
         return torque_on_any_joint(robot, operation, joint, -theta.item() * speed_of(robot, operation, joint))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """More modelled friction."""
+        """The robot with this friction added."""
         return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The coefficient, which describes the effect completely."""
         return ModelNumbers(whole=True, viscous=theta.item())

@@ -1,11 +1,12 @@
 # pyright: reportAttributeAccessIssue=false
-"""A base that is not level: it turned by -r, so that in its frame gravity is the given one times ``exp([r]x)``.
+"""A base that is not level: gravity in the frame of the base is the given one, rotated by the vector ``r``.
 
-The turn ``r`` is perpendicular to gravity, as a turn about gravity changes nothing; its components along x, y and z of
-the base are ``roll``, ``pitch`` and ``yaw``. It leaves a change of gravity torque on all joints, two numbers for the
-whole robot, and no torque that varies with speed or acceleration. Gravity turned about the axis of a planar arm equals
-an offset of its first encoder; gravity turned out of its plane leaves no torque. In a single posture a payload looks
-the same. Wide postures separate them. URDF: a level link under the root; MJCF: ``option gravity``.
+The rotation vector ``r`` is perpendicular to gravity, because a rotation about gravity changes nothing; its components
+along x, y and z of the base are ``roll``, ``pitch`` and ``yaw``. The effect changes the gravity torque of all joints by
+two numbers for the whole robot, and no torque that depends on speed or acceleration. On a planar arm a rotation about
+the joint axes equals an offset of the first encoder, and a rotation of gravity out of the plane changes no torque. In a
+single posture a payload looks the same; postures far apart separate them. URDF: a level link under the root; MJCF:
+``option gravity``.
 """
 
 from __future__ import annotations
@@ -33,16 +34,17 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.motion import Motion
 
-# In place of an angle about an axis across gravity that leaves no torque: it has no column, and is reported as zero.
 INVISIBLE = np.inf
+"""Stands in a shape for an angle that changes no torque: the angle has no column, and is reported as zero."""
 _LEVEL: Shape = (0.0, 0.0)
 _ANGLES = ("roll", "pitch", "yaw")
 # Tilt [rad] that nobody would overlook.
-_LEANING = 0.35
-# Below this [rad] the secant is the tangent to three digits, and rounding shows.
+_LARGEST_TILT = 0.35
+# Angle [rad] below which the tangent replaces the secant, which suffers from rounding; three digits agree.
 _LEAST = 1e-4
-# Smallest torque of a tilt by one radian, as a share of the torque: less is rounding of the robot file.
-_NOTHING = 1e-6
+# Torque of a tilt by one radian, as a share of the largest torque, below which it comes from rounded numbers of the
+# robot file.
+_ROUNDING = 1e-6
 # Number of postures of a recording at which the torque of a tilt is computed.
 _POSTURES = 300
 
@@ -72,11 +74,11 @@ class BaseTilt(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Not on a base that is not bolted down: its own sensors measure gravity."""
+        """The whole robot; nothing if its base floats, because its own sensors then measure gravity."""
         return () if robot.floating else (None,)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``roll``, ``pitch`` and ``yaw``: how gravity is turned about x, y and z of the base."""
+        """``roll``, ``pitch`` and ``yaw``: components of gravity's rotation vector along x, y and z of the base."""
         half = 0.5 * np.pi
         return tuple(
             Parameter(
@@ -85,7 +87,7 @@ class BaseTilt(Effect):
                 -half,
                 half,
                 default=0.0,
-                plausible=(-_LEANING, _LEANING),
+                plausible=(-_LARGEST_TILT, _LARGEST_TILT),
                 plausible_because="a base that leans by more than twenty degrees is seen by eye",
                 either_sign=True,
             )
@@ -93,19 +95,22 @@ class BaseTilt(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The tangent about both axes, or about the one that leaves a torque."""
-        least = _NOTHING * np.abs(operation.tau).max()
-        seen = [np.abs(column).max() > least for column in _tangents(robot, operation)]
-        return (tuple(0.0 if visible else INVISIBLE for visible in seen),) if any(seen) else ()
+        """The tangent about both axes, or about the axis that changes a torque."""
+        least = _ROUNDING * np.abs(operation.tau).max()
+        q, axes = operation.q[:: max(1, len(operation.q) // _POSTURES)], axes_across(robot.model.gravity.linear)
+        columns = (_slope(robot, q, axes, k, np.zeros(2), 0.0) for k in (0, 1))
+        visible = [np.abs(column).max() > least for column in columns]
+        return (tuple(0.0 if seen else INVISIBLE for seen in visible),) if any(visible) else ()
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
         """The secant to the last estimate."""
         return (tuple(float(x) for x in _angles(coefficients, shape)),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Additional drive torque per radian about each of two axes across gravity, see `axes_across`.
+        """Additional drive torque per radian about each of the two axes of `axes_across`.
 
-        The secant of the second axis starts at the given gravity, and that of the first one where the second ends.
+        The secant about the second axis starts at the given gravity, and that about the first axis at the end of the
+        second one's.
         """
         axes, angles = axes_across(robot.model.gravity.linear), np.array(shape or _LEVEL, dtype=float)
         seen = np.isfinite(angles)
@@ -117,29 +122,29 @@ class BaseTilt(Effect):
         return Signature(tuple(range(robot.nv)), np.stack(values, axis=-1), names, ("rad",) * len(names))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """A robot does not hang on its base plate."""
+        """Up to a quarter of a turn in each direction."""
         return ((-0.5 * np.pi, 0.5 * np.pi),) * sum(np.isfinite(angle) for angle in shape or _LEVEL)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """The turn along x, y and z; about an axis that leaves no trace it is zero."""
+        """Components of the rotation vector; an angle that changes no torque is zero."""
         angles = _angles(coefficients, shape)
         return np.where(np.isfinite(angles), angles, 0.0) @ axes_across(robot.model.gravity.linear)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The largest component of a turn about the first axis that leaves a trace."""
+        """Largest component of a rotation about the first axis that changes a torque."""
         seen = np.flatnonzero(np.isfinite(self.shapes(robot, operation, joint)[0]))
         axis = axes_across(robot.model.gravity.linear)[seen[0]]
         largest = int(np.argmax(np.abs(axis)))
         return _ANGLES[largest], np.eye(len(seen))[0] / axis[largest]
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if no joint feels gravity."""
+        """If gravity acts on no joint, a tilt changes nothing."""
         if not self.shapes(robot, operation, joint):
             return "no joint feels gravity turn: a tilt of the base leaves no trace"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Gravity torque as modelled less that under the true gravity."""
+        """Modelled gravity torque minus that of the true gravity."""
         given = robot.model.gravity.linear
         return -gravity_torque(robot, operation.q, _turned(given, theta) - given)
 
@@ -148,24 +153,24 @@ class BaseTilt(Effect):
         return with_gravity(robot, _turned(robot.model.gravity.linear, theta)), motion
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Another gravity."""
+        """The robot with the true gravity."""
         return Simulated(robot=lambda moved: with_gravity(moved, _turned(moved.model.gravity.linear, theta)))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The rotation of gravity, which describes the effect completely."""
         return replace(super().model_numbers(robot, joint, theta), turned=pin.exp3(np.asarray(theta, dtype=float)))
 
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """A turn about the axis across gravity that is nearest to that axis of the base."""
+        """A rotation about the one of `axes_across` that is nearest to the named axis of the base."""
         k = _ANGLES.index(name)
         axes = axes_across(robot.model.gravity.linear)
         axis = axes[int(np.argmax(np.abs(axes[:, k])))]
         return tuple(float(x) for x in size * axis / axis[k]) if axis[k] != 0 else None
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """``roll`` and ``pitch`` alone were ``R_x(roll) R_y(pitch)``: the turn across gravity that does the same."""
+        """The rotation vector; older files state ``R_x(roll) R_y(pitch)`` by ``roll`` and ``pitch`` only."""
         if set(stated) != {"roll", "pitch"}:
             return stated
         given = robot.model.gravity.linear
@@ -178,7 +183,7 @@ class BaseTilt(Effect):
 
 
 def axes_across(gravity: Float[Array, " 3"]) -> Float[Array, "2 3"]:
-    """Two unit axes across gravity and each other, the nearest to axes of the base: x and y where it points along z."""
+    """Two orthogonal unit axes perpendicular to gravity, close to axes of the base: x and y if gravity is along z."""
     size = float(np.linalg.norm(gravity))
     down = gravity / size if size > 0 else np.array([0.0, 0.0, -1.0])
     flattest = np.sort(np.argsort(np.abs(down), kind="stable")[:2])
@@ -190,28 +195,21 @@ def axes_across(gravity: Float[Array, " 3"]) -> Float[Array, "2 3"]:
 
 
 def _turned(gravity: Array, turn: Float[Array, " 3"]) -> Array:
-    """Gravity after a turn."""
+    """Gravity after a rotation by the vector ``turn``."""
     return pin.exp3(np.asarray(turn, dtype=float)) @ gravity
 
 
 def _slope(robot: Robot, q: Array, axes: Array, k: int, start: Array, angle: float) -> Array:
-    """Change of gravity torque per radian, between a turn and ``angle`` more about one of the axes across gravity."""
+    """Change of gravity torque per radian from ``start`` to ``angle`` more about axis ``k`` of ``axes``."""
     given, axis = robot.model.gravity.linear, np.eye(2)[k]
-    # Over less, the difference about the start is the tangent to eight digits, and rounding does not show.
+    # For a small angle a central difference about the start gives the tangent to eight digits.
     ends = (0.0, angle) if abs(angle) >= _LEAST else (-_LEAST, _LEAST)
     low, high = (_turned(given, (start + end * axis) @ axes) for end in ends)
     return gravity_torque(robot, q, (high - low) / (ends[1] - ends[0]))
 
 
-def _tangents(robot: Robot, operation: Operation) -> tuple[Array, Array]:
-    """Columns of both angles at some hundred postures of the recording."""
-    q, axes = operation.q[:: max(1, len(operation.q) // _POSTURES)], axes_across(robot.model.gravity.linear)
-    first, second = (_slope(robot, q, axes, k, np.zeros(2), 0.0) for k in (0, 1))
-    return first, second
-
-
 def _angles(coefficients: Array, shape: Shape) -> Array:
-    """The shape with the coefficients in place of the angles that leave a torque."""
+    """Angles about both axes: the coefficients, and `INVISIBLE` as in the shape."""
     out = np.array(shape or _LEVEL, dtype=float)
     out[np.isfinite(out)] = coefficients
     return out

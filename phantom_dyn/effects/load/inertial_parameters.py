@@ -1,8 +1,8 @@
 """Inertial parameters of one link (or, with joint None, of every link) that differ from those of the model.
 
-They leave torques of gravity and inertia, in proportions that follow from the motion of the link. A recording
-identifies only base parameters, so a finding names those that differ.
-URDF and MJCF: the link's inertial element.
+They change torques of gravity and inertia in proportions that follow from the motion of the link. A recording
+determines only base parameters, so a finding names the base parameters that differ. URDF and MJCF: the link's inertial
+element.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS, point_mass
 
 
 def bodies_of(robot: Robot, joint: str | None) -> tuple[int, ...]:
-    """Pinocchio indices of the bodies whose parameters are free."""
+    """Pinocchio indices of the bodies whose parameters may differ."""
     if joint is None:
         return tuple(range(1, robot.model.njoints))
     row_of(robot, joint)
@@ -53,7 +53,7 @@ class InertialParameters(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Changes of the ten standard parameters of each free body, about its joint origin."""
+        """Changes of the ten standard parameters of each body, about its joint origin."""
         return tuple(
             Parameter(
                 f"{robot.model.names[body]}.{name}",
@@ -67,7 +67,7 @@ class InertialParameters(Effect):
         )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """One link, or all of them together."""
+        """Each link, and all links together."""
         return (*robot.joint_names, None) if robot.nv > 1 else robot.joint_names
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
@@ -75,11 +75,11 @@ class InertialParameters(Effect):
         return joint is None or joint in self.places(robot)
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """All ten columns of each free body."""
+        """All ten columns of each body."""
         return tuple(10 * (body - 1) + k for body in bodies_of(robot, joint) for k in range(10))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """The rigid-body regressor's columns of the free bodies."""
+        """Columns of the rigid-body regressor for the bodies."""
         parameters = self.parameters(robot, joint)
         return Signature(
             tuple(range(robot.nv)),
@@ -89,7 +89,7 @@ class InertialParameters(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """A mass at the centre of mass of the last free body."""
+        """A mass at the centre of mass of the last body."""
         bodies = bodies_of(robot, joint)
         return f"{robot.model.names[bodies[-1]]}.m", np.concatenate(
             [point_mass_parameters(float(body == bodies[-1]), robot.model.inertias[body].lever) for body in bodies]
@@ -100,7 +100,7 @@ class InertialParameters(Effect):
         return -self.signature(robot, operation, joint, ()).columns @ theta
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """A robot with the changed links."""
+        """The robot with changed links."""
         change = np.zeros_like(standard_parameters(robot))
         change[list(self.regressor_columns(robot, joint))] = theta
         return Simulated(robot=lambda moved: with_parameters(moved, change))

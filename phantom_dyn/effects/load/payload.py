@@ -1,14 +1,14 @@
 # pyright: reportAttributeAccessIssue=false
-"""A point mass that the model lacks, on the link with ``payload_frame``, else with frame ``tip``, else on the last.
+"""A point mass that the model lacks, on the link with ``payload_frame``, or else with frame ``tip``, or else the last.
 
-The mass is negative if the model has a part that the robot lacks. If it is about minus the mass of a body on a fixed
-or locked joint, such as a hand, that body is taken to be missing, and its own inertia is removed too. If the interval
-of the mass is wider than half of the mass, a finding states the first moments ``moment_x``, ``moment_y`` and
-``moment_z`` instead of the centre: on a pendulum they are known well, while mass and lever alone are not.
+The mass is negative if the robot lacks a part of the model. If it is about minus the mass of a body on a fixed or
+locked joint, such as a hand, this body counts as missing, and its own inertia is removed too. If the interval of the
+mass is wider than half of the mass, a finding states the first moments ``moment_x``, ``moment_y`` and ``moment_z``
+instead of the
+centre: on a pendulum, for example, they are known well, while mass and lever are not.
 
-On every joint that carries it, it leaves gravity torque and inertia in a fixed ratio. A payload changes the inertial
-parameters of the last link with four numbers instead of ten; on a pendulum both describe the same changes.
-URDF and MJCF: an additional inertial element.
+A payload changes the inertial parameters of its link by four numbers, while `inertial_parameters` has ten; on a
+pendulum both describe the same changes. URDF and MJCF: an additional inertial element.
 """
 
 from __future__ import annotations
@@ -44,14 +44,17 @@ from phantom_dyn.model.inertia import (
     point_mass_parameters,
 )
 
-# Largest load [kg], and its largest distance from its link [m].
+# Largest load [kg], and its largest distance from the frame of its joint [m].
 _HEAVIEST, _FARTHEST = 1000.0, 3.0
-# A part counts as missing if its mass and first moments agree to a quarter. In the moments, a lever shorter than
-# `_NEAR` [m] counts as this long.
-_MATCHES, _NEAR = 1.25, 0.02
-# Squared radius of gyration [m^2] that may be rounding in a file; largest share of a link's mass that can be removed.
-_ROUNDING, _LEFT = 1e-8, 0.999
-# Radius of gyration of a load divided by its lever: that of a ball whose radius is about half of the lever.
+# A part counts as missing if its mass and first moments agree with those found within a quarter.
+_MATCHES = 1.25
+# A lever shorter than this counts as this long [m] when first moments are compared.
+_SHORTEST_LEVER = 0.02
+# Squared radius of gyration that may come from rounded numbers in a file [m^2].
+_ROUNDING = 1e-8
+# Largest share of a link's mass that can be removed.
+_LARGEST_SHARE = 0.999
+# Radius of gyration of a load over its lever: that of a ball whose radius is about half of the lever.
 _EXTENT = 0.2
 _MOMENTS = ("moment_x", "moment_y", "moment_z")
 _CENTERS = ("center_x", "center_y", "center_z")
@@ -84,7 +87,7 @@ class Payload(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``mass`` and its centre in the frame of the joint that moves the link."""
+        """``mass`` and its position in the frame of the joint that moves the link."""
         parts = robot.attached[payload_body(robot)]
         least = self.lightest(robot)
         mass = Parameter(
@@ -112,24 +115,24 @@ class Payload(Effect):
         return tuple(range(first, first + 10))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """The body's ten regressor columns; a point mass uses them as `point_mass_parameters` says."""
+        """The body's ten regressor columns, which `point_mass_parameters` combines to those of a point mass."""
         columns = rigid_body_regressor(robot, operation)[:, :, list(self.regressor_columns(robot, joint))]
         return Signature(tuple(range(robot.nv)), columns, STANDARD_NAMES, STANDARD_UNITS)
 
     def lightest(self, robot: Robot) -> float:
-        """Minus the mass of the link that carries it, including payloads that an earlier diagnosis has found."""
+        """Minus the mass of the link that carries the payload, including payloads of an earlier diagnosis."""
         return -float(_link(robot)[0])
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
-        """Inertia of the part that may be missing, per kilogram; zero if there is no such part."""
+        """Inertia per kilogram of the part that a payload of this mass may remove; zero if there is no such part."""
         part = _nearest(robot, mass)
         return np.zeros(6) if part is None else body_parameters(0.0, np.zeros(3), part.inertia)[4:] / part.mass
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Mass and centre from mass and first moments, changed to values that are possible.
+        """Mass and centre from mass and first moments, changed to the nearest possible values.
 
-        A mass near zero is increased until its centre is within reach. A negative mass is limited so that the remaining
-        link can exist.
+        The size of a mass near zero is increased until its centre is near enough. A negative mass is limited so that a
+        body can have the parameters of the remaining link.
         """
         mass, moments = float(coefficients[0]), np.asarray(coefficients[1:4], dtype=float)
         least = float(np.linalg.norm(moments)) / _FARTHEST
@@ -149,7 +152,7 @@ class Payload(Effect):
         return (self.parameters(robot, joint)[0], *names), lambda x: x[:4]
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """Numbers of a finding with the centre, computed from the first moments if it states these."""
+        """Mass and centre, the latter computed from the first moments if a finding states these."""
         if "moment_x" not in stated:
             return stated
         numbers = np.array([float(np.ravel(stated[name])[0]) for name in ("mass", *_MOMENTS)])
@@ -168,27 +171,30 @@ class Payload(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """A mass at the centre of the last link."""
+        """A mass at the centre of mass of the link."""
         center = robot.model.inertias[payload_body(robot)].lever
         return "mass", point_mass_parameters(1.0, center)
 
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """Parameters of a mass of a given size at the centre of the last link."""
+        """Parameters of a mass of this size at the centre of mass of the link."""
         return (size, *(float(x) for x in robot.model.inertias[payload_body(robot)].lever))
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the torque that moves the mass."""
-        added = np.zeros_like(standard_parameters(robot))
-        added[list(self.regressor_columns(robot, joint))] = _added(robot, theta)
-        return -rigid_body_regressor(robot, operation) @ added
+        return -rigid_body_regressor(robot, operation) @ self._added_to_robot(robot, theta)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The robot with the payload in the inertial parameters of its last link."""
-        added = np.zeros_like(standard_parameters(robot))
-        added[list(self.regressor_columns(robot, joint))] = _added(robot, theta)
+        """The robot with the payload in the inertial parameters of its link."""
+        added = self._added_to_robot(robot, theta)
         return Simulated(robot=lambda moved: with_parameters(moved, added))
+
+    def _added_to_robot(self, robot: Robot, theta: Array) -> Float[Array, " p"]:
+        """Change of the standard parameters of all bodies."""
+        added = np.zeros_like(standard_parameters(robot))
+        added[list(self.regressor_columns(robot, None))] = _added(robot, theta)
+        return added
 
 
 def _link(robot: Robot) -> Float[Array, " 10"]:
@@ -198,9 +204,9 @@ def _link(robot: Robot) -> Float[Array, " 10"]:
 
 
 def _extent_of_carried(robot: Robot) -> float:
-    """Mass times squared radius of gyration [kg m^2] along each axis that loads of an earlier diagnosis may have.
+    """Mass times squared radius of gyration along each axis [kg m^2] that loads of an earlier diagnosis may have.
 
-    They were found as point masses, but real loads have an extent.
+    The diagnosis found them as point masses, but real loads have an extent.
     """
     mass = _carried_mass(robot)
     if robot.carried is None or mass == 0.0:
@@ -214,7 +220,7 @@ def _carried_mass(robot: Robot) -> float:
 
 
 def carrying(robot: Robot, thetas: Sequence[Float[Array, " 4"]]) -> Robot:
-    """The robot with payloads that an earlier diagnosis has found on its last link.
+    """The robot with payloads that an earlier diagnosis has found.
 
     Args:
         robot: The given model, which is not changed.
@@ -226,7 +232,7 @@ def carrying(robot: Robot, thetas: Sequence[Float[Array, " 4"]]) -> Robot:
 
 
 def _added(robot: Robot, theta: Float[Array, " 4"]) -> Float[Array, " 10"]:
-    """Ten inertial parameters that a payload adds; if it stands for a missing part, with the inertia of that part."""
+    """Ten inertial parameters that a payload adds, including the inertia of a part that it removes."""
     mass = float(theta[0])
     own = point_mass_parameters(mass, theta[1:4])
     own[4:] += mass * Payload().own_inertia(robot, mass)
@@ -246,7 +252,7 @@ def missing_part(robot: Robot, theta: Float[Array, " 4"]) -> Attached | None:
     part = _nearest(robot, float(theta[0]))
     if part is None:
         return None
-    lever = max(float(np.linalg.norm(part.center)), _NEAR)
+    lever = max(float(np.linalg.norm(part.center)), _SHORTEST_LEVER)
     mismatch = float(np.linalg.norm(theta[0] * np.asarray(theta[1:4]) + part.mass * part.center)) / (part.mass * lever)
     return part if max(abs(theta[0] + part.mass) / part.mass, mismatch) <= _MATCHES - 1.0 else None
 
@@ -254,14 +260,14 @@ def missing_part(robot: Robot, theta: Float[Array, " 4"]) -> Attached | None:
 def most_removed(robot: Robot, center: Float[Array, " 3"]) -> float:
     """Largest point mass [kg] that can be removed at a point of the payload's link.
 
-    The remaining link must have a positive semidefinite pseudo-inertia ``P - m p p^T`` with ``p = (center, 1)``. This
-    holds up to ``m = 1 / (p^T P^-1 p)``.
+    A body can have the remaining parameters if the pseudo-inertia ``P - m p p^T`` with ``p = (center, 1)`` is positive
+    semidefinite. It is up to ``m = 1 / (p^T P^-1 p)``.
     """
     mass, link_center, inertia = central_parameters(_link(robot))
     second_moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
     homogeneous, point = np.append(link_center, 1.0), np.append(center, 1.0)
     pseudo_inertia = mass * np.outer(homogeneous, homogeneous)
     pseudo_inertia[:3, :3] += second_moments
-    # The margin allows for rounding in a file, and for the extent of loads of an earlier diagnosis.
+    # A larger inertia allows for rounded numbers in a file and for the extent of loads of an earlier diagnosis.
     widened = pseudo_inertia + (_ROUNDING * mass + _extent_of_carried(robot)) * np.diag([1.0, 1.0, 1.0, 0.0])
-    return float(min(1.0 / (point @ np.linalg.solve(widened, point)), _LEFT * mass))
+    return float(min(1.0 / (point @ np.linalg.solve(widened, point)), _LARGEST_SHARE * mass))

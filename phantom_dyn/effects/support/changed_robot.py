@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The given robot with other friction, rotors, inertias or gravity: what effects of the model move in a simulation."""
+"""Copies of a robot with other friction, rotor inertia, inertial parameters or gravity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def with_friction(robot: Robot, joint: str | None, *, viscous: float = 0.0, coulomb: float = 0.0) -> Robot:
-    """``robot`` with friction added on an active or passive joint; together with the modelled one never below zero."""
+    """``robot`` with friction added to that of an active or passive joint; the sum is zero at least."""
     if robot.chain is not None and joint in robot.passive_names:
         at = robot.passive_names.index(joint)
         levels = _added(robot.chain.viscous_friction, at, viscous), _added(robot.chain.coulomb_friction, at, coulomb)
@@ -29,17 +29,17 @@ def with_friction(robot: Robot, joint: str | None, *, viscous: float = 0.0, coul
 
 
 def with_rotor_inertia(robot: Robot, joint: str | None, inertia: float) -> Robot:
-    """``robot`` with rotor inertia [kg m^2 or kg] added on a joint; never below zero."""
+    """``robot`` with rotor inertia [kg m^2 or kg] added to that of a joint; the sum is zero at least."""
     model = robot.model.copy()
     model.armature = _added(model.armature, robot.tree_rows[row_of(robot, joint)], inertia)
     return replace(robot, model=model)
 
 
 def with_parameters(robot: Robot, change: Float[Array, " p"]) -> Robot:
-    """``robot`` with a change of its parameters, in the order of `standard_parameters`.
+    """``robot`` with changed inertial parameters, in the order of `standard_parameters`.
 
     Raises:
-        RobotError: If a link would weigh nothing or less.
+        RobotError: If a mass would not be above zero.
     """
     model = robot.model.copy()
     for body in range(1, model.njoints):

@@ -1,7 +1,7 @@
-"""Change of the drive torque where the true position of a joint differs from its encoder reading.
+"""Change of the drive torque if the true position of a joint differs from its encoder reading.
 
-With an error of the *reading*, joint and motor are both displaced from the reading, so that the torques of friction and
-rotor change too. If the *link* is displaced by an elastic transmission, motor, friction and rotor follow the reading.
+If the *reading* is wrong, motor and link are both displaced from it, so that the torques of friction and rotor change
+too. If an elastic transmission displaces the *link*, motor, friction and rotor follow the reading.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ Samples = Float[Array, " N"]
 
 
 def change_by_reading(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Change of the drive torque, to first order, where joint ``row`` is displaced by ``dq``, ``dv``, ``da``."""
+    """First-order change of the drive torque if joint ``row`` is displaced by ``dq``, ``dv``, ``da``."""
     out = _first_order(operation, row, dq, dv, da)
     out[:, row] += operation.robot.viscous_friction[row] * dv
     return out
 
 
 def change_by_link(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Change of the link torque, to first order, where link ``row`` is displaced by ``dq``, ``dv``, ``da``."""
+    """First-order change of the link torque if link ``row`` is displaced by ``dq``, ``dv``, ``da``."""
     out = _first_order(operation, row, dq, dv, da)
     out[:, row] -= operation.robot.rotor_inertia[row] * da
     return out
 
 
 def _first_order(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Change of the torque of links and rotors, to first order, where joint ``row`` is displaced."""
+    """First-order change of the torque of links and rotors if joint ``row`` is displaced."""
     to_q, to_v, mass = (part[:, :, row].T for part in operation.partials)
-    # In place, as allocating a new array for each term takes as long as the sum.
+    # In place, because allocating an array for each term would take as long as the sum.
     out = to_q * dq
     term = to_v * dv
     out += term
@@ -45,14 +45,14 @@ def _first_order(operation: Operation, row: int, dq: Samples, dv: Samples, da: S
 def exact_change_by_reading(
     robot: Robot, operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples
 ) -> Float[Array, "N nv"]:
-    """As `change_by_reading`, by inverse dynamics of the displaced motion, friction included."""
+    """Change of the drive torque, with friction, from inverse dynamics of the displaced motion."""
     return inverse_dynamics(robot, displaced(operation, row, dq, dv, da)) - inverse_dynamics(robot, operation)
 
 
 def exact_change_by_link(
     robot: Robot, operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples
 ) -> Float[Array, "N nv"]:
-    """As `change_by_link`, by inverse dynamics of the displaced links."""
+    """Change of the link torque from inverse dynamics of the displaced links."""
     return link_torque(robot, displaced(operation, row, dq, dv, da)) - link_torque(robot, operation)
 
 
@@ -71,7 +71,7 @@ def load_and_inertia(operation: Operation, row: int) -> tuple[Samples, Samples]:
 
 
 def behind_encoder(robot: Robot, row: int) -> str | None:
-    """Reason why effects of the transmission cannot be seen: an encoder on the link's side; None without one there."""
+    """Reason why an encoder on the link's side hides effects of the transmission; None if it is elsewhere."""
     if robot.actuators[row].encoder_side == "link":
         return "the encoder sits on the link's side: it never sees how far motor and link are apart"
     return None

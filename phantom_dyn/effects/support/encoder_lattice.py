@@ -1,4 +1,4 @@
-"""Steps of encoders: the one that the model states, and the one of the lattice on which the recorded readings lie."""
+"""Finds the step of an encoder: from the model, or from readings that are multiples of a step (a lattice)."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.model.robot import Robot
 
-# Readings are on a lattice if this share of them is within a tenth of a step of its points. By chance a fifth is.
+# Readings are on a lattice if this share of them is near its points.
 _SHARE = 0.98
+# Largest distance of a reading that is near a point, in steps; by chance a fifth of all readings are near.
 _NEAR = 0.1
-# Least magnitude of a comb's first spectral line; for an ideal comb it is one.
+# Smallest magnitude of a comb's first spectral line; for an ideal comb it is one.
 _COMB = 0.6
-# Largest travel, in stated steps, for which a comb is looked for.
+# Largest travel, in stated steps, for which a comb is searched.
 _LONGEST = 20_000_000
-# Least number of levels: fewer would lie on many lattices by chance.
+# Smallest number of distinct readings: fewer would be on many lattices by chance.
 _LEAST_LEVELS = 8
-# Quantiles of the distances between neighbouring levels that are tried. The shortest distance alone is not enough, as a
+# Quantiles of the distances between neighbouring levels that are tried. The shortest distance is not enough, because a
 # few wrong readings make some distances too short.
-_PLACES = (0.0, 0.05, 0.2, 0.5)
-# Largest number of steps in such a distance, as a joint may pass levels between two readings.
+_QUANTILES = (0.0, 0.05, 0.2, 0.5)
+# Largest number of steps in such a distance, because a joint may pass levels between two readings.
 _STEPS = 6
 # Rows before and after a reading over which its speed is measured, and how far from a whole number of steps per row
 # that speed has to be. Rounding to the step makes an error of the speed of at most a tenth of a step per row.
@@ -29,7 +30,7 @@ _APART = 0.15
 
 
 def stated_step(robot: Robot, row: int) -> float | None:
-    """Step [rad or m] that ``encoder_counts`` states: one turn (or metre) over the counts, on the joint side."""
+    """Step [rad or m] on the joint side: one turn, or one metre, over the ``encoder_counts`` of the model."""
     counts = robot.actuators[row].encoder_counts
     if counts is None:
         return None
@@ -37,22 +38,22 @@ def stated_step(robot: Robot, row: int) -> float | None:
 
 
 def reading_step(readings: Float[Array, " N"], stated: float | None) -> float | None:
-    """Step of an encoder from its readings, by `step_of` or `coarse_step`, the larger if both find one; else None.
+    """The larger of the steps that `step_of` and `coarse_step` find in readings; None if they find none.
 
     Args:
         readings: Raw positions of one joint, as recorded.
         stated: Step that the model states, or None.
     """
     lattice = step_of(readings, stated)
-    gathered = None if stated is None else coarse_step(readings, stated)
-    return max((step for step in (lattice, gathered) if step is not None), default=None)
+    coarse = None if stated is None else coarse_step(readings, stated)
+    return max((step for step in (lattice, coarse) if step is not None), default=None)
 
 
 def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float | None:
     """The largest step such that almost all readings are an offset plus a multiple of it.
 
     Args:
-        readings: Raw positions of one joint, as recorded, rounded by a text file or not.
+        readings: Raw positions of one joint, as recorded.
         stated: Step that the model states, which is tried in addition to those that the readings suggest.
 
     Returns:
@@ -62,8 +63,8 @@ def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float 
     if len(levels) < _LEAST_LEVELS:
         return None
     distances = np.diff(levels)
-    near = np.quantile(distances, _PLACES, method="lower")
-    candidates = {float(distance) / k for distance in near for k in range(1, _STEPS + 1)}
+    tried = np.quantile(distances, _QUANTILES, method="lower")
+    candidates = {float(distance) / k for distance in tried for k in range(1, _STEPS + 1)}
     if stated is not None:
         candidates |= {stated * k for k in range(1, _STEPS + 1)}
     for step in sorted(candidates, reverse=True):
@@ -76,11 +77,11 @@ def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float 
 def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
     """A step larger than ``stated`` around whose multiples the readings cluster; None if there is none.
 
-    The readings may have noise of a few stated steps. The levels that were read, each counted once, form a comb with
-    one tooth per step. Its spectrum is near one at the frequency of the teeth; it is near zero if all levels between
-    the teeth were read too. Levels have to cluster around the teeth all along the travel, and not only around a few
-    positions about which the joint creeps. A joint that turns at a constant speed is read at equal distances, too, so
-    they also have to cluster where it turns at another speed.
+    The readings may have noise of a few stated steps. Distinct readings, each counted once, form a comb with one tooth
+    per step. At the frequency of the teeth the spectrum of an ideal comb has the magnitude one; the magnitude is near
+    zero if readings between the teeth are as frequent. Readings have to cluster around the teeth along the whole
+    travel, and not only around a few positions where the joint creeps. A joint that turns at a constant speed is read
+    at equal distances, too, so they also have to cluster where it turns at another speed.
 
     Args:
         readings: Raw positions of one joint, as recorded.
@@ -92,7 +93,7 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
         return None
     comb = np.zeros(length)
     comb[places] = 1.0
-    # Zero padding interpolates the spectrum, so that the step is found to a fraction of a line.
+    # Zero padding interpolates the spectrum, which determines the step to a fraction of a line.
     magnitude = np.abs(np.fft.rfft(comb, 4 * length)) / len(places)
     first = 4 * _LEAST_LEVELS
     lines = np.flatnonzero(magnitude[first:] > _COMB)
@@ -117,10 +118,10 @@ def _at_other_speeds(readings: Float[Array, " N"], step: float) -> Bool[Array, "
 
 
 def _about_every_tooth(phase: Float[Array, " n"]) -> bool:
-    """True if levels, in steps, cluster around the teeth of a comb when every tooth has the same weight.
+    """True if levels, in steps, cluster around the teeth of a comb, where every tooth has the same weight.
 
-    With the same weight for every level, a few positions about which the joint creeps, and where it leaves most of its
-    levels, would count too much.
+    With equal weights of levels, a few positions where the joint creeps, and where most levels are, would count too
+    much.
     """
     turn = np.exp(2j * np.pi * phase)
     tooth = np.round(phase - np.angle(turn.mean()) / (2.0 * np.pi)).astype(int)
@@ -140,12 +141,12 @@ def _levels(readings: Array) -> Array:
 
 @jit
 def _sharpened(distances: Float[Array, " n"], step: float) -> float:
-    """``step`` refined by least squares over all distances, each a multiple of it; NaN if none of them is."""
+    """``step`` refined by least squares so that distances are multiples of it; NaN if no distance nearly is one."""
     for _ in range(5):
         squares = product = 0.0
         for distance in distances:
             count = np.rint(distance / step)
-            # Distances that are not multiples are left out: otherwise one wrong reading would change the step.
+            # Other distances are left out, because one wrong reading would change the step.
             if abs(distance - count * step) < 2.0 * _NEAR * step:
                 squares += count * count
                 product += distance * count
@@ -156,7 +157,7 @@ def _sharpened(distances: Float[Array, " n"], step: float) -> float:
 
 
 def _on_lattice(levels: Array, step: float) -> bool:
-    """True if almost all levels lie near the points of a lattice with this step, whose offset may drift slowly."""
+    """True if almost all levels are near the points of a lattice with this step, whose offset may drift slowly."""
     phase = (levels - levels[0]) / step
     most = (1.0 - _SHARE) * len(phase)
     # Over many steps the error of the step adds up, so the offset is estimated for each hundred levels.

@@ -1,7 +1,7 @@
-"""Torques that are waves over the position of a joint: their numbers, their columns, and where no recording shows them.
+"""Waves of a torque over the position of a joint, for cogging and torque ripple: finds their orders in a residual.
 
-The numbers are all orders, then all amplitudes, then all phases; an order counts periods in one turn of the joint, in
-rad/m on a linear one. Cogging and ripple share them; see `cogging_orders` for how orders are found.
+The order of a wave is its number of periods in one turn of the joint, or in rad/m on a linear joint. The parameters are
+all orders, then all amplitudes, then all phases.
 """
 
 from __future__ import annotations
@@ -21,31 +21,43 @@ from phantom_dyn.effects.rival import Shape
 from phantom_dyn.effects.support.rows import moving_average, row_of
 from phantom_dyn.model.robot import Robot
 
-_TURNS = 5  # periods on the whole way of a joint, forth and back
-_SLOW_TURNS = 3  # of these where the joint is so slow that the wave lies in the judged band
-_TRIED = 60  # orders between the lowest and the highest, to find the slowest that turns often enough
-_SECONDS = 0.01  # the residual is averaged over this long
-_RATE_SHARE = 0.2  # the wave is at most this share of the sampling rate at speed
-_MOST = 12  # a bound on the work; what stands out, and then the held-out data, say how many there are
-_BINS = 8  # per period of the highest order
+# Smallest number of periods on the whole path of a joint, back and forth.
+_PERIODS = 5
+# Smallest number of these periods in which the joint is so slow that the wave is in the judged band.
+_SLOW_PERIODS = 3
+# Number of orders from the lowest to the highest that are tried to find the lowest with enough periods.
+_TRIED = 60
+# Time over which the residual is averaged [s].
+_SECONDS = 0.01
+# Highest frequency of a wave at high speed, as a share of the sampling rate.
+_RATE_SHARE = 0.2
+# Largest number of orders, to limit the work; significance and held-out data decide how many there are.
+_MOST = 12
+# Bins of position per period of the highest order.
+_BINS = 8
 _MOST_BINS = 2**16
-_LINES = 4  # points of the periodogram per resolved order
-_BACKGROUND = 30  # resolved orders over which the background is taken
-_SIGNIFICANT = 15.0  # power over background; for noise it exceeds 9 about once in ten thousand orders
-_LEAST_POWER = 0.001  # of the first order's, 3 % of its amplitude: less is what the reading's own error leaves
-_SAMPLES = 8000  # enough to place an order
-_DEPENDENT = (
-    1e-12  # relative to the largest: of products of columns that depend on each other nothing but rounding is left
-)
-_LOSS = 0.01  # share of what an order explains that a whole number may leave
+# Points of the periodogram per resolved order.
+_LINES = 4
+# Resolved orders over which the median power is taken.
+_BACKGROUND = 30
+# Smallest power over background; with noise only, one of ten thousand orders exceeds 9.
+_SIGNIFICANT = 15.0
+# Smallest power over that of the first order (3 % of its amplitude): errors of the reading make waves up to this.
+_LEAST_POWER = 0.001
+# Number of samples that suffice to find an order.
+_SAMPLES = 8000
+# Eigenvalue of a Gram matrix, relative to the largest, below which its columns are dependent up to rounding.
+_DEPENDENT = 1e-12
+# Share of what an order explains that may be lost by rounding the order to a whole number.
+_LOSS = 0.01
 
 
 def order_range(operation: Operation, row: int) -> tuple[float, float]:
-    """Lowest and highest order to look for: a period over the range, a fifth of the sampling rate at speed.
+    """Lowest and highest order to search: one period over the range, and a fifth of the sampling rate at high speed.
 
-    A wave that the averaging takes out even in the slowest quarter of the recording is not looked for either, nor one
-    that is above the judged band in the slowest eighth: among so many orders some stand out by chance. Where the joint
-    does not move, the lowest is above the highest.
+    The highest order is limited further: averaging must not remove the wave in the slowest quarter of the recording,
+    and in the slowest eighth it must not be above the judged band. With more orders, some would be significant by
+    chance. If the joint does not move, the lowest order is above the highest.
     """
     low, high = np.percentile(operation.q[:, row], [0.5, 99.5])
     slowest, slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (12.5, 25, 95))
@@ -58,19 +70,18 @@ def order_range(operation: Operation, row: int) -> tuple[float, float]:
 
 
 def comes_back(operation: Operation, row: int, order: float) -> bool:
-    """True if a wave turns five times, some of them where a joint is slow enough for it to lie in the judged band.
+    """True if the recording has five periods of a wave, in three of which its frequency is within the judged band.
 
-    What turns less often cannot be separated from what happens a few times; that it comes back in enough of the
-    recording is for the gates to say.
+    A wave with fewer periods cannot be separated from events that happen a few times.
     """
-    way = np.abs(np.diff(operation.q[:, row]))
+    path = np.abs(np.diff(operation.q[:, row]))
     slow = order * np.abs(operation.v[1:, row]) <= 2 * np.pi * operation.band_hz
-    turns, slow_turns = (float(order * part.sum() / (2 * np.pi)) for part in (way, way[slow]))
-    return turns >= _TURNS and slow_turns >= _SLOW_TURNS
+    periods, slow_periods = (float(order * part.sum() / (2 * np.pi)) for part in (path, path[slow]))
+    return periods >= _PERIODS and slow_periods >= _SLOW_PERIODS
 
 
 def slowest_order(operation: Operation, row: int) -> float | None:
-    """The lowest order that may be looked for and turns often enough in the judged band; None if there is none."""
+    """The lowest order of `order_range` with enough periods in the judged band; None if there is none."""
     low, high = order_range(operation, row)
     if low >= high:
         return None
@@ -85,26 +96,25 @@ def orders_in(
     whole_numbers: bool,
     load: Float[Array, " N"] | None = None,
 ) -> tuple[tuple[float, ...], ...]:
-    """Sets of orders to try for the residual torque of a joint, from the recording.
+    """Sets of orders to try for the residual torque of a joint.
 
-    The first holds the order that stands out most from its neighbours; the next ones add what stands out most once
-    those before are taken out, if it is significant. The last one holds the order with most power, if it is another:
-    a slow one has no neighbours to stand out from. A whole number is taken where it explains as much, if
-    ``whole_numbers`` are to be expected.
+    The first set has the order whose power is largest relative to that of its neighbours. Each further set adds the
+    order for which this ratio is largest after a fit of the orders before, if it is significant. The last set has the
+    order with the largest power, if it is another one: a low order may have no neighbours.
 
     Args:
         operation: The recording.
-        row: The joint.
-        whole_numbers: True if orders are likely to be whole.
-        load: What the waves are multiplied by, shape ``(N,)``: then even the first order has to be significant. None:
-            nothing, and there is always a first order.
+        row: Index of the joint.
+        whole_numbers: True if orders are rounded to whole numbers that explain as much.
+        load: Factor of the waves, shape ``(N,)``; then the first order has to be significant, too. None for waves that
+            do not depend on the load; then there is always a first order.
     """
     low, high = order_range(operation, row)
     if low >= high:
         return ()
     step = _stride(operation.dt, len(operation.t))
     torque = moving_average(operation.residual[:, row], operation.dt, _SECONDS)[::step]
-    # Of size one, as the columns beside.
+    # Normalised, as the other columns are.
     weight = None if load is None else load[::step] / max(float(np.sqrt(np.mean(load**2))), 1e-300)
     residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], torque, low, weight)
     sets: list[tuple[float, ...]] = []
@@ -131,21 +141,29 @@ def orders_in(
 
 
 def _stride(dt: float, samples: int) -> int:
-    """Every which sample places an order: two in the time that is averaged over, and no more than are enough."""
+    """Every how many samples one is used: two in the time that is averaged over, and at most about `_SAMPLES`."""
     return max(int(0.5 * _SECONDS / dt), -(-samples // _SAMPLES))
 
 
 def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k"]:
-    """What else the residual may hold: an offset, friction, a spring, a scale of the torque, an inertia, gravity."""
+    """Columns of other causes of the residual: offset, friction, spring, inertia, a scale of the torque, gravity."""
     q, v = operation.q[:, row], operation.v[:, row]
     columns = [np.ones(len(q)), v, np.sign(v), q - q.mean(), operation.a[:, row], operation.tau[:, row]]
-    # Over less than a revolution, no order looked for is as slow as gravity.
+    # Gravity has order one, which is searched only if the range is more than about a revolution.
     return np.column_stack([*columns, np.sin(q), np.cos(q)] if low > 1.5 else columns)
 
 
 @dataclass(frozen=True)
 class _Residual:
-    """Residual torque over position, what else it may hold, the order that its range resolves, the load of waves."""
+    """Residual torque over position.
+
+    Attributes:
+        q: Positions.
+        plain: Columns of other causes.
+        torque: Residual torque.
+        resolution: Difference of two orders that the range of positions resolves.
+        weight: Factor of the waves; None for one.
+    """
 
     q: Float[Array, " N"]
     plain: Float[Array, "N k"]
@@ -154,32 +172,32 @@ class _Residual:
     weight: Float[Array, " N"] | None = None
 
     def without(self, orders: tuple[float, ...]) -> Float[Array, " N"]:
-        """Residual after a least squares fit of background and orders."""
+        """Residual after a least-squares fit of other causes and orders."""
         columns = self._columns(orders)
         gram = columns.T @ columns
         return self.torque - columns @ np.linalg.lstsq(gram, columns.T @ self.torque, rcond=_DEPENDENT)[0]
 
     def _columns(self, orders: tuple[float, ...]) -> Float[Array, "N k"]:
-        """Background and waves, each of size one."""
+        """Columns of other causes and waves, normalised to a root mean square of one."""
         size = 1.0 if self.weight is None else self.weight
         waves = [size * wave(n * self.q) for n in orders for wave in (np.sin, np.cos)]
         columns = np.column_stack([self.plain, *waves])
         return columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
 
     def misfit(self, orders: tuple[float, ...]) -> float:
-        """Sum of squares of the residual."""
+        """Sum of squares of the residual after a fit of other causes and orders."""
         left = self.without(orders)
         return float(left @ left)
 
     def _basis(self, orders: tuple[float, ...]) -> Float[Array, "N r"]:
-        """Orthonormal columns that background and orders make."""
+        """Orthonormal basis of the columns of other causes and orders."""
         columns = self._columns(orders)
         size, turned = np.linalg.eigh(columns.T @ columns)
         kept = size > _DEPENDENT * size[-1]
         return columns @ (turned[:, kept] / np.sqrt(size[kept]))
 
     def _misfit_beside(self, plain: Float[Array, "N r"], left: Float[Array, " N"], order: float) -> float:
-        """Sum of squares of what one more order leaves of ``left``, which is orthogonal to ``plain``."""
+        """Sum of squares after a fit of one more order to ``left``, which is orthogonal to ``plain``."""
         size = 1.0 if self.weight is None else self.weight
         waves = np.column_stack([size * np.sin(order * self.q), size * np.cos(order * self.q)])
         waves -= plain @ (plain.T @ waves)
@@ -187,7 +205,7 @@ class _Residual:
         return float(left @ left - common @ np.linalg.lstsq(waves.T @ waves, common, rcond=_DEPENDENT)[0])
 
     def placed(self, known: tuple[float, ...], peak: float, whole_numbers: bool) -> float:
-        """The order near ``peak`` that leaves least beside those that are known; whole if that leaves no more."""
+        """The order near ``peak`` that explains most in addition to the known ones, rounded if nothing is lost."""
         reach = 0.5 * self.resolution
         plain = self._basis(known)
         left = self.torque - plain @ (plain.T @ self.torque)
@@ -209,7 +227,7 @@ class _Residual:
 
 
 def _independent(left: Float[Array, " N"]) -> float:
-    """How many samples are independent of each other, by the correlation of neighbours; one at least."""
+    """Number of independent samples, from the correlation of neighbours; at least one."""
     memory = float(np.clip(left[1:] @ left[:-1] / max(float(left @ left), 1e-300), 0.0, 0.999))
     return max(len(left) * (1 - memory) / (1 + memory), 1.0)
 
@@ -221,9 +239,9 @@ def _periodogram(
     high: float,
     weight: Float[Array, " N"] | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """Orders between ``low`` and ``high``, and the squares that sine and cosine of each take out of the residual.
+    """Orders from ``low`` to ``high``, and by how much a fit of each reduces the residual's sum of squares.
 
-    With a ``weight`` waves and mean are multiplied by it.
+    Waves and mean are multiplied by ``weight``, if it is given.
     """
     width = 2 * np.pi / (_BINS * high)
     bins = ((q - q.min()) / width).astype(int)
@@ -239,7 +257,7 @@ def _periodogram(
 
 
 def _power(wave: Array, once: Array, twice: Array, samples: float) -> Float[Array, " n"]:
-    """Power of each order, from the sums of the residual's wave and of the plain wave at once and twice the order."""
+    """Power of each order, from Fourier sums of the residual, and of squared weights at once and twice the order."""
     c, s = np.real(once), -np.imag(once)
     cc = 0.5 * (samples + np.real(twice)) - c * c / samples
     ss = 0.5 * (samples - np.real(twice)) - s * s / samples
@@ -252,10 +270,10 @@ def _power(wave: Array, once: Array, twice: Array, samples: float) -> Float[Arra
 def _prominence(
     power: Float[Array, " n"], most: float, edges: Literal["nearest", "reflect"] = "nearest"
 ) -> Float[Array, " n"]:
-    """Power of each order over that of its neighbours; zero where it is next to nothing beside ``most``.
+    """Power of each order over the median power of its neighbours; zero if it is negligible relative to ``most``.
 
-    Beyond the ends neighbours repeat the last one, or all of them once more: one that is small by chance makes others
-    near it stand out, unless all are repeated.
+    Orders before the first and after the last one are repetitions of this order (``nearest``) or mirror images
+    (``reflect``). A first order that is small by chance would lower the median of its neighbours if it is repeated.
     """
     background = np.maximum(_background_power(power, edges), 1e-3 * np.median(power) + 1e-300)
     return np.where(power < _LEAST_POWER * most, 0.0, power / background)
@@ -268,17 +286,17 @@ def _background_power(
     return ndimage.median_filter(power, 2 * (_BACKGROUND * _LINES // 2) + 1, mode=edges)
 
 
-# Periods in a turn of the joint (rad/m of a linear one): more than a hundred pole pairs behind a gear of a thousand.
-_MOST_TURNS = 1e5
+# Largest plausible order: that of a hundred pole pairs behind a gear of a thousand.
+_HIGHEST_ORDER = 1e5
 
 
 def wave_parameters(robot: Robot, joint: str | None, amplitude: Parameter) -> tuple[Parameter, ...]:
-    """Lists of equal length: order, the amplitude that is given, phase."""
+    """Parameters of waves, lists of equal length: order, the given amplitude, phase."""
     order = Parameter(
         "order",
         "rad/m" if robot.prismatic[row_of(robot, joint)] else "1",
         0.0,
-        plausible=(0.0, _MOST_TURNS),
+        plausible=(0.0, _HIGHEST_ORDER),
         plausible_because="slots, poles and teeth times a gear ratio are fewer",
         listed=True,
     )
@@ -301,7 +319,7 @@ def sines_and_cosines(q: Float[Array, " N"], orders: Shape) -> tuple[Float[Array
 
 
 def wave_numbers(coefficients: Array, orders: Shape) -> Array:
-    """Orders, amplitudes and phases of given coefficients of sines and cosines."""
+    """Orders, amplitudes and phases from the coefficients of sines and cosines."""
     sine, cosine = coefficients[0::2], coefficients[1::2]
     return np.concatenate([orders, np.hypot(sine, cosine), np.arctan2(cosine, sine)])
 
@@ -318,7 +336,7 @@ def waves_at(q: Float[Array, " N"], theta: Array) -> Float[Array, " N"]:
 
 
 def sum_of_waves(q, orders, amplitudes, phases):
-    """The same at one position, or at many, shape ``(N, 1)``; kernels compile it for one.
+    """Sum of all waves at one position, or at many, shape ``(N, 1)``; simulations compile it for one.
 
     Args:
         q: Position [rad or m].
@@ -330,13 +348,11 @@ def sum_of_waves(q, orders, amplitudes, phases):
 
 
 def unseen_waves(operation: Operation, joint: str | None, name: str) -> str | None:
-    """Why a recording shows no wave of a joint, in words; None where it may.
-
-    Some wave has to turn five times, and three of them slowly enough for the judged band.
+    """Reason in words why a recording can show no wave of a joint, see `comes_back`; None if it can.
 
     Args:
         operation: The recording.
-        joint: Its joint.
+        joint: Name of the joint.
         name: Name of the effect in words.
     """
     row = row_of(operation.robot, joint)

@@ -1,8 +1,4 @@
-"""Functions that effects share: row of a joint in the torque, signatures that touch one row, units, ranges of friction.
-
-Ranges of friction torques: all that the model has may be missing and no more, and no drive overcomes more than its
-limit.
-"""
+"""Functions that effects share: rows of joints, signatures and torques on them, units, and ranges of friction."""
 
 from __future__ import annotations
 
@@ -34,7 +30,7 @@ def rows_of(robot: Robot, joint: str | None) -> tuple[int, ...]:
 
 
 def on_one_joint(robot: Robot, joint: str | None, **columns: tuple[Float[Array, " N"], str]) -> Signature:
-    """Signature of an effect that touches one joint only: ``name=(column, unit)`` for each coefficient."""
+    """Signature of an effect on one joint: ``name=(column, unit)`` for each coefficient."""
     return Signature(
         rows=(row_of(robot, joint),),
         columns=np.array([column for column, _ in columns.values()]).T[:, None, :],
@@ -51,7 +47,7 @@ def torque_on_joint(robot: Robot, joint: str | None, values: Float[Array, " N"])
 
 
 def speed_of(robot: Robot, operation: Operation, joint: str | None) -> Float[Array, " N"]:
-    """Velocity of an active joint, or of a passive one of a closed chain."""
+    """Velocity of an active or passive joint."""
     if joint in robot.passive_names:
         return joint_velocity(robot, operation, joint)[0]
     return operation.v[:, row_of(robot, joint)]
@@ -60,7 +56,7 @@ def speed_of(robot: Robot, operation: Operation, joint: str | None) -> Float[Arr
 def on_any_joint(
     robot: Robot, operation: Operation, joint: str | None, **columns: tuple[Float[Array, " N"], str]
 ) -> Signature:
-    """As `on_one_joint`; torque on a passive joint shows on all active joints that move it."""
+    """As `on_one_joint`, also for a passive joint: its torque acts on all active joints that move it."""
     if joint not in robot.passive_names:
         return on_one_joint(robot, joint, **columns)
     rows, shares = _movers(robot, operation, joint)
@@ -88,9 +84,9 @@ def modelled_friction_of(robot: Robot, joint: str | None) -> tuple[float, float]
 
 
 def _movers(robot: Robot, operation: Operation, joint: str) -> tuple[tuple[int, ...], Float[Array, "N m"]]:
-    """Active joints that move a passive one, and how much."""
+    """Active joints that move a passive one, and the torque on them per unit of torque on the passive joint."""
     shares = joint_velocity(robot, operation, joint)[1]
-    # Where the shares change with position, one that is zero now need not be zero later.
+    # With anchors the shares change with position, so that a share of zero may differ from zero later.
     fixed = robot.chain is not None and not robot.chain.anchors
     rows = tuple(range(robot.nv)) if not fixed else tuple(int(k) for k in np.flatnonzero(np.abs(shares[0]) > 1e-12))
     return rows, shares[:, list(rows)]
@@ -104,7 +100,7 @@ def _prismatic(robot: Robot, joint: str | None) -> bool:
 
 
 def secant(estimate: float, least: float) -> tuple[Shape, ...]:
-    """The next shape of a law whose shape is its last estimate; at least ``least``, so that rounding does not show."""
+    """The next shape of a secant: the last estimate, or ``least`` if its size is smaller, to limit rounding errors."""
     return ((estimate if abs(estimate) > least else least,),)
 
 
@@ -134,7 +130,7 @@ def inertia_unit(robot: Robot, joint: str | None) -> str:
 
 
 def drive_places(robot: Robot) -> tuple[str | None, ...]:
-    """Where a drive may be late: on all joints alike or on one, which is the same thing on a robot with one joint."""
+    """Places of a delay: all joints together (None) and each joint; on a robot with one joint only this joint."""
     return (None, *robot.joint_names) if robot.nv > 1 else robot.joint_names
 
 
@@ -144,12 +140,12 @@ def driven_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
 
 
 def branch_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
-    """Rows whose torque depends on where a joint is: those before and behind it; in closed chains all."""
+    """Rows whose torque depends on the position of a joint: the joints before and after it; in closed chains all."""
     if robot.chain is not None or joint is None:
         return tuple(range(robot.nv))
-    before, behind = (kin[robot.model.getJointId(joint)] for kin in (robot.model.supports, robot.model.subtrees))
-    near = {*before, *behind}
-    return tuple(k for k, name in enumerate(robot.joint_names) if robot.model.getJointId(name) in near)
+    body = robot.model.getJointId(joint)
+    branch = {*robot.model.supports[body], *robot.model.subtrees[body]}
+    return tuple(k for k, name in enumerate(robot.joint_names) if robot.model.getJointId(name) in branch)
 
 
 def torque_on_rows(robot: Robot, rows: tuple[int, ...], values: Float[Array, "N m"]) -> Float[Array, "N nv"]:
@@ -160,38 +156,38 @@ def torque_on_rows(robot: Robot, rows: tuple[int, ...], values: Float[Array, "N 
 
 
 def hidden_behind_drive(robot: Robot, what: str) -> str | None:
-    """Why ``what`` of a drive cannot be seen when the torque is measured behind it; None if it may."""
+    """Reason why a torque sensor behind the drive does not show ``what``; None without such a sensor."""
     if robot.torque_source != "sensor":
         return None
     return f"the torque columns come from a sensor, behind the drive: {what} leaves no trace in them"
 
 
 def moving_average(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
-    """Centred moving average over about ``seconds``: an odd number of samples, one if ``dt`` is longer than that."""
+    """Centred moving average over an odd number of samples in about ``seconds``, at least one."""
     half = int(0.5 * seconds / dt) if dt > 0 else 0
     return ndimage.uniform_filter1d(x, min(2 * half + 1, len(x)), mode="nearest")
 
 
 def turning_points(operation: Operation, row: int) -> Int[Array, " n"]:
-    """Samples at which a joint has reversed: its speed was a fiftieth of the top speed one way, then the other way."""
+    """Samples at which a joint has reversed; velocities below a fiftieth of the top speed do not count."""
     v = operation.v[:, row]
     moving = np.flatnonzero(np.abs(v) > max(0.02 * float(np.percentile(np.abs(v), 99)), 1e-9))
     return moving[1:][np.diff(np.sign(v[moving])) != 0]
 
 
 def never_reverses(robot: Robot, operation: Operation, joint: str | None) -> str | None:
-    """Why a recording without a reversal of ``joint`` cannot show a friction that depends on it; None if it has one."""
+    """Reason why a recording without a reversal of ``joint`` cannot show its friction; None if there is a reversal."""
     if len(turning_points(operation, row_of(robot, joint))):
         return None
     return f"{joint} never reverses: its friction looks like a constant torque"
 
 
 def dry_range(robot: Robot, joint: str | None, name: str) -> Parameter:
-    """A friction torque that no speed changes: with the modelled one not negative, and below what the drive gives.
+    """Parameter of a friction torque: the sum with the modelled one is not negative, and the drive can overcome it.
 
     Args:
         robot: The given model.
-        joint: Active, or passive in a closed chain.
+        joint: Name of an active or passive joint.
         name: Name of the parameter.
     """
     least = 0.0 - modelled_friction_of(robot, joint)[1]
@@ -205,7 +201,7 @@ def dry_range(robot: Robot, joint: str | None, name: str) -> Parameter:
 
 
 def viscous_range(robot: Robot, joint: str | None, name: str) -> Parameter:
-    """A friction torque per unit of speed: with the modelled one not negative."""
+    """Parameter of a viscous coefficient: the sum with the modelled one is not negative."""
     least = 0.0 - modelled_friction_of(robot, joint)[0]
     return Parameter(
         name,
@@ -217,7 +213,7 @@ def viscous_range(robot: Robot, joint: str | None, name: str) -> Parameter:
 
 
 def stated_limit(robot: Robot, joint: str | None) -> float:
-    """Torque limit that the robot's configuration states for a joint [N m or N]; infinite where it states none."""
+    """Torque limit that the robot's configuration states for a joint [N m or N]; infinite if it states none."""
     if joint not in robot.joint_names:
         return np.inf
     limit = robot.actuators[robot.joint_names.index(joint)].torque_limit

@@ -1,11 +1,11 @@
 """Backlash: a play of full width ``gap`` between motor and link.
 
-Where the torque ``tl`` that is passed to the link changes its sign, the link comes loose: the drive lacks ``tl`` until
-the free link has crossed the gap, and then an impact brings its speed back. Flight and impact cancel on average, so the
-effect is visible only at frequencies above one over the time of flight. Friction changes its sign where the velocity
-does, backlash where the transmitted torque does: gravity separates the two. Compliance has a resonance whose frequency
-does not depend on the amplitude.
-Friction and rotor are taken to sit on the motor's side, and impacts to be plastic.
+When the transmitted torque ``tl`` changes its sign, the link becomes loose. The drive torque lacks ``tl`` until the
+free link has crossed the gap; then an impact gives the link back the velocity that it had lost. Flight and impact
+cancel on average, so that only frequencies above one over the time of flight show the effect. Friction changes its sign
+with the velocity, and backlash with the transmitted torque: gravity separates the two. Compliance differs by a
+resonance whose frequency does not depend on the amplitude. Friction and rotor are assumed on the motor's side, and
+impacts plastic.
 MJCF: a second joint on the same axis with the gap as its ``range``, the rotor as the first one's ``armature``; URDF has
 no place for it.
 """
@@ -36,14 +36,15 @@ from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
 
-# Shortest time of flight whose gap is tried [s], the ratio of one gap to the one before, and the least gap, as a share
-# of the widest: two seconds of arc, half a micrometre.
+# Shortest time of flight whose gap is tried [s].
 _FLIGHT = 0.008
-_GAP_STEP = 1.7
+# Ratio of one tried gap to the one before.
+_GAP_RATIO = 1.7
+# Smallest tried gap, as a share of the widest: two seconds of arc, half a micrometre.
 _FINEST = 1e-4
-# Least, usual and highest cutoff [Hz] of the low pass of the load, whose changes of sign have to remain visible.
+# Lowest, usual and highest cutoff of the low pass of the load [Hz], after which its changes of sign must remain.
 _EDGES = (15.0, 60.0, 60.0)
-# Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, with hardly any bouncing.
+# Frequency [Hz] and damping ratio of rotor and link in contact in a simulation: stiff and nearly without bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
 # Play that a user would notice by hand [rad, m].
 _WIDEST, _WIDEST_LINEAR = 0.1, 0.005
@@ -87,7 +88,7 @@ class Backlash(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Gaps from what a link crosses in 8 ms, where its torque changes its sign as it does here, to the widest."""
+        """Gaps from that which a link crosses in `_FLIGHT`, with its typical torque rate, to the widest."""
         row = row_of(robot, joint)
         load, inertia = followed_load(operation, row, _EDGES)
         crossings = np.flatnonzero(load[1:] * load[:-1] < 0)
@@ -97,7 +98,7 @@ class Backlash(Effect):
         slopes = np.abs(load[crossings + 1] - load[crossings]) / steps / inertia[crossings]
         widest = _WIDEST_LINEAR if robot.prismatic[row] else _WIDEST
         least = min(max(float(np.median(slopes)) * _FLIGHT**3 / 6.0, _FINEST * widest), widest)
-        return tuple((least * _GAP_STEP**k,) for k in range(int(np.log(widest / least) / np.log(_GAP_STEP)) + 1))
+        return tuple((least * _GAP_RATIO**k,) for k in range(int(np.log(widest / least) / np.log(_GAP_RATIO)) + 1))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
         """The same gap, and some up to a fifth smaller and a quarter larger."""
@@ -111,15 +112,15 @@ class Backlash(Effect):
         return Signature(rows, values[:, list(rows), None], ("share",), ("1",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Near one: the load is known, and the computed flights and impacts have some error."""
+        """Near one, because the load is known, and computed flights and impacts have some error."""
         return ((0.5, 1.5),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """The gap is the shape."""
+        """The gap, which is the shape."""
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Why it cannot be tested: the link never comes loose, or the encoder is on the link; None if it can."""
+        """The link must become loose, and an encoder on the link's side does not show the gap."""
         row = row_of(robot, joint)
         hidden = behind_encoder(robot, row)
         load = operation.transmitted[:, row]
@@ -128,7 +129,7 @@ class Backlash(Effect):
         return hidden
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the additional drive torque with that gap."""
+        """Minus the additional drive torque with this gap."""
         return -_change(operation, row_of(robot, joint), theta.item())
 
     def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -140,26 +141,26 @@ class Backlash(Effect):
         return out
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """A play with stiff ends."""
+        """A transmission with play and stiff contacts."""
         row = row_of(robot, joint)
         mass, omega = moving_mass(robot, row), 2.0 * np.pi * _CONTACT
         damping = 2.0 * _CONTACT_DAMPING * mass * omega
         return Simulated(transmission=Transmission(robot.joint_names[row], mass * omega**2, damping, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """The gap, with which a model file describes the effect completely."""
+        """The gap, which describes the effect completely."""
         return ModelNumbers(whole=True, gap=theta.item())
 
 
 @dataclass(frozen=True)
 class Play:
-    """Motion of a link in its play, ``(N,)`` each.
+    """Motion of a link in its play, arrays of shape ``(N,)``.
 
     Attributes:
-        lead: How far the motor is ahead of the link [rad or m], from minus to plus half the gap.
-        rate: Its velocity.
-        loose: True where the link is free.
-        impact: Gain of the link's velocity over the motor's at an impact [per s], spread over two samples.
+        lead: How far the motor is ahead of the link [rad or m], from minus half the gap to plus half the gap.
+        rate: Time derivative of ``lead``.
+        loose: One where the link is free, otherwise zero.
+        impact: Acceleration of the link relative to the motor by impacts, spread over two samples.
     """
 
     lead: Float[Array, " N"]
@@ -173,8 +174,8 @@ def play(t: Float[Array, " N"], pull: Float[Array, " N"], gap: float) -> Play:
 
     Args:
         t: Time [s].
-        pull: Acceleration with which a free link falls behind its motor: transmitted torque over link inertia.
-        gap: Full width [rad or m].
+        pull: Acceleration of the motor relative to a free link: transmitted torque over link inertia.
+        gap: Full width of the play [rad or m].
     """
     lead, rate, loose, impact = np.zeros((4, len(t)))
     _cross(t, pull, np.gradient(t), 0.5 * gap, lead, rate, loose, impact)
@@ -185,17 +186,17 @@ def play(t: Float[Array, " N"], pull: Float[Array, " N"], gap: float) -> Play:
 def _cross(
     t: Array, pull: Array, width: Array, half: float, lead: Array, rate: Array, loose: Array, impact: Array
 ) -> None:
-    """Fill in one flight after the other, and the impacts between them.
+    """Write flights and impacts, one after the other, into arrays of zeros; see `Play` for their meaning.
 
     Args:
         t: Time [s].
-        pull: Acceleration with which a free link falls behind its motor.
+        pull: Acceleration of the motor relative to a free link.
         width: Duration of each sample [s].
         half: Half the gap.
-        lead: Receives how far the motor is ahead of the link [rad or m]; zero before.
-        rate: Receives its velocity; zero before.
-        loose: Receives one where the link is free; zero before.
-        impact: Receives gains of the link's velocity at impacts [per s]; zero before.
+        lead: Receives how far the motor is ahead of the link.
+        rate: Receives its time derivative.
+        loose: Receives one where the link is free.
+        impact: Receives the acceleration by impacts.
     """
     side, k = (1.0 if pull[0] >= 0 else -1.0), 0
     while True:
@@ -207,7 +208,7 @@ def _cross(
             lead[start:] = side * half
             return
         k, side = _fly(t, pull, half, start, side, lead, rate, loose)
-        # The impact gives back the velocity that the link lost to its motor in flight.
+        # The impact gives the link back the velocity that it lost relative to its motor in flight.
         landed = 0.0
         for i in range(start, k):
             landed += loose[i] * pull[i] * width[i]
@@ -221,7 +222,7 @@ def _cross(
 def _fly(
     t: Array, pull: Array, half: float, start: int, side: float, lead: Array, rate: Array, loose: Array
 ) -> tuple[int, float]:
-    """Fill in the flight that begins on ``side`` just before sample ``start``; its last sample and side."""
+    """Write the flight that begins on ``side`` just before sample ``start``; returns its last sample and side."""
     place, speed, k = side * half, 0.0, start
     if start > 0 and side * pull[start - 1] >= 0:
         since = (t[start] - t[start - 1]) * pull[start] / (pull[start] - pull[start - 1])
@@ -238,7 +239,7 @@ def _fly(
 
 
 def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
-    """Additional torque of the links, compared with links that are tied to their motors."""
+    """Additional torque of the links, compared with links without play."""
     return _change_under(operation, row, gap, *followed_load(operation, row, _EDGES))
 
 

@@ -1,6 +1,6 @@
 """A spring on one joint that the model lacks (cable, hose, seal): ``torque = -k (q - q0)``.
 
-The residual of that joint is linear in its position. Over a small range the gravity torque of a wrong mass looks the
+The residual of the joint is linear in its position. Over a small range the gravity torque of a wrong mass looks the
 same; motions of the other joints over wide ranges separate the two.
 URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
 """
@@ -35,7 +35,7 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.described import less
 
-# Largest rest position [rad or m]; its square does not overflow.
+# Largest rest position [rad or m], whose square does not overflow.
 _FARTHEST = 1e150
 
 
@@ -77,7 +77,7 @@ class ParasiticSpring(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Columns of the position, and of a constant torque ``-k q0``."""
+        """Position, and a constant, whose coefficient is ``-k q0``."""
         q = operation.q[:, row_of(robot, joint)]
         return on_one_joint(
             robot,
@@ -87,19 +87,19 @@ class ParasiticSpring(Effect):
         )
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``q0 = -preload / k``, at most `_FARTHEST`, as a spring without stiffness has no rest position."""
+        """``k`` and ``q0 = -preload / k``; the latter is limited, because a spring without stiffness has none."""
         least = max(abs(coefficients[1]) / _FARTHEST, np.finfo(float).tiny)
         stiffness = coefficients[0] if abs(coefficients[0]) >= least else np.copysign(least, coefficients[0])
         return np.array([coefficients[0], -coefficients[1] / stiffness])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The stiffness is not negative."""
+        """The stiffness cannot be negative."""
         return ((0.0, np.inf), (-np.inf, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Nothing, or without stiffness a constant torque."""
+        """No spring, and no stiffness, which is a constant torque."""
         return (SpecialCase((), coefficients), SpecialCase(("torque_offset",), coefficients[:1]))
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
@@ -122,11 +122,11 @@ class ParasiticSpring(Effect):
         return torque_on_joint(robot, joint, -theta[0] * (operation.q[:, row_of(robot, joint)] - theta[1]))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The law at the true position."""
+        """The law of the spring."""
         return Simulated(laws=(Law(spring_law, row_of(robot, joint), (float(theta[0]), float(theta[1]))),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain the whole effect as stiffness and rest position."""
+        """Stiffness and rest position, which describe the effect completely."""
         return ModelNumbers(whole=True, spring=(float(theta[0]), float(theta[1])))
 
 

@@ -1,10 +1,10 @@
-"""A transmission that gives way: ``tl = k (q_motor - q_link)``, with the torque ``tl`` that it passes to the link.
+"""An elastic transmission: ``tl = k (q_motor - q_link)``, with the torque ``tl`` that it passes to the link.
 
-The link is not where a motor-side encoder says. It swings on the spring, driven by the torque that it would need to
-follow its motor: the amplitude is found by integrating that swing, which takes no derivative of a torque. It leaves a
-torque on every joint that feels the link, with an anti-resonance whose frequency does not depend on amplitude (that
-of backlash does). Well below it, it looks like a delay or a rotor inertia; content near it, or an encoder on the link,
-separates them. Friction and rotor are taken to sit on the motor's side.
+The link is not where an encoder on the motor reads it. It swings on the spring, driven by the torque that it would need
+to follow its motor. The swing is integrated, so that no torque has to be differentiated. The effect changes the torque
+of all joints on which the link acts. Its anti-resonance has a frequency that does not depend on the amplitude, other
+than that of backlash. Far below this frequency it looks like a delay or a rotor inertia; motion with frequencies near
+it, or an encoder on the link, separates them. Friction and rotor are assumed on the motor's side.
 MJCF: a second joint on the same axis with ``stiffness``, the rotor as the first one's ``armature``; URDF has no place
 for it.
 """
@@ -37,28 +37,29 @@ from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.spectra import power_density
 
-# Frequencies [Hz] at which the link swings on its spring that are tried; above the last one nothing but the size of
-# the effect depends on the stiffness in the band of a recording. Soft springs swing within the band, where a frequency
-# that is a quarter off no longer fits.
+# Tried frequencies of the link on a stiff spring [Hz]. They are above the band of a recording, in which the stiffness
+# then changes only the size of the effect.
 _SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
+# Tried frequencies on a soft spring [Hz], within the band, where a frequency that is a quarter off does not fit.
 _SOFT_SWINGS = np.array([7.2, 5.7, 4.5, 3.6, 2.9, 2.3, 1.8, 1.45])
-# A frequency may be off by half the way to the next one: so far may a coefficient be off its shape, in squares.
+# Largest ratio of a coefficient to its shape: that of stiffnesses half way between two tried frequencies.
 _SPREAD = 2.5
-# Compliances that are tried about one that was found, as shares of it.
+# Compliances that are tried near one that was found, relative to it.
 _NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
-# Damping ratio of a swing below so many hertz, which is seen to ring.
+# Frequency [Hz] below which a swing has the second number as its usual damping ratio.
 _SOFT, _DAMPING_OF_SOFT = 8.0, 0.04
-# A recording that begins in motion (share of a joint's top speed) does not show how the spring is bent at the start:
-# swings in which that fades, the last one less and less, and the damping ratio meanwhile.
+# If a recording starts in motion (a share of a joint's top speed), the deflection of the spring at the start is
+# unknown. Then it is made to fade in this number of swings by at least this damping ratio, the last swing less and
+# less.
 _MOVING, _FADING, _FADE = 0.05, 3.0, 0.5
-# Ratios between which it is tried about one that was found, and the shares of it.
+# Smallest and largest damping ratio that is tried.
 _DAMPING_RANGE = (0.005, 0.3)
+# Damping ratios that are tried near one that was found, relative to it.
 _NEARBY_DAMPING = (0.4, 0.7, 1.4, 2.5)
-# The load is followed up to an edge [Hz]: where the noise of the stated encoder has half its amplitude, within the
-# first and third number; the second where no step is stated.
 Edges = tuple[float, float, float]
+"""Lowest, usual and highest cutoff of the low pass of a load [Hz], see `followed_load`."""
 _EDGES: Edges = (8.0, 12.0, np.inf)
-# Frequency [Hz] below which nobody would take a transmission for rigid.
+# Frequency of a swing [Hz] below which anybody sees that a transmission is not rigid.
 _SLOWEST = 1.0
 # Smallest compliance [rad/(N m) or m/N]: a stiffer transmission is rigid.
 _LEAST = 1e-10
@@ -96,13 +97,13 @@ class TransmissionCompliance(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Compliances at which the link swings at some frequencies, from stiff to soft, each with a damping ratio."""
+        """Compliances for the tried frequencies, from stiff to soft, each with a damping ratio."""
         inertia = float(np.median(load_and_inertia(operation, row_of(robot, joint))[1]))
         tried = (float(inertia * (2.0 * np.pi * f) ** 2) for f in (*_SWINGS, *_SOFT_SWINGS))
         return tuple((1.0 / stiffness, usual_damping(stiffness, inertia)) for stiffness in tried)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """Shapes near the last one, and the last estimate; near a resonance that fits its height, not its frequency."""
+        """Shapes near the last one, and the last estimate, which alone would not find the frequency of a resonance."""
         compliance, damping = shape
         least, most = _DAMPING_RANGE
         dampings = (share * damping for share in _NEARBY_DAMPING)
@@ -113,7 +114,7 @@ class TransmissionCompliance(Effect):
         )
 
     def at_estimate(self, coefficients: Array, shape: Shape) -> Shape:
-        """The coefficient, with the same damping ratio."""
+        """The compliance of the coefficient, with the same damping ratio."""
         return (max(float(coefficients[0]), _LEAST), shape[1])
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -126,15 +127,15 @@ class TransmissionCompliance(Effect):
         return Signature(rows, change[:, list(rows), None], ("compliance",), (unit,))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds near the shape, which sets the frequency of the swing."""
+        """Near the shape, which determines the frequency of the swing."""
         return ((shape[0] / _SPREAD, shape[0] * _SPREAD),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``k`` is one over the compliance."""
+        """``k``, which is one over the compliance."""
         return np.array([1.0 / max(float(coefficients[0]), _LEAST)])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """One unit of compliance: an undetected compliance is below a limit, its stiffness above one."""
+        """The compliance, because an undetected compliance is below a limit, while its stiffness is above one."""
         return "compliance", np.array([1.0])
 
     def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
@@ -148,61 +149,62 @@ class TransmissionCompliance(Effect):
         return (1.0 / size,) if size > 0 else None
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if the encoder sits on the link's side."""
+        """An encoder on the link's side does not show the deflection."""
         return behind_encoder(robot, row_of(robot, joint))
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Torque of the links as read less that of the links where they truly are."""
+        """Torque of the links at the readings minus that at their true positions."""
         row = row_of(robot, joint)
         return -exact_change_by_link(robot, operation, row, *swing(operation, row, theta.item()))
 
     def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """How far the link swings ahead."""
+        """How far the link is ahead of its motor [rad or m], shape ``(N, nv)``."""
         out = np.zeros_like(operation.q)
         row = row_of(operation.robot, joint)
         out[:, row] = swing(operation, row, theta.item())[0]
         return out
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """A spring without play, and a little damping."""
+        """A transmission with a spring and a little damping, without play."""
         row = row_of(robot, joint)
         damping = 2.0 * SPRING_DAMPING * np.sqrt(theta.item() * moving_mass(robot, row))
         return Simulated(transmission=Transmission(robot.joint_names[row], theta.item(), float(damping), 0.0))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The stiffness, which describes the effect completely."""
         return ModelNumbers(whole=True, stiffness=theta.item())
 
 
 def moving_mass(robot: Robot, row: int) -> float:
-    """Inertia with which rotor and link of a joint swing against each other, links stretched out to zero positions."""
+    """Reduced inertia of rotor and link of a joint on the spring between them, with all joints at zero."""
     rotor, link = float(robot.rotor_inertia[row]), link_inertia(robot, row)
     return rotor * link / (rotor + link)
 
 
 def link_inertia(robot: Robot, row: int) -> float:
-    """Inertia of all that a joint moves besides its rotor, links stretched out to zero positions."""
+    """Inertia that a joint moves without its rotor, with all joints at zero."""
     return float(mass_matrix(robot, np.zeros((1, robot.nv)))[0, row, row]) - float(robot.rotor_inertia[row])
 
 
 def usual_damping(stiffness: float, inertia: float) -> float:
-    """Damping ratio of a link that swings on a spring, where nothing is known of it: soft springs ring for longer."""
+    """Damping ratio of a link on a spring if it is not known; soft springs have less."""
     return _DAMPING_OF_SOFT if stiffness < inertia * (2.0 * np.pi * _SOFT) ** 2 else SWING_DAMPING
 
 
 def swing(operation: Operation, row: int, stiffness: float, damping: float | None = None) -> tuple[Array, Array, Array]:
     r"""How far the link of a joint is ahead of its motor, and its first two time derivatives, each of shape ``(N,)``.
 
-    :math:`m\,\ddot\delta + (d + c)\,\dot\delta + (k + g)\,\delta = -t_l`, with the torque :math:`t_l` that the link
-    would need to follow its motor and the derivatives :math:`m, c, g` of that torque; by the trapezoidal rule, which
-    no stiffness makes unstable, from where the spring is in balance. Where the robot moves at the start, the first
-    swings are damped more, so that a spring that is not in balance there is forgotten.
+    The deflection obeys :math:`m\,\ddot\delta + (d + c)\,\dot\delta + (k + g)\,\delta = -t_l`, with the torque
+    :math:`t_l` that the link would need to follow its motor, and the derivatives :math:`m, c, g` of this torque by
+    acceleration, velocity and position. It is integrated by the trapezoidal rule, which is stable for any stiffness,
+    and starts in equilibrium. If the robot moves at the start, the first swings are damped more, so that a wrong
+    deflection at the start has little effect.
 
     Args:
         operation: Motion and torque.
-        row: Row of the joint.
-        stiffness: Of the spring [N m/rad or N/m].
-        damping: Ratio of the damping to the critical one of the link on its spring; None: the usual one.
+        row: Index of the joint.
+        stiffness: Stiffness of the spring [N m/rad or N/m].
+        damping: Damping ratio of the link on its spring; None for the usual one.
     """
     load, inertia = followed_load(operation, row, _EDGES)
     if damping is None:
@@ -220,15 +222,15 @@ def swing(operation: Operation, row: int, stiffness: float, damping: float | Non
 
 
 def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, Array]:
-    """Torque that a transmission passes, without frequencies where encoder rounding covers it, and the link's inertia.
+    """Torque that a transmission passes, low-passed to remove noise of encoder rounding, and the link's inertia.
 
     Args:
         operation: Motion and torque.
-        row: Row of the joint.
-        edges: Frequencies [Hz] between which the load ends, the second one where no step of the encoder is stated.
+        row: Index of the joint.
+        edges: Lowest, usual and highest cutoff [Hz]; the usual one is taken if no step of the encoder is stated.
 
     Returns:
-        Load [N m or N] and inertia [kg m^2 or kg], shape ``(N,)`` each.
+        Load [N m or N] and inertia [kg m^2 or kg], both of shape ``(N,)``.
     """
     key = ("followed_load", row, edges)
     load, inertia = load_and_inertia(operation, row)
@@ -239,13 +241,13 @@ def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, 
 
 
 def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> Array:
-    """Position, speed and acceleration of a damped mass on a spring under a given force, at all samples.
+    """Position, velocity and acceleration of a damped mass on a spring under a given force, shape ``(3, N)``.
 
     Args:
         half: Half the time between samples [s], ``(N - 1,)``.
-        pull: Acceleration by the load, ``(N,)``.
-        spring: Acceleration back per unit of place, ``(N,)``.
-        drag: Acceleration back per unit of speed, ``(N,)``.
+        pull: Acceleration by the force, ``(N,)``.
+        spring: Deceleration per unit of position, ``(N,)``.
+        drag: Deceleration per unit of velocity, ``(N,)``.
     """
     out = np.zeros((3, len(pull)))
     swing_loop(half, pull, spring, drag, out)
@@ -254,12 +256,12 @@ def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> Array:
 
 @jit
 def swing_loop(half: Array, pull: Array, spring: Array, drag: Array, out: Array) -> None:
-    """As `swing_steps`, into an array of zeros: compiling an allocation takes longer than the rest."""
+    """As `swing_steps`, written into an array of zeros: compiling an allocation would take longer than the rest."""
     out[0, 0] = pull[0] / spring[0]
     place, speed, gain = out[0, 0], 0.0, 0.0
     for k in range(1, len(pull)):
         h = half[k - 1]
-        # Place and speed of the next sample are those without its acceleration, plus h^2 and h times it.
+        # Position and velocity without the next acceleration; h^2 and h times this acceleration are added below.
         ahead, faster = place + h * (2.0 * speed + h * gain), speed + h * gain
         gain = (pull[k] - drag[k] * faster - spring[k] * ahead) / (1.0 + h * (drag[k] + h * spring[k]))
         place, speed = ahead + h * h * gain, faster + h * gain
@@ -267,7 +269,7 @@ def swing_loop(half: Array, pull: Array, spring: Array, drag: Array, out: Array)
 
 
 def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edges) -> float:
-    """Frequency [Hz] up to which ``load`` is more than what the rounding of an encoder to ``step`` makes of it."""
+    """Frequency [Hz] up to which ``load`` is larger than its noise from an encoder that rounds to ``step``."""
     if step is None or len(t) < 16:
         return edges[1]
     rate = (len(t) - 1) / float(t[-1] - t[0])
@@ -278,7 +280,7 @@ def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edge
 
 
 def _followed(t: Array, load: Array, edge: float) -> Array:
-    """``load`` without what lies above ``edge`` [Hz], without delay."""
+    """``load`` low-passed at ``edge`` [Hz] without delay."""
     if len(t) < 16:
         return load
     rate = (len(t) - 1) / float(t[-1] - t[0])

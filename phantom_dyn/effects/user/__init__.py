@@ -1,1 +1,1 @@
-"""Effects that a user brings: where they are read from, and their trial on a robot."""
+"""Effects that a user defines: reading them, and trying them on a robot before they are used."""

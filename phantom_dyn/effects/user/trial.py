@@ -1,6 +1,6 @@
-"""The trial of an effect that a user brought: its law and columns on a short motion of the robot, before any fit.
+"""Checks an effect that a user defined: its law and its columns are computed on a short motion before any fit.
 
-An error in it is then reported in one sentence, and does not become an exception or a wrong size in a diagnosis.
+So an error in the effect is reported in one sentence, and causes no exception and no wrong size in a diagnosis.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.law_effect import LawEffect, at_moment, rows_of, unit_of
+from phantom_dyn.effects.law_effect import LawEffect, at_moment, rows_of_law, unit_of
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Moment, Simulated
@@ -38,27 +38,27 @@ REGIMES = (
     "time_drift",
     "everywhere",
 )
-"""Names of the regimes in which an effect shows most."""
+"""Parts of the motion in which an effect can be largest."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _SAMPLES, _SECONDS = 64, 2.0
-# Half the range of the motion [rad or m]: of a joint that turns, of one that slides, and of any in a closed chain,
-# whose loops may not close farther away.
+# Half the range of the motion [rad or m]: of a revolute joint, of a prismatic joint, and of any joint in a closed
+# chain, whose loops may not close in a larger range.
 _TURN, _SLIDE, _CHAIN = 0.5, 0.1, 0.05
-# Share of the largest torque that differences of a linear law may leave: rounding, and far below any wrong law.
+# Share of the largest torque by which a law may miss a condition because of rounding; a wrong law misses by more.
 _ROUNDING = 1e-6
 
 
 def tried(effect: Effect, robot: Robot, origin: str) -> Effect:
-    """The effect, if it is one that a diagnosis of this robot can use.
+    """The effect, if a diagnosis of this robot can use it.
 
     Args:
-        effect: The one that its author made.
+        effect: The effect of a user.
         robot: The robot that the effect is for.
-        origin: Where it is from, the beginning of a sentence such as ``my_effects.py: class QuadraticDrag``.
+        origin: Where the effect is from, as the beginning of a sentence: ``my_effects.py: class QuadraticDrag``.
 
     Raises:
-        EffectError: Says what is wrong with it and what to do.
+        EffectError: If something is wrong with the effect; the message says what to do.
     """
     _require_description(effect, origin)
     operation = trial_motion(robot)
@@ -77,7 +77,7 @@ def tried(effect: Effect, robot: Robot, origin: str) -> Effect:
 
 
 def trial_motion(robot: Robot) -> Operation:
-    """Two seconds of a sine at each joint within its limits, another frequency each, with the model's torque."""
+    """Two seconds of a sine on each joint, within its limits and with its own frequency, with the model's torque."""
     lower, upper = position_limits(robot)
     bounded = np.isfinite(lower) & np.isfinite(upper)
     middle = np.where(bounded, 0.5 * (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)), 0.0)
@@ -111,7 +111,7 @@ def _require_description(effect: Effect, origin: str) -> None:
 
 
 def _require_words(effect: Effect, known: tuple[Parameter, ...], origin: str) -> None:
-    """Check that the size in its words is one of its parameters."""
+    """Check that ``words.size`` names parameters of the effect."""
     names = [one.name for one in known]
     fields = [name for _, name, _, _ in string.Formatter().parse(effect.words.size) if name is not None]
     for name in fields:
@@ -124,7 +124,7 @@ def _require_words(effect: Effect, known: tuple[Parameter, ...], origin: str) ->
 def _parameters(
     effect: Effect, robot: Robot, joint: str | None, origin: str
 ) -> tuple[Float[Array, " p"], tuple[Parameter, ...]]:
-    """Possible values of its parameters, and the parameters."""
+    """Possible values of the effect's parameters, and the parameters."""
     known = _asked(origin, "parameters", lambda: effect.parameters(robot, joint))
     if not isinstance(known, tuple) or not known or not all(isinstance(one, Parameter) for one in known):
         raise EffectError(f"{origin}: parameters gave {_kind(known)}, wanted a tuple of Parameter: return one.")
@@ -147,7 +147,7 @@ def _parameters(
 
 
 def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
-    """Check that the law is linear where it has to be, acts on its own joint, and uses what its attributes say."""
+    """Check that the law is linear in parameters without ``tried``, acts on its joint only, and fits its attributes."""
     known = effect.parameters(robot, joint)
     shape = _first_shape(known, origin)
     linear = [one for one in known if not one.tried]
@@ -166,7 +166,7 @@ def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: s
             "parameter that it is not linear in values to try, as in Parameter(..., tried=(0.1, 0.3))."
         )
     _require_linear(linear, steps, law, least, origin)
-    others = [row for row in range(robot.nv) if row not in rows_of(robot, joint)]
+    others = [row for row in range(robot.nv) if row not in rows_of_law(robot, joint)]
     if np.abs(whole[:, others]).max(initial=0.0) > least:
         raise EffectError(
             f"{origin}: its torque on {joint} acts on other joints too, wanted zero there: set scope to robot, or give "
@@ -180,7 +180,7 @@ def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: s
 def _require_momentary(
     operation: Operation, law: Callable[[Operation], Array], whole: Array, least: float, origin: str
 ) -> None:
-    """Check that the torque of a sample needs that sample alone, as a simulation goes from one to the next."""
+    """Check that the torque of a sample depends on this sample only, because a simulation knows no other."""
     samples = range(0, _SAMPLES, 7)
     try:
         alone = np.concatenate([law(at_moment(operation.robot, _moment(operation, k))) for k in samples])
@@ -196,7 +196,7 @@ def _require_momentary(
 def _require_linear(
     linear: list[Parameter], steps: Array, law: Callable[[Array], Array], least: float, origin: str
 ) -> None:
-    """Check that half of each parameter gives half of its torque, and that the torques of all parameters add up."""
+    """Check that the torque is linear in each parameter, and that the torques of all parameters add up."""
     for k, one in enumerate(linear):
         none, half = steps.copy(), steps.copy()
         none[k], half[k] = 0.0, 0.5 * steps[k]
@@ -217,7 +217,7 @@ def _require_linear(
 def _require_said(
     effect: LawEffect, operation: Operation, law: Callable[[Operation], Array], least: float, origin: str
 ) -> None:
-    """Check that its attributes say whether it uses accelerations or torques: they carry noise and model errors."""
+    """Check that ``made_of`` names accelerations and torques if the law uses them; they have noise and model errors."""
     whole, robot = law(operation), operation.robot
     tau = 1.1 * operation.tau
     loaded = Operation(operation.t, operation.q, operation.v, operation.a, robot, tau, tau, tau)
@@ -235,7 +235,7 @@ def _require_said(
 
 
 def _first_shape(known: tuple[Parameter, ...], origin: str) -> Shape:
-    """The first values of what the law is not linear in."""
+    """The first tried value of each parameter in which the law is not linear."""
     for one in known:
         if not all(np.isfinite(x) and x != 0 and one.lower <= x <= one.upper for x in one.tried):
             raise EffectError(
@@ -251,9 +251,9 @@ def _first_shape(known: tuple[Parameter, ...], origin: str) -> Shape:
 
 
 def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
-    """Check that the columns of an author are minus the torque of the law per coefficient."""
+    """Check that columns that a user defined are minus the torque of the law per coefficient."""
     shapes = _asked(origin, "shapes", lambda: effect.shapes(robot, operation, joint))
-    if not shapes:  # the motion shows nothing to look for, such as a wave of several periods
+    if not shapes:  # this motion cannot show the effect, such as a wave that needs several periods
         return
     shape = shapes[0]
     made = _asked(origin, "signature", lambda: effect.signature(robot, operation, joint, shape))
@@ -263,7 +263,7 @@ def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: 
     if made.columns.shape != wanted or not np.isfinite(made.columns).all():
         what = f"shape {made.columns.shape}" if made.columns.shape != wanted else "values that are not finite"
         raise EffectError(f"{origin}: signature gave columns of {what}, wanted {wanted} finite numbers.")
-    # Columns of such effects are only a part, an expansion or a share of the law and cannot be compared with it.
+    # Columns of such effects are an expansion, a secant or a part of the law, which cannot be compared with the law.
     if (
         not made.names
         or effect.first_order
@@ -284,7 +284,7 @@ def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: 
 
 
 def _torque(effect: Effect, robot: Robot, operation: Operation, joint: str | None, theta: Array, origin: str) -> Array:
-    """The law, if it gives a finite number for every sample and joint."""
+    """Torque of the law, if it is a finite number for every sample and joint."""
     torque: Any = _asked(origin, "torque", lambda: effect.torque(robot, operation, joint, theta))
     wanted = (len(operation.t), robot.nv)
     if not isinstance(torque, np.ndarray) or torque.shape != wanted:
@@ -308,7 +308,7 @@ def _moment(operation: Operation, sample: int) -> Moment:
 
 
 def _asked(origin: str, method: str, call: Callable[[], R]) -> R:
-    """Result of a method of the author; the message of an error names the method."""
+    """Result of a method that a user defined; the message of an error names the method."""
     try:
         return call()
     except PhantomDynError as error:

@@ -1,7 +1,7 @@
-"""Effects beside the catalogue: from a user's file, from classes, and from installed packages.
+"""Adds effects to those of the catalogue: from a user's file, from classes, and from installed packages.
 
-They are stored in the robot (`Robot.user_effects`), so that every process that has the robot, also a worker on another
-machine, has the same effects. A file is run as Python, in a separate module that cannot be imported: its classes are
+They are stored in the robot (`Robot.user_effects`), so that every process with the robot, also a worker on another
+machine, has the same effects. A file is run as Python in a module of its own that cannot be imported; its classes are
 pickled by value for workers.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 GROUP = "phantom_dyn.effects"
-"""Entry points under which an installed package offers effects."""
+"""Group of entry points by which an installed package offers effects."""
 
 EffectsLike = str | Path | Effect | type[Effect] | Iterable[str | Path | Effect | type[Effect]]
 """Effects as a user may give them: the path of a Python file, classes or instances; one or several."""
@@ -36,18 +36,19 @@ _Offered = tuple[str, Effect | type[Effect]]
 
 
 def with_user_effects(robot: Robot, given: EffectsLike = ()) -> Robot:
-    """The robot with effects beside the catalogue: those of installed packages, and those that are given.
+    """The robot with additional effects: those of installed packages, and those that are given.
 
     Args:
         robot: The robot; effects that it already has are kept.
         given: Paths of files, classes or instances.
 
     Raises:
-        EffectError: If one cannot be used; the message has its origin, the reason and advice.
+        EffectError: If an effect cannot be used; the message says its origin, the reason and what to do.
     """
     known = {effect.name: "the catalogue has" for effect in EFFECTS}
     known |= {effect.name: "the robot has" for effect in robot.user_effects}
-    installed = [one for one in _installed() if _name(one[1]) not in known or _name(one[1]) in _names(EFFECTS)]
+    in_robot = {effect.name for effect in robot.user_effects}
+    installed = [one for one in _installed() if getattr(one[1], "name", "") not in in_robot]
     out: list[Effect] = []
     for origin, offered in (*installed, *_given(given)):
         effect = tried(_made(offered, origin), robot, origin)
@@ -97,7 +98,7 @@ def effects_in(path: str | Path) -> tuple[_Offered, ...]:
 
 
 def _run(file: Path, code: Any) -> ModuleType:
-    """The module of a file; it is in ``sys.modules`` only while it runs, as dataclasses look it up by name."""
+    """Module of a file; it is in ``sys.modules`` while it runs, because dataclasses look it up by name."""
     module = ModuleType(f"effects of {file}")
     module.__file__ = str(file)
     sys.modules[module.__name__] = module
@@ -114,7 +115,7 @@ def _run(file: Path, code: Any) -> ModuleType:
 
 
 def _line(error: BaseException, file: Path) -> str:
-    """The last line of the file in the traceback of an error, as `` in line 3``."""
+    """Last line of the file in the traceback of an error, as `` in line 3``."""
     line, at = None, error.__traceback__
     while at is not None:
         line = at.tb_lineno if at.tb_frame.f_code.co_filename == str(file) else line
@@ -166,7 +167,7 @@ def _origin(point: EntryPoint) -> str:
 
 
 def _made(offered: Effect | type[Effect], origin: str) -> Effect:
-    """The instance of an offered class, or the offered instance, if it is a complete effect."""
+    """An instance of the offered class, or the offered instance, if it is a complete effect."""
     if isinstance(offered, Effect):
         return offered
     if not issubclass(offered, Effect):
@@ -183,11 +184,3 @@ def _made(offered: Effect | type[Effect], origin: str) -> Effect:
             f"{origin} cannot be made ({type(error).__name__}: {error}), wanted a class that takes no arguments: "
             "correct it, or give an instance."
         ) from error
-
-
-def _name(offered: Effect | type[Effect]) -> str:
-    return getattr(offered, "name", "")
-
-
-def _names(effects: Iterable[Effect]) -> set[str]:
-    return {effect.name for effect in effects}

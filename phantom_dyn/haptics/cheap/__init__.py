@@ -1,1 +1,1 @@
-"""A good haptic device made to feel like a cheaper one: inertia, play, friction, cogging and a weaker motor."""
+"""Simulation of a cheap haptic device on a good one: inertia, play, friction, cogging and a weaker motor."""

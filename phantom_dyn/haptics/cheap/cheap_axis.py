@@ -1,11 +1,11 @@
-"""A cheap axis of a haptic device (virtual mass, play, friction, cogging, limit), and the good device that renders it.
+"""Parameters of a cheap axis of a haptic device (virtual mass, play, friction, cogging, limit), and of the good device.
 
-The numbers are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2. The paper says that its simulation was
-stable with all of them together. The printed table swaps the columns for friction (millirad for a translation,
+The numbers are those of Table 2 of Brouwer and MacLean, Simulating Cheap Hardware. The paper says that its simulation
+was stable with all of them together. The printed table swaps the columns for friction (millirad for a translation,
 micrometres for a rotation); here each number belongs to the axis that has its unit. The table does not give the
 friction in slip, the period of the cogging, the level of clipping or the unit of the damping. The first three are
 arguments here. The damping is critical, which the text calls ideal: 7.75 N s/m at 0.1 kg and 150 N/m. The printed
-damping is 0.05, and neither unit fits: in N s/m the damping ratio would be 0.006, in N s/mm it would be 6.5. The rotary
+damping is 0.05, which is possible in no unit: in N s/m the damping ratio would be 0.006, in N s/mm 6.5. The rotary
 inertia is printed as "1 mkgmm" and taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as in translation.
 
 The good device is the Laparoscopic Surgical Workstation of Immersion (Table 1 of the same paper), with travel, encoder
@@ -56,7 +56,7 @@ class VirtualMass:
 
 @dataclass(frozen=True)
 class StickingFriction:
-    """Friction that sticks, by the law of the catalogue's ``presliding_friction`` with stick.
+    """Friction that sticks, by the law of the effect ``presliding_friction`` with its stick velocity.
 
     Attributes:
         torque: Friction in slip [N or N m].
@@ -82,7 +82,7 @@ class StickingFriction:
 
 @dataclass(frozen=True)
 class CoggingTorque:
-    """The catalogue's ``cogging``: the sum of ``amplitude sin(order x + phase)``, in tuples of equal length.
+    """Sum of waves ``amplitude sin(order x + phase)``, as the effect ``cogging``; all tuples have equal length.
 
     Attributes:
         order: Waves per revolution, or wave numbers [rad/m] on a translation.
@@ -112,12 +112,12 @@ class CheapAxis:
     """One axis of a cheap device; by default it has no defect.
 
     Attributes:
-        mass: Inertia that the hand feels besides the device's own.
+        mass: Inertia that the hand feels in addition to that of the good device.
         gap: Full width of the play between probe and mass [m or rad].
         friction: Friction that sticks.
         cogging: Torque that depends on the position.
         limit: Force at which the motor is clipped [N or N m].
-        cutoff_hz: Cut-off of the filter of the probe's velocity [Hz]; if infinite, positions are only differenced.
+        cutoff_hz: Cut-off of the filter of the probe's velocity [Hz]; infinite for no filter.
     """
 
     mass: VirtualMass | None = None
@@ -163,8 +163,8 @@ def cheap_rotation(*, slip: float, order: float, limit: float) -> CheapAxis:
     """The published rotation with all defects.
 
     Inertia 1e-3 kg m^2 on a coupling of 1 N m/rad, play 2 deg, cogging 0.04 N m. Friction breaks loose after 5 mrad, at
-    1.05 times the friction in slip, and sticks below 6 deg/s. The text of the paper has 0.2 deg (3.5 mrad) in place of
-    the table's 5 mrad.
+    1.05 times the friction in slip, and sticks below 6 deg/s. The 5 mrad are those of the table; the text has 0.2 deg
+    (3.5 mrad).
 
     Args:
         slip: Friction in slip [N m].
@@ -186,8 +186,8 @@ class WorkstationAxis:
 
     Attributes:
         travel: Range [m or rad]; infinite for an axis that turns without a stop.
-        continuous: Force or torque that the motor holds for any time [N or N m]; 0 without a motor.
-        peak: Force or torque that the motor holds for a moment [N or N m].
+        continuous: Force or torque that the motor can hold continuously [N or N m]; 0 without a motor.
+        peak: Force or torque that the motor can hold for a short time [N or N m].
         resolution: Step of its encoder [m or rad].
         turns: True if it is rotary.
     """
@@ -200,7 +200,7 @@ class WorkstationAxis:
 
     @property
     def motor(self) -> CheapAxis:
-        """An axis without defects whose force is clipped at what the motor holds for any time."""
+        """An axis without defects whose force is clipped at the continuous force of the motor."""
         return CheapAxis(limit=self.continuous)
 
 

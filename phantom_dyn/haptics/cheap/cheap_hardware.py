@@ -1,6 +1,6 @@
 r"""Force that a hand feels on a simulated cheap device, from the motion of a good device and the commanded force.
 
-One model of one degree of freedom per motor, composed as in Figure 7 of Brouwer and MacLean, Simulating Cheap Hardware:
+Each motor has one model of one degree of freedom, as in Figure 7 of Brouwer and MacLean, Simulating Cheap Hardware:
 
 - the force that the virtual environment commands is clipped at the motor's limit
   (`phantom_dyn.effects.drive.torque_saturation`);
@@ -12,21 +12,20 @@ One model of one degree of freedom per motor, composed as in Figure 7 of Brouwer
 
 The sampling rate may change from sample to sample: the published one varied between 500 and 2000 Hz. An average over 25
 samples delays the inertia by 24, 12 or 6 ms at 500, 1000 or 2000 Hz. At these rates an encoder of 8 um gives speeds in
-steps of 4, 8 and 16 mm/s, against a stick velocity of 5 mm/s: without the velocity's filter friction would not stick.
+steps of 4, 8 and 16 mm/s, but the stick velocity is 5 mm/s: without a filter of the velocity, friction would not stick.
 
-**Inertia** that the good device lacks is a virtual mass, coupled to the probe. A force computed as the mass times an
-estimated acceleration would make the loop unstable. So the motion of the mass is integrated, a spring and a damper
-couple it to the probe, the probe's velocity is low-passed, and the hand feels a mean over the last samples (Brouwer and
-MacLean, Simulating Cheap Hardware, section II A). With a stiff coupling it is the rotor inertia of the catalogue:
-:math:`-M\ddot x`. All laws take the time step, which may change from sample to sample.
+**Inertia** that the good device lacks is a virtual mass. A force computed as this mass times an estimated acceleration
+would make the loop unstable. So the motion of the mass is integrated, a spring and a damper couple it to the probe, the
+probe's velocity is low-passed, and the hand feels a mean over the last samples (section II A of the paper). With a
+stiff coupling the force is that of the effect ``rotor_inertia``, :math:`-M\ddot x`.
 
 **Play** of full width ``gap`` lies between the probe and the virtual mass. Beyond half the gap the coupling is attached
-to the wall of the gap, (1) of the same paper. Inside there is a little viscous friction between probe and mass, a fifth
-of the coupling's. (2) prints the spring's force as ``K (x_vm - x_hi)``, which contradicts (1) and would jump by half
-the gap times the stiffness at contact (0.3 N for 600 N/m and 1 mm): here it is ``K (p_vc - x_hi)``. (2) prints the
-damping in the gap as that of the probe alone; the text has it between probe and mass, as here. Other forces are passed
-on in contact only. The play of the catalogue's `phantom_dyn.effects.transmission.backlash` is a different machine: its
-link moves freely in the gap and is not held back.
+to the wall of the gap, (1) of the paper. Inside the gap, viscous friction acts between probe and mass, with a fifth of
+the coupling's damping. (2) prints the spring's force as ``K (x_vm - x_hi)``, which contradicts (1) and would jump by
+half the gap times the stiffness at contact (0.3 N for 600 N/m and 1 mm): here it is ``K (p_vc - x_hi)``. (2) prints the
+damping in the gap as that of the probe alone; in the text and here it acts between probe and mass. Other forces are
+passed on in contact only. The effect `phantom_dyn.effects.transmission.backlash` differs: its link moves freely in the
+gap, without friction.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.effects.drive.torque_saturation import held_within
+from phantom_dyn.effects.drive.torque_saturation import clipped
 from phantom_dyn.effects.friction.presliding_friction import stick_law
 from phantom_dyn.effects.support.position_waves import sum_of_waves
 from phantom_dyn.errors import ParameterError
@@ -56,7 +55,7 @@ FORCES = 8
 FORCE, COUPLING, SIDE, X, PROBE_SPEED, STICKS = range(6)
 """Columns of the output of `run_axis`."""
 COLUMNS = 6
-_clipped, _cogging = jit(held_within), jit(sum_of_waves)
+_clipped, _cogging = jit(clipped), jit(sum_of_waves)
 
 
 class AxisNumbers(NamedTuple):
@@ -211,7 +210,7 @@ def side_of(apart: float, gap: float) -> float:
 
 @jit
 def coupling_force(apart: float, rate: float, side: float, gap: float, stiffness: float, damping: float) -> float:
-    """Force of the coupling on the probe, which is ``apart`` from the mass and moves away at ``rate``, (1) and (2)."""
+    """Force of the coupling, (1) and (2), on a probe that is ``apart`` from the mass and moves away at ``rate``."""
     if side == 0.0:
         return -GAP_DAMPING * damping * rate
     return -stiffness * (apart - 0.5 * side * gap) - damping * rate

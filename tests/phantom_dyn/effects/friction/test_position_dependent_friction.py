@@ -5,7 +5,7 @@ from phantom_dyn.effects.friction.position_dependent_friction import (
     PositionDependentFriction,
     bent_law,
     grid_positions,
-    hats,
+    interpolation_weights,
 )
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
@@ -33,7 +33,7 @@ def test_friction_is_linear_between_its_places_and_constant_beyond(arm, q, level
 
 def test_weights_of_the_places_are_those_of_linear_interpolation():
     # By hand: between places each nearer one has the share of the way to the other; beyond, all is the end's.
-    found = hats(np.array([-2.0, -0.25, 0.0, 0.25, 9.0]), PLACES)
+    found = interpolation_weights(np.array([-2.0, -0.25, 0.0, 0.25, 9.0]), PLACES)
     np.testing.assert_allclose(found, [[1, 0, 0], [0.25, 0.75, 0], [0, 1, 0], [0, 0.5, 0.5], [0, 0, 1]])
     np.testing.assert_allclose(grid_positions((-1.0, 1.0, 5.0)), [-1.0, -0.5, 0.0, 0.5, 1.0])
 

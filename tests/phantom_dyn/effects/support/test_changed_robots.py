@@ -8,7 +8,7 @@ import pytest
 
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, link_torque
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
-from phantom_dyn.effects.friction.position_dependent_friction import foresees
+from phantom_dyn.effects.friction.position_dependent_friction import predicts_held_out
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_gravity, with_parameters, with_rotor_inertia
 from phantom_dyn.effects.support.displaced import (
@@ -174,14 +174,14 @@ def test_columns_are_asked_for_where_they_foresee_a_tenth_of_what_is_left(rng, s
     # Known truth: a cause with size^2 / (1 + size^2) of the squares, beside one that plain columns explain.
     plain, columns, noise = rng.normal(size=(4000, 2)), rng.normal(size=(4000, 3)), rng.normal(size=4000)
     torque = plain @ [3.0, -5.0] + size * columns[:, 0] + noise
-    assert foresees(torque, plain, columns) is asked
+    assert predicts_held_out(torque, plain, columns) is asked
 
 
 def test_what_happens_in_one_block_alone_is_not_foreseen(rng):
     # Known truth: a cause that acts in the first eighth of the time.
     columns = rng.normal(size=(4000, 1))
     torque = rng.normal(size=4000) + 5.0 * columns[:, 0] * (np.arange(4000) < 500)
-    assert not foresees(torque, np.ones((4000, 1)), columns)
+    assert not predicts_held_out(torque, np.ones((4000, 1)), columns)
 
 
 @pytest.mark.parametrize(("seconds", "samples"), [(0.01, 5), (0.004, 3), (0.02, 11), (0.001, 1)])
