@@ -1,1 +1,1 @@
-"""One axis of a haptic device, its drive, its sampled form, and the devices of the sources."""
+"""One axis of a haptic device, its drive, its discretisation, and published devices."""

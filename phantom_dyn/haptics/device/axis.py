@@ -1,14 +1,15 @@
-r"""One axis of a haptic device, a rigid mass or motor and body tied by a cable, and the hand that holds it.
+r"""One axis of a haptic device that a hand holds: a rigid mass, or a motor and a body with a cable between them.
 
-The two-mass model is that of the chapter, (18): motor :math:`m_r` and body :math:`m_d` with dampers to ground, tied by
-a spring :math:`k_c` and a damper :math:`b_c`. The encoder sits on the motor, so that stability depends on
+The two-mass model is (18) of the chapter: motor :math:`m_r` and body :math:`m_d` have dampers to ground, and a spring
+:math:`k_c` and a damper :math:`b_c` between them. The encoder measures the motor, so that stability depends on the
+transfer function from motor force to motor position.
 
 All equations hold for a rotating axis as well, with inertias, N m s/rad and N m/rad. The hand is a mass on a spring and
 a damper.
 
 References:
     .. [Gil] J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (18) to
-       (24). Those missing in the copy at hand, (19), (23) and (24), are derived and checked by tests.
+       (24). The available copy lacks (19), (23) and (24), which are derived here and checked by tests.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class RigidAxis:
         stiffness: Stiffness of a spring to ground [N/m or N m/rad]; 0 unless a hand holds the device.
 
     Raises:
-        ParameterError: If the mass is not positive, or another is negative.
+        ParameterError: If the mass is not positive, or damping or stiffness is negative.
     """
 
     mass: float
@@ -70,16 +71,16 @@ class RigidAxis:
 
     @property
     def rigid(self) -> RigidAxis:
-        """The device itself."""
+        """The axis itself, which is rigid."""
         return self
 
 
 @dataclass(frozen=True)
 class TwoMassAxis:
-    """Motor and body, tied by a cable.
+    """Motor and body with a cable between them.
 
     Attributes:
-        motor_mass: :math:`m_r` [kg or kg m2], with everything rigidly tied to the motor.
+        motor_mass: :math:`m_r` [kg or kg m2], with everything that is fixed to the motor.
         body_mass: :math:`m_d` [kg or kg m2].
         motor_damping: :math:`b_r` to ground [N s/m or N m s/rad].
         body_damping: :math:`b_d` to ground [N s/m or N m s/rad].
@@ -88,7 +89,7 @@ class TwoMassAxis:
         ground_stiffness: Stiffness of a spring from the body to ground [N/m or N m/rad]; 0 unless a hand holds it.
 
     Raises:
-        ParameterError: If a mass or the cable's stiffness is not positive, or another is negative.
+        ParameterError: If a mass or the cable's stiffness is not positive, or another value is negative.
     """
 
     motor_mass: float
@@ -110,7 +111,7 @@ class TwoMassAxis:
         """:math:`G_r = p_d / p`, motor position over motor force."""
         mr, md, br, bd = self.motor_mass, self.body_mass, self.motor_damping, self.body_damping
         k, b, kg = self.cable_stiffness, self.cable_damping, self.ground_stiffness
-        # The constant and linear terms of p_r p_d cancel with those of the coupling. Written out, they cancel exactly.
+        # In the product form p_r p_d minus coupling, terms cancel up to rounding; this expanded form leaves them out.
         denominator = np.array(
             [
                 mr * md,
@@ -124,7 +125,7 @@ class TwoMassAxis:
 
     @property
     def state_space(self) -> StateSpace:
-        """States: positions of motor and body, and their velocities divided by the resonance, for similar sizes."""
+        """States: positions of motor and body, and their velocities over the resonance, which have similar sizes."""
         mr, md, k, b = self.motor_mass, self.body_mass, self.cable_stiffness, self.cable_damping
         w = self.free_frequency
         A = np.zeros((4, 4))
@@ -212,7 +213,7 @@ class Operator:
 
 
 def masses_from_resonance(total: float, stiffness: float, resonance: float) -> tuple[float, float]:
-    """The lighter and the heavier of two masses with a given sum and resonance on a given spring, (22).
+    """The lighter and the heavier of two masses with a given sum, from their resonance on a spring, (22).
 
     Args:
         total: Sum of both [kg or kg m2].
@@ -220,7 +221,7 @@ def masses_from_resonance(total: float, stiffness: float, resonance: float) -> t
         resonance: Frequency of their resonance [rad/s].
 
     Raises:
-        ParameterError: If a value is not above 0, or two masses on that spring cannot swing so slowly.
+        ParameterError: If a value is not above 0, or the resonance is lower than that of two equal masses.
     """
     require_positive(total_of_both_masses=total, stiffness=stiffness, resonance=resonance)
     reduced = stiffness / resonance**2
@@ -237,5 +238,5 @@ def masses_from_resonance(total: float, stiffness: float, resonance: float) -> t
 YOKOKOHJI_YOSHIKAWA = Operator(2.0, 2.0, 10.0)
 """2 kg, 2 N s/m, 10 N/m, as commonly cited after Yokokohji and Yoshikawa (1994).
 
-The chapter takes its operator from there without printing numbers, so these are no data of the chapter.
+The chapter refers to this operator without printing numbers.
 """

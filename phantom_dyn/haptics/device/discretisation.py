@@ -1,4 +1,4 @@
-r"""Exact sampled form of a device behind a zero-order hold and any delay.
+r"""Exact discretisation of a device behind a zero-order hold and any delay.
 
 The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :math:`(k + 1)T + t_d`. With
 :math:`t_d = dT + \tau`, :math:`0 \le \tau < T`, the state at the samples follows
@@ -8,8 +8,8 @@ The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :m
 without approximation. :math:`\Phi(h) = e^{A h}` and :math:`\Gamma(h) = \int_0^h e^{A s} B\, ds` come from one
 exponential of the matrix :math:`[A, B; 0, 0]`. The delay need not be a multiple of the period.
 
-Simulations of robots treat delays differently: there the torque is not held over a whole period and the dynamics are
-not linear, so that a queue of past commands replaces these matrices (`phantom_dyn.effects.drive.input_delay`).
+Simulations of robots cannot use these matrices, because their torque is not held over a whole period and their dynamics
+are not linear; they use a queue of past commands (`phantom_dyn.effects.drive.input_delay`).
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from phantom_dyn.haptics.device.transfer_function import Axis
 Controller = tuple[Array, Array, Array, float]
 """State space ``A``, ``B``, ``C``, ``D`` of a digital controller of one input and one output."""
 
+# Difference from a multiple of the period, over the period, up to which a delay counts as this multiple.
 _SAME = 1e-9
-"""A delay this close to a multiple of the period, relative to the period, is taken to be that multiple."""
 
 
 @dataclass(frozen=True)
 class SampledAxis(ReadOnlyArrays):
-    """Position at the samples from forces that are held and delayed.
+    """Discrete model of a device from held and delayed forces to position at the samples.
 
     ``x[k+1] = transition x[k] + newer u[k-steps] + older u[k-steps-1]``,
     ``y[k] = output x[k] + direct_now u[k-steps] + direct_before u[k-steps-1]``.
@@ -61,7 +61,6 @@ class SampledAxis(ReadOnlyArrays):
     direct_now: float
     direct_before: float
 
-    # Cached: it depends on the fields alone and is needed at every frequency.
     @cached_property
     def loop(self) -> tuple[int, float, float, Array, Array, Array]:
         """Steps, feed-through, and the polynomials of `loop_polynomials`."""
@@ -112,7 +111,7 @@ class SampledAxis(ReadOnlyArrays):
         force = -D * position
         force[own:] -= C
         if self.steps == 0:
-            # Force and position at the same instant depend on each other: solved for the force.
+            # Force and position at the same instant depend on each other; this is the solution for the force.
             force = force / (1.0 + D * self.direct_now)
             position = position + self.direct_now * force
         out = np.zeros((size, size))
@@ -127,7 +126,7 @@ class SampledAxis(ReadOnlyArrays):
         return out
 
     def spectral_radius(self, stiffness: float, virtual_damping: float = 0.0) -> float:
-        """Largest absolute eigenvalue of device and virtual wall: stable below one."""
+        """Largest absolute eigenvalue of device and virtual wall, which are stable if it is below one."""
         return float(np.abs(np.linalg.eigvals(self.closed_loop(stiffness, virtual_damping))).max())
 
 
@@ -148,7 +147,7 @@ def split_delay(period: float, delay: float) -> tuple[int, float]:
 
 
 def discretise(axis: Axis, *, period: float, delay: float = 0.0) -> SampledAxis:
-    """Exact sampled form of an axis behind a zero-order hold and a delay.
+    """Exact discretisation of an axis behind a zero-order hold and a delay.
 
     Args:
         axis: A model of `phantom_dyn.haptics.device.axis`, or a transfer function.
@@ -161,6 +160,6 @@ def discretise(axis: Axis, *, period: float, delay: float = 0.0) -> SampledAxis:
     steps, rest = split_delay(period, delay)
     system = axis.state_space
     transition, newer, older = delayed_input(system.A, system.B, period, rest)
-    # A position is read just before its force arrives, so that with a fraction of a period the older force still acts.
+    # The position is read just before a new force arrives: with a rest of the delay the older force still acts then.
     now, before = (0.0, system.D) if rest > 0 else (system.D, 0.0)
     return SampledAxis(period, delay, steps, transition, newer, older, system.C, now, before)

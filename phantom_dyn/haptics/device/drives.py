@@ -1,25 +1,23 @@
-r"""Drives of a haptic device: heat of a motor at a held torque, and cogging of a brush motor.
+r"""Drives of a haptic device: heat of a motor that holds a torque, and cogging of a brush motor.
 
 **Heat.** Cavusoglu, Feygin and Tendick (2002, section 4.1.1): if the current is switched between 0 and its maximum with
-a duty cycle D, the heat is :math:`I_{max}^2 D R`. A linear amplifier at the same mean current gives :math:`(I_{max}
-D)^2 R`, so that the ratio is :math:`1 / D`. This assumes that the current follows the switch at once. In fact the
-winding's inductance smooths it: `switched_current` includes it, and the ratio falls from 1/D to 1 as the winding's time
-constant grows beyond the period of the pulses.
+a duty cycle D, the heat is :math:`I_{max}^2 D R`. A linear amplifier with the same mean current gives :math:`(I_{max}
+D)^2 R`, so that the ratio of the two is :math:`1 / D`. This assumes that the current follows the switch at once. In
+fact the inductance of the winding smooths the current. `switched_current` includes the inductance: the ratio falls from
+1/D to 1 as the time constant of the winding becomes longer than the period of the pulses.
 
 **Cogging.** Cavusoglu, Feygin and Tendick (2002, section 4.1.1): "when these brushes switch, the resistance of the
 windings changes. If the amplifier regulates voltage, the change in resistance causes a change in the current, and thus
-a change in the motor torque. This is called cogging"; with a current amplifier there is none. The paper has no
-equations; those here are of a lap winding.
+a change in the motor torque. This is called cogging". A current amplifier causes no cogging. The paper has no
+equations; the equations here are those of a lap winding.
 
-A commutator of n bars, n odd, closes n equal coils into a ring. With each brush on one bar the ring is divided into
-:math:`(n-1)/2` and :math:`(n+1)/2` coils. While a brush joins two bars one coil is shorted and the rest is divided
-evenly. The resistance then falls from :math:`1` to
-
-.. math:: \frac{n}{n + 1},
-
-:math:`2n` times per revolution. A held voltage thus gives a torque that is higher by :math:`1/n` while a brush joins
-two bars. The change is proportional to the command, unlike cogging by magnets (`phantom_dyn.effects.drive.cogging`).
-The winding's inductance smooths it if the motor turns fast: :math:`L\,di/dt = U - k\,\omega - R(\theta)\,i`.
+A commutator of n bars, n odd, connects n equal coils to a ring. If each brush touches one bar, the ring is divided into
+:math:`(n-1)/2` and :math:`(n+1)/2` coils. While a brush touches two bars, one coil is shorted and the others are
+divided evenly. The resistance then falls by the factor :math:`n / (n + 1)`, :math:`2n` times per revolution. Under a
+constant voltage the torque is therefore higher by :math:`1/n` while a brush touches two bars. The change is
+proportional to the command, unlike cogging by magnets (`phantom_dyn.effects.drive.cogging`). At high speed the
+inductance of the winding
+smooths the change: :math:`L\,di/dt = U - k\,\omega - R(\theta)\,i`.
 """
 
 from __future__ import annotations
@@ -63,7 +61,7 @@ class SwitchedCurrent:
         current: Current [A], shape ``(n,)``.
         mean: Mean current [A].
         heat: Mean heat in the winding [W].
-        heat_linear: Heat of a linear amplifier that gives the same mean current [W].
+        heat_linear: Heat in the winding with a linear amplifier and the same mean current [W].
     """
 
     t: Float[Array, " n"]
@@ -94,10 +92,10 @@ class Warming:
 
 
 def duty_of_heat_ratio(ratio: float) -> float:
-    """Duty cycle at which pulses heat `ratio` times as much as a linear drive.
+    """Duty cycle at which pulses heat ``ratio`` times as much as a linear drive.
 
-    The published rises 34.5 K and 14.5 K give 0.42. The paper states no duty cycle for that experiment; this one
-    follows if the rise of the casing is proportional to the heat.
+    The published rises of 34.5 K and 14.5 K give 0.42, if the rise of the casing is proportional to the heat. The paper
+    states no duty cycle for this experiment.
 
     Raises:
         ParameterError: If the ratio is below 1, which no duty cycle gives.
@@ -119,7 +117,8 @@ def switched_current(winding: Winding, *, voltage: float, duty: float, frequency
     Raises:
         ParameterError: If the duty cycle is not in (0, 1], or voltage or frequency are not above 0.
     """
-    _checked_duty(duty)
+    if not 0 < duty <= 1:
+        raise ParameterError(f"The duty cycle is {duty}: give a share above 0 and at most 1.")
     require_positive("the pulses", voltage=voltage, frequency=frequency)
     period, highest = 1 / frequency, voltage / winding.resistance
     t = np.linspace(0.0, period, 1001)
@@ -136,7 +135,8 @@ def switched_current(winding: Winding, *, voltage: float, duty: float, frequency
         rising = 1 - (1 - low) * np.exp(-rate * t)
         falling = peak * np.exp(-rate * np.maximum(t - duty * period, 0.0))
         current = highest * np.where(on, rising, falling)
-        # R times the mean square: all the supply gives becomes heat, so it is highest * R * (mean while on).
+        # The winding turns all energy of the supply into heat, so R times the mean square is the voltage times the
+        # charge while the supply is on, over the period.
         charge = x - (1 - low) * -math.expm1(-x)
         mean_square = highest**2 * charge / y
     return SwitchedCurrent(
@@ -151,7 +151,7 @@ def switched_current(winding: Winding, *, voltage: float, duty: float, frequency
 def warming(
     *, heat_pulses: float, heat_linear: float, resistance: float, time_constant: float, t: Float[Array, " n"]
 ) -> Warming:
-    """Temperature rise of one thermal mass under the heat of two drives. The paper gives neither of its constants.
+    """Temperature rise of one thermal mass under the heat of two drives; the paper gives no thermal constants.
 
     Args:
         heat_pulses: Heat under pulses [W].
@@ -173,14 +173,8 @@ def warming(
     return Warming(t, heat_pulses * resistance * share, heat_linear * resistance * share)
 
 
-def _checked_duty(duty: float) -> float:
-    if not 0 < duty <= 1:
-        raise ParameterError(f"The duty cycle is {duty}: give a share above 0 and at most 1.")
-    return duty
-
-
+# Number of intervals into which a switching period is divided; torques are given at their ends.
 _POINTS = 400
-"""Number of intervals of a switching period at whose ends a steady torque is given."""
 
 
 @dataclass(frozen=True)
@@ -188,10 +182,10 @@ class BrushMotor:
     """A motor with brushes.
 
     Attributes:
-        winding: Inductance, and resistance with each brush on one bar.
+        winding: Inductance, and resistance while each brush touches one bar.
         torque_constant: Torque constant [N m/A], equal to the back-EMF constant [V s/rad].
         bars: Number of bars of the commutator, an odd number of 3 or more.
-        joined: Share of the angle over which a brush joins two bars, between 0 and 1.
+        joined: Share of the angle over which a brush touches two bars, between 0 and 1.
 
     Raises:
         ParameterError: If the torque constant is not above 0, the bars are even or too few, or the share is not
@@ -220,7 +214,7 @@ class BrushMotor:
 
     @property
     def joined_resistance(self) -> float:
-        """Resistance of the winding while a brush joins two bars [ohm]."""
+        """Resistance of the winding while a brush touches two bars [ohm]."""
         return self.winding.resistance * self.bars / (self.bars + 1)
 
 
@@ -229,9 +223,9 @@ class SteadyTorque:
     """Torque of a motor that turns at a constant speed, over one switching period.
 
     Attributes:
-        angle: Angle of the rotor from the point at which a brush begins to join two bars [rad], shape ``(n,)``.
-        torque: Torque under a held voltage [N m], shape ``(n,)``.
-        mean: Mean torque over the angle [N m]; a current amplifier would give it without ripple.
+        angle: Angle of the rotor from the point at which a brush begins to touch two bars [rad], shape ``(n,)``.
+        torque: Torque under a constant voltage [N m], shape ``(n,)``.
+        mean: Mean torque over the angle [N m]; a current amplifier would give this torque without ripple.
     """
 
     angle: Float[Array, " n"]
@@ -245,7 +239,7 @@ class SteadyTorque:
 
 
 def steady_torque(motor: BrushMotor, *, speed: float, voltage: float) -> SteadyTorque:
-    """Torque under a held voltage at a constant speed, with the winding's inductance.
+    """Torque under a constant voltage at a constant speed, with the winding's inductance.
 
     Args:
         motor: The motor.
@@ -272,7 +266,7 @@ def steady_torque(motor: BrushMotor, *, speed: float, voltage: float) -> SteadyT
         spans = [share * motor.period / speed for share in (motor.joined, 1 - motor.joined)]
         rates = [R / L for R in resistances]
         kept = [math.exp(-rate * span) for rate, span in zip(rates, spans, strict=True)]
-        # Periodic solution: current where a brush begins to join two bars, and where it ends.
+        # Periodic solution: current where a brush begins to touch two bars, and where it ends.
         begin = (ends[1] * (1 - kept[1]) + kept[1] * ends[0] * (1 - kept[0])) / (1 - kept[0] * kept[1])
         middle = ends[0] + (begin - ends[0]) * kept[0]
         t = turn * motor.period / speed

@@ -1,8 +1,8 @@
-"""Compiled loops over frequencies: held input, loop polynomials, frequency grid, crossings of the real axis.
+"""Compiled frequency analysis of a sampled loop: discretisation, frequency response, gains at which it is unstable.
 
-The functions have no annotations, as numba compiles them for the types that they are given. The equations are in
-`phantom_dyn.haptics.device.discretisation`. A system here is ``A (n, n)``, ``B (n,)``, ``C (n,)``; a ``loop`` is what
-`SampledAxis.loop` returns: whole periods of delay, both feed-throughs, and the results of `loop_polynomials`.
+The functions have no annotations, because numba compiles them for the types of their arguments. The equations are in
+`phantom_dyn.haptics.device.discretisation`. A system is ``A (n, n)``, ``B (n,)``, ``C (n,)``. A ``loop`` is the result
+of `SampledAxis.loop`: whole periods of delay, both feed-throughs, and the results of `loop_polynomials`.
 """
 
 from typing import NamedTuple
@@ -11,16 +11,16 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 
+# Terms of the Taylor series, which at norm 0.5 has a remainder below 1e-17.
 _TERMS = 14
-"""Terms of the Taylor series at norm 0.5: the first one left out is less than 1e-17."""
+# Points of the frequency grid per decade.
 _A_DECADE = 150
-"""Points of the frequency grid per decade."""
+# Points of the grid around each lightly damped mode, in units of its half width.
 _AROUND = np.tan(np.linspace(-1.5, 1.5, 25))
-"""Points of the grid around each lightly damped mode, in units of its half width."""
+# Largest change of phase that delay and hold make between two points of the grid [rad].
 _TURN = 0.2
-"""Largest change of phase that delay and hold make between two points of the grid [rad]."""
+# Halvings of an interval that contains a crossing, which determine its frequency to the last bits.
 _HALVINGS = 60
-"""Halvings of an interval that holds a crossing: they fix its frequency to the last bits."""
 
 
 @jit
@@ -37,9 +37,9 @@ def _product(a, b):
 
 @jit
 def held_input(A, B, duration):
-    """Exact transition matrix of the state over ``duration`` [s], and the state that a held unit input adds, ``(n,)``.
+    """Exact transition matrix of the state over ``duration`` [s], and the state that a constant unit input adds.
 
-    Computed by scaling and squaring of the Taylor series.
+    Both are computed by scaling and squaring of the Taylor series.
     """
     n = A.shape[0]
     norm = 0.0
@@ -48,7 +48,7 @@ def held_input(A, B, duration):
         for j in range(n):
             row += abs(A[i, j]) * duration
         norm = max(norm, row)
-    # The norm is that of the dynamics alone: the input column may have any size.
+    # The norm is that of A only, because the input column may have any size.
     scale = 1.0
     halvings = 0
     while norm * scale > 0.5:
@@ -76,9 +76,9 @@ def held_input(A, B, duration):
 
 @jit
 def delayed_input(A, B, period, rest):
-    """Transition matrix of the state over a period [s], and what a unit newer and a unit older input add to the state.
+    """Transition matrix of the state over a period [s], and the states that a newer and an older unit input add.
 
-    The older input acts for the first ``rest`` seconds, the newer one for all others.
+    The older input acts during the first ``rest`` seconds of the period, the newer one after that.
     """
     late, newer = held_input(A, B, period - rest)
     older = np.zeros(len(B))
@@ -95,8 +95,8 @@ def delayed_input(A, B, period, rest):
 def loop_polynomials(transition, newer, older, C):
     """Denominator of the sampled system and its numerators for newer and older input, in falling powers of ``z - 1``.
 
-    By Faddeev and LeVerrier's method on the transition matrix minus one: near z = 1, where the crossings of low
-    frequency are, powers of z would cancel.
+    They are computed by the method of Faddeev and LeVerrier from the transition matrix minus one. Powers of z would
+    cancel near z = 1, where the crossings at low frequencies are.
     """
     n = transition.shape[0]
     step = transition.copy()
@@ -125,7 +125,7 @@ def loop_polynomials(transition, newer, older, C):
 
 @jit
 def inverse_loop(w, period, steps, direct_now, direct_before, denominator, of_newer, of_older):
-    """One over the sampled open loop at ``w`` [rad/s]; from ``steps`` on, the arguments are the parts of a loop."""
+    """One over the sampled open loop at ``w`` [rad/s]; the arguments from ``steps`` on are the parts of a ``loop``."""
     x = w * period
     delta = complex(-2.0 * np.sin(0.5 * x) ** 2, np.sin(x))
     back = complex(np.cos(x), -np.sin(x))
@@ -144,7 +144,7 @@ def inverse_loop(w, period, steps, direct_now, direct_before, denominator, of_ne
 
 @jit
 def gain_on_axis(w, period, loop, scaled, fixed):
-    """The gain g for which ``1 + (g scaled + fixed) L = 0``: complex, and real where the loop crosses.
+    """The complex gain g for which ``1 + (g scaled + fixed) L = 0``; it is real where the loop crosses the real axis.
 
     ``scaled`` and ``fixed`` are controllers, each given by its coefficients of ``1`` and of ``1/z``.
     """
@@ -158,8 +158,8 @@ def gain_on_axis(w, period, loop, scaled, fixed):
 def frequency_grid(low, period, delay, modes):
     """Increasing frequencies [rad/s] from ``low`` to just below the Nyquist frequency.
 
-    They are evenly spaced in logarithm, so dense that the delay turns the phase little between two of them, and denser
-    around each mode (frequency and half width, shape ``(m, 2)``).
+    Their logarithms are evenly spaced. More frequencies limit the change of phase by the delay between two of them, and
+    surround each mode (frequency and half width, shape ``(m, 2)``).
     """
     high = np.pi / period * (1.0 - 1e-9)
     low = min(low, 0.1 * high)
@@ -209,8 +209,8 @@ def crossings(grid, period, loop, scaled, fixed):
 def lowest_gain(low, modes, period, delay, loop, virtual_damping):
     """Critical stiffness and its frequency, as in `phantom_dyn.haptics.stability.critical_stiffness`.
 
-    No eigenvalues are needed to see whether soft walls are stable: damping at the lowest frequency must be positive,
-    and no limit of stability may lie between 0 and the virtual damping. The device must be stable by itself.
+    The device must be stable without a wall. Soft walls are stable if the damping at the lowest frequency is positive
+    and no limit of stability lies between 0 and the virtual damping, so that no eigenvalues are needed.
     """
     grid = frequency_grid(low, period, delay, modes)
     rate = virtual_damping / period
@@ -230,7 +230,7 @@ def lowest_gain(low, modes, period, delay, loop, virtual_damping):
 
 
 class MapDevices(NamedTuple):
-    """State spaces of the devices of a map, one for each damping, and their modes.
+    """State spaces and modes of the devices of a map, one for each damping.
 
     Attributes:
         A: State matrices, shape ``(i, n, n)``.

@@ -1,17 +1,17 @@
-r"""A held device as its force sensor sees it: from motor force to the hand's force, rigid or with a vibration.
+r"""Response of a force sensor between device and hand to the motor force, for a rigid device or one with a vibration.
 
-The sensor sits between hand and body. If the hand has the impedance :math:`Z_h` and does not push, the sensor reads
+The sensor is between hand and body. If the hand has the impedance :math:`Z_h` and does not push, the sensor reads
 :math:`F_u = -Z_h X_d`, and a motor force :math:`u` moves the body by
 
 .. math:: \frac{X_d}{U} = \frac{k_c + b_c s}{p_r (p_d + Z_h) - (k_c + b_c s)^2}
 
 for the two masses of `phantom_dyn.haptics.device.axis`, and by :math:`1 / (m s^2 + b s + k + Z_h)` for a rigid device.
-The motor acts on one mass and the sensor on the other. Beyond the resonance the phase of the loop is therefore lower by
-another 180 degrees than that of a rigid model. A first-order low pass follows, as in the sensor of the chapter, (31).
+The motor acts on one mass and the sensor on the other. So above the resonance the phase of the loop is lower by another
+180 degrees than that of a rigid model. The sensor has a first-order low pass, as in (31) of the chapter.
 
 References:
     Equations (18), (30) and (31) of [Gil]_ (`phantom_dyn.haptics.device.axis`). The chapter models the vibration for
-    walls (section 4) and mentions it for force feedforward (section 5.1) without equations, so these are derived.
+    walls (section 4). For force feedforward (section 5.1) it has no equations with vibration; these are derived here.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class HeldDevice:
     """Device, hand and force sensor as one system, from motor force to minus the reading.
 
     Attributes:
-        device: Rigid device, or one of two masses.
+        device: Rigid device, or a device with two masses.
         hand: The hand that holds it.
         cutoff: Cut-off of the sensor's first-order low pass [rad/s].
 
@@ -63,7 +63,7 @@ class HeldDevice:
 
     @property
     def state_space(self) -> StateSpace:
-        """States: those of the held device, and the reading divided by `force_unit`."""
+        """States: those of the held device, then the reading over `force_unit`."""
         mechanics = self.device.held_by(self.hand).state_space
         n = len(mechanics.B)
         force = self._hand_force(mechanics)
@@ -83,7 +83,7 @@ class HeldDevice:
 
     @property
     def push(self) -> Float[Array, " n"]:
-        """Derivative of the states under a unit force of the hand, shape ``(n,)``; the sensor reads part at once."""
+        """Derivative of the states under a unit force of the hand, shape ``(n,)``."""
         mechanics = self.device.held_by(self.hand).state_space
         pushed = np.zeros(len(mechanics.B) + 1)
         if isinstance(self.device, TwoMassAxis):
@@ -93,7 +93,7 @@ class HeldDevice:
         else:
             pushed[1] = mechanics.B[1]
             share = self.hand.mass * mechanics.B[1]
-        # The sensor reads F_h - m_h a - ...: the share of the hand's force that does not accelerate the hand itself.
+        # The sensor reads F_h - m_h a - ..., which is the part of the hand's force that does not accelerate the hand.
         pushed[-1] = self.cutoff * (1.0 - share) / self.force_unit
         return pushed
 
@@ -105,7 +105,7 @@ class HeldDevice:
         return row
 
     def _hand_force(self, mechanics: StateSpace) -> tuple[Array, float]:
-        """Reading before the low pass, minus Z_h x_d: row for the states, and factor of the motor force."""
+        """Reading before the low pass, ``-Z_h x_d``: row for the states, and factor of the motor force."""
         n = len(mechanics.B)
         place = np.zeros(n)
         place[1 if isinstance(self.device, TwoMassAxis) else 0] = 1.0
@@ -121,11 +121,12 @@ def felt_impedance(
 ) -> Complex[Array, " k"]:
     r"""Impedance of the device at the hand, force over position [N/m], shape ``(k,)``.
 
-    With :math:`G = K_f C(s)`, the motor force per force of the hand, it is :math:`(m s^2 + b s + k) / (1 + G)` for a
-    rigid device, and :math:`p / (p_r + (k_c + b_c s) G)` for two masses, which tends to the former for a stiff cable.
+    With the motor force per force of the hand, :math:`G = K_f C(s)`, the impedance is :math:`(m s^2 + b s + k) / (1 +
+    G)` for a rigid device. For two masses it is :math:`p / (p_r + (k_c + b_c s) G)`, which approaches that of a rigid
+    device for a stiff cable.
 
     Args:
-        device: Rigid device, or one of two masses, without a hand.
+        device: Rigid device, or a device with two masses, without a hand.
         helped: G at the frequencies, shape ``(k,)``, or one number for all.
         frequency: Frequencies [rad/s], shape ``(k,)``.
     """

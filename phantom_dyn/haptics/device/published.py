@@ -1,9 +1,10 @@
-r"""Haptic devices as published: LHIfAM with two cables, PHANToM 1.0, PHANToM 1.5.
+r"""Published parameters of haptic devices: LHIfAM with two cables, PHANToM 1.0, PHANToM 1.5.
 
-**LHIfAM and PHANToM 1.0** [Gil]_. Our copy of Table 2 has only motor damping and cable stiffness. Motor and body mass
-follow from total mass and resonance, (22), and the cable's damping from the distance Q = 78.16 dB of the peak, (23).
-The body's damping is missing; we take 3.4 N s/m. With any value from 3.14 to 7.71 N s/m the new cable has one crossing
-and the original cable its low one, as printed. These figures then differ from the printed ones:
+**LHIfAM and PHANToM 1.0** [Gil]_. Of Table 2 the available copy has only motor damping and cable stiffness. Motor and
+body mass follow from total mass and resonance, (22), and the damping of the cable from the distance Q = 78.16 dB of the
+peak, (23). The damping of the body is missing and assumed to be 3.4 N s/m. With any value from 3.14 to 7.71 N s/m the
+new cable has one crossing and the original cable its low crossing, as printed. These numbers differ from the printed
+ones:
 
 ======================================  ================  =============================================================
 figure                                  printed           computed
@@ -16,10 +17,10 @@ undelayed experiment, 250 us inherent   more than 7 dB    11.2 dB lower (76.56 d
 PHANToM, "60 Hz in Cavusoglu et al."    its first axis    60 Hz is the y axis of [Cavusoglu]_; its x axis is at 90 Hz
 ======================================  ================  =============================================================
 
-**PHANToM 1.5** [Cavusoglu]_, fits of section 4.3, position over force. Their units are not stated, and with no units of
-force and position do they agree with the dynamic model of the same source: their masses are 16.69, 15.96 and 8.78 g (in
-N and mm), those of the model 77.31, 52.49 and 32.25 g at the origin. The text mentions resonances that the fits do not
-have: x at 90 Hz (the fit peaks at 104.5 Hz), and y at 30, 125 and 250 Hz. The fits are kept as transfer functions,
+**PHANToM 1.5** [Cavusoglu]_, fits of section 4.3, position over force. The source does not state their units, and in no
+units they agree with the dynamic model of the same source: their masses are 16.69, 15.96 and 8.78 g (in N and mm), and
+those of the model 77.31, 52.49 and 32.25 g at the origin. The text mentions resonances that the fits do not have: x at
+90 Hz (the peak of the fit is at 104.5 Hz), and y at 30, 125 and 250 Hz. The fits are kept as transfer functions,
 because the masses, spring and damper that `two_mass_of_fit` derives from them contradict each other.
 
 References:
@@ -77,8 +78,8 @@ def phantom_1_0(cable_damping: float, body_damping: float = 0.0) -> TwoMassAxis:
     """First axis of the PHANToM 1.0, about its joint.
 
     Args:
-        cable_damping: Damping of the cable [N m s/rad], missing in our copy; tests use 0.001 to 0.008.
-        body_damping: Damping of the body [N m s/rad], missing as well.
+        cable_damping: Damping of the cable [N m s/rad], which the available copy lacks; tests use 0.001 to 0.008.
+        body_damping: Damping of the body [N m s/rad], which the available copy lacks.
     """
     motor, body = masses_from_resonance(PHANTOM_INERTIA, 18.13, PHANTOM_RESONANCE)
     return TwoMassAxis(motor, body, 0.0085, body_damping, 18.13, cable_damping)
@@ -98,14 +99,14 @@ PHANTOM_1_5_Z = _fit([1.0, 1248.0, 1.275e6, 3.243e8, 1.097e11], [5.953, 875.3, 9
 
 @dataclass(frozen=True)
 class FitReading:
-    """Masses, springs and dampers of a fit of the PHANToM 1.5, in its own unstated units.
+    """Masses, springs and dampers of a fit of the PHANToM 1.5, in its units, which are not stated.
 
     Attributes:
         motor_mass: m1.
         body_mass: m2.
         stiffness: k between them.
         mount_stiffness: k_t, stiffness of the spring in series; infinite in model (a).
-        dampings: b computed from each coefficient that contains it; for a true two-mass model all are equal.
+        dampings: b, computed from each coefficient that contains b; in a two-mass model all of these are equal.
     """
 
     motor_mass: float
@@ -130,7 +131,7 @@ def low_frequency_inertia(axis: TransferFunction) -> float:
 
 
 def two_mass_of_fit(axis: TransferFunction) -> FitReading:
-    r"""Parameters of model (a) or (b) from a fit. Its coefficients outnumber the unknowns and may disagree.
+    r"""Parameters of model (a) or (b) from a fit, which has more coefficients than unknowns.
 
     Model (a): :math:`(m_2 s^2 + b s + k) / (s^2 [m_1 m_2 s^2 + (m_1 + m_2)(b s + k)])`. Model (b) adds :math:`1/k_t`, a
     compliant mount.

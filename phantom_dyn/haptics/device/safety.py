@@ -23,13 +23,13 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.number_checks import require_numbers, require_positive
 
+# Relative tolerance of the waiting time: steps of a clock that add up to the limit have not passed it.
 _ROUNDING = 1e-9
-"""Relative tolerance of the time waited: a clock whose steps add up to the limit has not passed it."""
 
 
 @dataclass(frozen=True)
 class ThermalMotor:
-    """A motor that its winding warms.
+    """A motor that is warmed by its winding.
 
     Attributes:
         resistance: Resistance of the winding [ohm].
@@ -37,7 +37,7 @@ class ThermalMotor:
         time_constant: Thermal time constant [s].
 
     Raises:
-        ParameterError: If one is not above 0.
+        ParameterError: If a value is not above 0.
     """
 
     resistance: float
@@ -52,11 +52,11 @@ class ThermalMotor:
         )
 
     def steady_rise(self, current: float) -> float:
-        """Temperature rise at which a current [A] ends [K]: R_th R i^2."""
+        """Final temperature rise [K] under a constant current [A]: R_th R i^2."""
         return self.thermal_resistance * self.resistance * current**2
 
     def rise_after(self, rise: float, current: float, dt: float) -> float:
-        """Temperature rise [K] after a current [A] was held for ``dt`` [s], starting from ``rise`` [K]."""
+        """Temperature rise [K] after a constant current [A] for ``dt`` [s], starting from ``rise`` [K]."""
         kept = math.exp(-dt / self.time_constant)
         return rise * kept + self.steady_rise(current) * -math.expm1(-dt / self.time_constant)
 
@@ -164,7 +164,7 @@ def guarded(guard: Guard, state: GuardState, dt: float, command: float | None) -
 
 
 def run_guard(guard: Guard, dt: float, commands: Float[Array, " N"]) -> GuardTrace:
-    """A driver over cycles of ``dt`` [s], armed and cold at first.
+    """A driver over cycles of ``dt`` [s], armed and cold at the start.
 
     Args:
         guard: Limits of the driver.

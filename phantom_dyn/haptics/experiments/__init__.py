@@ -1,1 +1,1 @@
-"""Experiments that identify a device: relay, white noise, and the two-mass model that fits a response."""
+"""Experiments that identify a device: relay, white noise, swept sine, and a fit of the two-mass model to a response."""

@@ -1,12 +1,13 @@
-r"""Empirical transfer function of a device with its coherence, and the two-mass model that fits it.
+r"""Estimates the frequency response of a device with its coherence, and fits the two-mass model to the response.
 
-The position of a device that floats freely drifts, and the spectrum of a drift is dominated by the difference of its
-ends. Spectra are therefore taken of the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not drift. At
-every frequency it is :math:`-4 \sin^2(\omega T/2)` times the position, without lag; this factor is divided out.
+The position of a free device drifts, and the spectrum of a drift depends mainly on the difference between its ends. So
+spectra are those of the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not drift. At every frequency
+the second difference is :math:`-4 \sin^2(\omega T/2)` times the position, without lag; the result is divided by this
+factor.
 
 The six parameters of the model are estimated with their covariance. The measured response is compared with that of the
-*sampled* model, hold and delay included, so that neither biases the fit. Each frequency is weighted by its coherence.
-Resonance and anti-resonance follow with their standard deviations.
+*sampled* model with hold and delay, so that these do not bias the fit. The weight of a frequency follows from its
+coherence. Resonance and anti-resonance follow with their standard deviations.
 
 References:
     Section 4.2 of [Gil]_ (`phantom_dyn.haptics.device.axis`): white noise, empirical transfer function, least squares
@@ -28,14 +29,14 @@ from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.number_checks import require_columns, require_positive
 from phantom_dyn.signals.spectra import cross_density, power_density
 
+# Variance of a mean over half-overlapping Hann windows, over that of independent ones: neighbours correlate by 1/6.
 _OVERLAP = 1.0 + 2.0 / 36.0
-"""Variance of a mean over half-overlapping Hann windows, relative to independent ones: neighbours correlate by 1/6."""
+# How often neighbouring frequencies use the same data under a Hann window, whose lines correlate by 2/3 and 1/6.
 _SHARED = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
-"""How often neighbouring frequencies use the same data under a Hann window: correlations 2/3 and 1/6, squared."""
 MOST_COHERENT = 1.0 - 1e-9
 """Upper limit of the coherence: at one, the standard deviation of the response would be zero."""
+# Standard normal quantile of a two-sided interval of 95 %.
 _QUANTILE_95 = 1.959963984540054
-"""Standard normal quantile of a two-sided interval of 95 %."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ def estimate_frequency_response(
             times as long as the slowest vibration lasts. More and shorter segments give less scatter.
 
     Returns:
-        Frequencies from the third line on (force and leakage share the first two) to below the Nyquist frequency.
+        Response at the lines from the third one (leakage disturbs the first two) to below the Nyquist frequency.
 
     Raises:
         ParameterError: If the recording is shorter than two segments, a segment has fewer than 16 samples, or force or
@@ -117,7 +118,7 @@ def estimate_frequency_response(
     second = position[2:] - 2.0 * position[1:-1] + position[:-2]
     if not second.any():
         raise ParameterError("The position never answers the force: record the device while it is free to move.")
-    # Both are scaled by their largest value, as squares of very small numbers would be zero.
+    # Both are scaled by their largest value, because squares of very small numbers would be zero.
     largest, strongest = float(np.abs(second).max()), float(np.abs(force).max())
     second, driven = second / largest, force[1:-1] / strongest
     rate = 1.0 / period
@@ -137,18 +138,18 @@ def estimate_frequency_response(
 NAMES = ("motor_mass", "body_mass", "motor_damping", "body_damping", "cable_stiffness", "cable_damping")
 """The six parameters in the order of the arrays, named as the fields of `TwoMassAxis`."""
 
+# Masses and stiffness are fitted as logarithms, and dampings directly, because a damping may be zero.
 _IN_LOG = np.array([True, True, False, False, True, False])
-"""Masses and stiffness are fitted as logarithms, dampings directly, as one of them may well be zero."""
+# Smallest coherence of a frequency that is used in the first stage of the fit.
 _LEAST_COHERENCE = 0.3
-"""Least coherence of a frequency that is used in the first stage of the fit."""
+# Number of frequencies on either side over which deviations are averaged.
 _NEIGHBOURS = 7
-"""Number of frequencies on either side over which deviations are averaged."""
+# Damping ratios of the cable from which the search starts.
 _STARTS = (0.01, 0.05, 0.2)
-"""Damping ratios of the cable from which the search starts."""
+# Mean square of the residuals in standard deviations above which the model does not fit the data.
 _MISFIT = 4.0
-"""Mean square of the residuals in standard deviations above which the model does not fit the data."""
+# Smallest ratio of both masses and the stiffness to their standard deviations with which a second mass is certain.
 _SURE = 3.0
-"""Smallest ratio of both masses and the stiffness to their standard deviations with which a second mass is certain."""
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def fit_two_mass(response: FrequencyResponse, *, delay: float = 0.0) -> TwoMassF
         delay: Delay of the loop in addition to the hold [s].
 
     Raises:
-        EstimationError: If no two-mass model fits, because the band shows no vibration or the device is another one.
+        EstimationError: If the band shows no vibration, or the device has another structure.
     """
 
     def model(axis: TwoMassAxis, w: Float[Array, " k"]) -> Complex[Array, " k"]:
@@ -241,7 +242,7 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
         )
     w, measured = response.frequency, response.response
     weight = 1.0 / response.deviation[good]
-    # Deviations estimated from few data are too small where noise happens to be: neighbours are averaged.
+    # Deviations that are estimated from few data vary by chance, so that neighbours are averaged.
     error = np.sqrt(_running_mean((response.deviation * np.abs(measured)) ** 2))
     lower = np.where(_IN_LOG, -np.inf, 0.0)
     best: _Found | None = None
@@ -260,7 +261,8 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
             difference = (measured - model(axis_of(x), w)) / error
             return np.concatenate([np.real(difference), np.imag(difference)])
 
-        # Ratios converge from afar; differences end without bias, as their errors do not depend on the measured value.
+        # Ratios converge from a poor start. Differences have no bias, because their errors do not depend on the
+        # measured value.
         x = np.where(_IN_LOG, np.log(start), 1.0)
         near = least_squares(by_ratio, x, bounds=(lower, np.inf), loss="soft_l1", f_scale=3.0, max_nfev=60)
         found = least_squares(by_difference, near.x, bounds=(lower, np.inf), max_nfev=100)
@@ -310,7 +312,7 @@ def _start(response: FrequencyResponse, good: Array, damping: float) -> Float[Ar
     w = response.frequency[good]
     size = np.abs(response.response[good]) * w**2
     smooth = np.exp(np.convolve(np.pad(np.log(size), 2, mode="edge"), np.ones(5) / 5, mode="valid"))
-    # The peak that rises highest above the lowest point before it.
+    # The peak is the point that is highest relative to the lowest point before it.
     drop = np.log(smooth) - np.minimum.accumulate(np.log(smooth))
     top = int(np.argmax(drop))
     dip = int(np.argmin(smooth[: top + 1]))

@@ -1,15 +1,15 @@
 r"""White-noise and swept-sine experiments on a device, for its frequency response and coherence.
 
-**White noise**: the device is driven by noise, and its position is read.
+**White noise**: the force is noise, and the position is recorded.
 
-**Swept sine**: the response is taken from whole periods of a repeated sweep. The force is a sine whose frequency rises,
-:math:`f(t) = f_1 (f_2/f_1)^{t/P}` over a period P, and starts again. All of its power lies between f1 and f2, with a
-crest factor of :math:`\sqrt 2`. White noise with the same greatest force has a third of the standard deviation and
-spreads it up to the Nyquist frequency. As the sweep is periodic, its spectrum has no leakage: no window is needed, and
-each line has its own data. What differs between periods is noise, and gives the coherence.
+**Swept sine**: the force is a sine whose frequency rises over a period P, :math:`f(t) = f_1 (f_2/f_1)^{t/P}`, and
+starts again. All of its power is between f1 and f2, and its crest factor is :math:`\sqrt 2`. White noise with the same
+greatest force has a third of the standard deviation, and its power extends to the Nyquist frequency. The sweep is
+periodic, so that its spectrum has no leakage, needs no window, and has independent lines. Differences between periods
+are noise, from which the coherence follows.
 
-As in `phantom_dyn.haptics.experiments.frequency_response`, the second difference of the position is taken, since a
-device that floats freely drifts. The first period, in which the vibration builds up, is left out.
+As in `phantom_dyn.haptics.experiments.frequency_response`, the second difference of the position is used, because a
+free device drifts. The first period, in which the vibration builds up, is left out.
 
 References:
     A. Farina, Simultaneous measurement of impulse response and distortion with a swept-sine technique, 108th AES
@@ -72,7 +72,7 @@ def simulate_white_noise(
     duration: float,
     rng: np.random.Generator,
 ) -> WhiteNoiseExperiment:
-    """Simulation of a device at rest that is driven by white noise behind hold and delay, and read with noise.
+    """Simulated experiment: white noise drives a device at rest behind hold and delay; readings have noise.
 
     Args:
         axis: Model of the device.
@@ -81,7 +81,7 @@ def simulate_white_noise(
         force: Standard deviation of the force [N or N m].
         position_noise: Standard deviation of the reading [m or rad].
         duration: Duration of the experiment [s].
-        rng: Draws force and noise.
+        rng: Generator of force and noise.
 
     Raises:
         ParameterError: If a deviation is negative, or period or duration are not positive.
@@ -150,7 +150,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class SweptSineExperiment(ReadOnlyArrays):
-    """Recorded force and position of a repeated sweep, the first period included.
+    """Recorded force and position of a repeated sweep, including the first period.
 
     Attributes:
         period: Sampling period [s].
@@ -180,7 +180,7 @@ def simulate_swept_sine(
     position_noise: float,
     rng: np.random.Generator,
 ) -> SweptSineExperiment:
-    """Simulation of a device at rest that is driven by a repeated sweep behind hold and delay, and read with noise.
+    """Simulated experiment: a repeated sweep drives a device at rest behind hold and delay; readings have noise.
 
     Args:
         axis: Model of the device.
@@ -189,7 +189,7 @@ def simulate_swept_sine(
         delay: Delay of the loop in addition to the hold [s].
         force: Greatest force [N or N m].
         position_noise: Standard deviation of the reading [m or rad].
-        rng: Draws the noise.
+        rng: Generator of the noise.
 
     Raises:
         ParameterError: If force or noise is negative, or the sweep is too fast for the sampling.
@@ -206,8 +206,8 @@ def response_of_periods(
 ) -> FrequencyResponse:
     r"""Frequency response from the last ``periods`` of ``periods + 1`` equal periods of force and position.
 
-    With :math:`U_i, Y_i` the spectra of period i, the response is :math:`H = \sum Y_i \bar U_i / \sum |U_i|^2` and the
-    coherence :math:`|\sum Y_i \bar U_i|^2 / (\sum |U_i|^2 \sum |Y_i|^2)`.
+    With the spectra :math:`U_i, Y_i` of period i, the response is :math:`H = \sum Y_i \bar U_i / \sum |U_i|^2` and the
+    coherence is :math:`|\sum Y_i \bar U_i|^2 / (\sum |U_i|^2 \sum |Y_i|^2)`.
 
     Args:
         force: Force [N or N m], shape ``(N,)``.
@@ -232,7 +232,7 @@ def response_of_periods(
             f"{len(force)} samples were given for {periods} periods and one before them: give {periods + 1} periods of "
             "equal length, at least 16 samples each."
         )
-    # The periods begin one sample early, so that each second difference in them has both neighbours.
+    # Periods start one sample earlier, so that each second difference has both neighbours.
     now = slice(length - 1, len(force) - 1)
     bent = position[length:] - 2.0 * position[now] + position[length - 2 : -2]
     drive, answer = (np.fft.rfft(part.reshape(periods, length), axis=1) for part in (force[now], bent))
@@ -248,6 +248,6 @@ def response_of_periods(
     w, given, got, cross = w[driven], given[driven], got[driven], cross[driven]
     response = cross / given / (-4.0 * np.sin(0.5 * w * period) ** 2)
     coherence = np.clip(np.abs(cross) ** 2 / (given * got), 0.0, MOST_COHERENT)
-    # The mean over n periods, with which each is compared, leaves n - 1 degrees of freedom.
+    # Each of n periods is compared with their mean, which leaves n - 1 degrees of freedom.
     scatter = (1.0 - coherence) / coherence / (2.0 * (periods - 1))
     return FrequencyResponse(period, w, response, coherence, np.sqrt(scatter), float(periods), 1.0)

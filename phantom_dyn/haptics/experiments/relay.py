@@ -1,13 +1,13 @@
 r"""Relay experiment: critical stiffness from the oscillation of a device under an on-off force.
 
 A relay :math:`u = -F\,\mathrm{sign}(x)` makes the device swing about zero at a frequency where the phase of the loop is
--180 degrees. There the quotient of the first harmonics of force and position is the critical stiffness (Astrom and
-Hagglund, 1995). A device with a vibration has several such frequencies, and **two limit cycles coexist**: a small start
-ends in that of the vibration, a large one in that of the rigid device. Which one is seen depends on the start.
+-180 degrees. At this frequency the first harmonic of the force over that of the position is the critical stiffness
+(Astrom and Hagglund, 1995). A device with a vibration has several such frequencies, and **two limit cycles coexist**:
+from a small initial displacement it reaches that of the vibration, from a large one that of the rigid device.
 
-The relay is sampled: it notices a zero crossing up to one period late, on average half a period. With little delay this
-shows at the vibration's frequency, but not at a few hertz. The steps of a device behind hold and delay are compiled,
-and not annotated, as numba compiles for the types that arrive.
+The relay is sampled, so that it notices a zero crossing up to one period late, on average half a period. If the delay
+is short, this changes the result at the frequency of the vibration, but not at a few hertz. The compiled functions have
+no annotations, because numba compiles them for the types of their arguments.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.number_checks import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.signals.spectra import cross_density, power_density
 
+# Share of the recording, from its start, that is left out because the oscillation has not settled.
 _SETTLING = 0.4
-"""Share of the recording that is left out because the oscillation has not settled."""
+# Samples of the longest segment of a spectrum.
 _SEGMENT = 8192
-"""Samples of the longest segment of a spectrum."""
+# Bins on either side of a peak that belong to it under a Hann window.
 _REACH = 2
-"""Bins on either side of a peak that belong to it under a Hann window."""
+# Smallest number of samples of an experiment, and of its part after settling.
 _LEAST_SAMPLES, _LEAST_LEFT = 100, 64
-"""Least number of samples of an experiment, and of its part after settling."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class LimitCycle(ReadOnlyArrays):
     """The steady oscillation of a relay experiment.
 
     Attributes:
-        frequency: Frequency of the greatest peak of the position's spectrum [rad/s].
+        frequency: Frequency of the largest peak in the spectrum of the position [rad/s].
         stiffness: First harmonic of force over that of position: the critical stiffness [N/m or N m/rad].
         amplitude: First harmonic of the position [m or rad].
         frequencies: Frequencies of the spectra [rad/s], shape ``(k,)``.
@@ -74,21 +74,21 @@ class LimitCycle(ReadOnlyArrays):
 
     @property
     def decibels(self) -> float:
-        """The stiffness as a gain margin [dB]."""
+        """Stiffness as a gain margin [dB]."""
         return 20.0 * math.log10(self.stiffness)
 
 
 def simulate_relay(
     axis: RigidAxis | TwoMassAxis, *, period: float, delay: float = 0.0, force: float, start: float, duration: float
 ) -> RelayExperiment:
-    """Simulation of a device under an ideal sampled relay behind hold and delay, released at rest.
+    """Simulated experiment: an ideal sampled relay drives a device behind hold and delay, which is released at rest.
 
     Args:
         axis: Model of the device.
         period: Sampling period [s].
         delay: Delay of the loop in addition to the hold [s].
         force: Force of the relay [N or N m]; it is negative at position zero.
-        start: Position at which the device is released [m or rad]. It decides which limit cycle is reached.
+        start: Position at which the device is released [m or rad], on which the limit cycle depends.
         duration: Duration of the experiment [s].
 
     Raises:
@@ -110,8 +110,8 @@ def simulate_relay(
 def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     """Frequency and critical stiffness of a relay experiment, from the averaged spectra of its later part.
 
-    As in the chapter the frequency is that of the greatest peak, here interpolated between bins by the centre of the
-    peak. The stiffness is the inverse of the empirical transfer function there.
+    As in the chapter, the frequency is that of the largest peak; here it is the centre of the peak, between bins. The
+    stiffness is the inverse of the empirical transfer function at the peak.
 
     Raises:
         ParameterError: If fewer than 64 samples are left after the device has settled, the relay does not switch any
@@ -135,7 +135,7 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     at = 1 + int(np.argmax(density[1:]))
     peak = slice(max(at - _REACH, 1), at + _REACH + 1)
     frequency = float(np.sum(f[peak] * density[peak]) / np.sum(density[peak]))
-    # The noise of force and position is not correlated: power of the force over the cross power of both.
+    # Noise of force and position is not correlated, so that power of the force over cross power is not biased.
     stiffness = float(np.sum(force_density[peak]) / np.abs(np.sum(cross[peak])))
     amplitude = float(np.sqrt(2.0 * np.sum(density[peak]) * (f[1] - f[0])))
     return LimitCycle(2 * np.pi * frequency, stiffness, amplitude, 2 * np.pi * f, density)
@@ -143,7 +143,7 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
 
 @jit
 def relay_loop(transition, newer, older, C, steps, state, force, count):
-    """Forces that a relay gives and positions that are read, starting at rest in ``state``."""
+    """Forces of a relay and positions of the device, which starts at rest in ``state``."""
     given = np.zeros(count)
     position = np.zeros(count)
     x = state.copy()
@@ -158,7 +158,7 @@ def relay_loop(transition, newer, older, C, steps, state, force, count):
 
 @jit
 def held_forces(transition, newer, older, C, steps, state, forces):
-    """Positions that are read while forces, held and delayed, act one after the other."""
+    """Positions of a device under a sequence of held and delayed forces."""
     position = np.zeros(len(forces))
     x = state.copy()
     following = np.zeros(len(state))

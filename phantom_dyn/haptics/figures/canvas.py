@@ -1,4 +1,4 @@
-"""Parts shared by all figures of haptics: colours for colour-blind readers, panels, frequency axes, legends, units."""
+"""Parts that all figures of haptics share: colours for colour-blind readers, panels, frequency axes, legends, units."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from phantom_dyn.array_types import Array
 
 Place = Literal["best", "upper left", "upper right", "lower left", "lower right", "center left"]
 
-# Colours of Okabe and Ito, and a wine red of Tol. Markers distinguish the curves without colour as well.
+# Colours of Okabe and Ito, and a wine red of Tol. Markers distinguish the curves for readers who see no colours.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-# Line styles have one meaning in all figures; a result is solid.
+# Line styles have the same meaning in all figures; results are solid lines.
 IDEAL = "--"
-"""An approximation, an ideal, a plan or an asymptote."""
+"""Line style of an approximation, an ideal, a plan or an asymptote."""
 MARK = ":"
-"""A level or an instant that is marked, such as a limit or a published value."""
+"""Line style that marks a level or an instant, such as a limit or a published value."""
 GREY = "#666666"
 PALE = "#56B4E940"
 _TITLE, _WIDTH = 11, 8.5
@@ -46,7 +46,7 @@ def panels(
         width: Width of the figure [inch].
         height: Height of a row [inch].
         ratios: Relative heights of the rows.
-        together: True if all panels of a column share one abscissa.
+        together: True if all panels of a column share their x axis.
     """
     out = Figure(figsize=(width, 0.8 + height * rows), dpi=110, layout="constrained")
     share = "col" if together else False
@@ -70,7 +70,7 @@ def frequency_axis(top: Axes, bottom: Axes) -> None:
 
 
 def shade(ax: Axes, x: Array, where: Array, label: str) -> None:
-    """Pale background over the abscissas at which a condition holds."""
+    """Add a pale background where a condition holds."""
     ax.fill_between(x, 0, 1, where=where.tolist(), transform=ax.get_xaxis_transform(), color=PALE, lw=0, label=label)
 
 

@@ -1,4 +1,4 @@
-"""Figures of a device's electronics (links, encoders, brushes, velocity estimators, heat, safety) and experiments."""
+"""Figures of a haptic device: lossy links, encoders, brushes, velocity estimators, heat, safety, and experiments."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ def lossy_link_figure(
     *,
     name: str,
 ) -> Figure:
-    """Largest stable force gain over the share of lost samples, and what the sensor's noise does to motor and hand.
+    """Largest stable force gain over the share of lost samples, and motion of motor and hand by the sensor's noise.
 
     Args:
         loss: Share of samples that are lost, shape ``(k,)``.
-        limits: Results of `critical_feedforward_of_link`, one for each loss, by the name of the device.
-        felt: Results of `noise_felt`, one for each loss, by the name of the gain.
-        name: Device and noise, for the title.
+        limits: Results of `critical_feedforward_of_link`, one for each loss; keys are names of devices.
+        felt: Results of `noise_felt`, one for each loss; keys are names of gains.
+        name: Names of device and noise for the title.
     """
     title = f"{name}: force feedforward over a link that loses samples"
     out, ((gain,), (motor,), (hand,)) = panels(3, title=title, together=True, height=2.3)
@@ -77,7 +77,7 @@ def sinusoidal_encoder_figure(encoders: Mapping[str, SinusoidalEncoder], *, spee
     """Errors of position within a line of sinusoidal encoders, and the ripple of velocity that they cause.
 
     Args:
-        encoders: Encoders of one pitch, by the name of their signal error.
+        encoders: Encoders with the same pitch; keys are names of their signal errors.
         speed: Speed at which the ripple is drawn [m/s].
     """
     pitch = next(iter(encoders.values())).pitch
@@ -102,7 +102,7 @@ def sinusoidal_encoder_figure(encoders: Mapping[str, SinusoidalEncoder], *, spee
 
 
 def commutation_figure(motor: BrushMotor, *, voltage: float, speeds: Sequence[float]) -> Figure:
-    """Torque of a brush motor under a held voltage over the angle of its rotor, beside that of a held current.
+    """Torque of a brush motor over the angle of its rotor, under a constant voltage and under a constant current.
 
     Args:
         motor: The motor.
@@ -126,7 +126,7 @@ def commutation_figure(motor: BrushMotor, *, voltage: float, speeds: Sequence[fl
 
 
 def safety_figure(guard: Guard, dt: float, asked: Float[Array, " N"], trace: GuardTrace) -> Figure:
-    """Commands that a driver lets through, and the temperature of its motor.
+    """Forces that a driver lets through, and the temperature of its motor.
 
     Args:
         guard: Limits of the driver.
@@ -151,17 +151,17 @@ def safety_figure(guard: Guard, dt: float, asked: Float[Array, " N"], trace: Gua
     return out
 
 
+# Durations at the end of the accelerated and of the steady motion that the traces show [s].
 _SHOWN, _SHOWN_STEADY = 0.1, 0.04
-"""Ends of the accelerated and of the steady motion that the traces show [s]."""
+# Time after which the published rises of the casing were measured [s].
 _PUBLISHED_AFTER = 600.0
-"""Time after which the published rises of the casing were measured [s]."""
 
 
 def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure:
-    """Positions and commanded forces of loops in time, one row each: a wall, a damper or two devices tied together.
+    """Positions and commanded forces of loops over time, one row each: a wall, a damper or two coupled devices.
 
     Args:
-        traces: Loops by the name of their setting, such as the gain.
+        traces: Loops; keys are names of their settings, such as the gain.
         title: Title of the figure.
     """
     out, rows = panels(len(traces), 2, title=title, width=11, height=2.2)
@@ -186,7 +186,7 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     """Lag and granularity of velocity estimators, and their estimates of an accelerated and of a steady motion.
 
     Args:
-        estimators: Results of `estimator_figures` for one motion, by the estimator's name; at most seven.
+        estimators: Results of `estimator_figures` for one motion, at most seven; keys are names of estimators.
     """
     title = "Velocity estimators: what is fine is late, unless the time between edges or the acceleration is measured"
     out, ((lag, grain), (fast, steady)) = panels(2, 2, title=title, width=12, height=3.4)
@@ -209,7 +209,7 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     fast.plot(first.t[late], 1e3 * first.velocity[late], color="black", lw=1, label="true")
     steady.axhline(1e3 * first.velocity[0], color="black", lw=1, label="true")
     for k, (name, one) in enumerate(estimators.items()):
-        # The coarsest would fill the panels with vertical lines; its bar shows its granularity.
+        # The coarsest estimate would fill the panels with vertical lines; its bar shows its granularity.
         if one.granularity == max(other.granularity for other in found) and len(found) > 1:
             continue
         look = {"color": COLORS[k], "lw": 1.3, "label": name, "drawstyle": "steps-post", "zorder": 2}
@@ -232,11 +232,11 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
 
 
 def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) -> Figure:
-    """Current of a motor under pulses, its heat beside that of a linear drive, and how the motor warms up.
+    """Current of a motor under pulses, its heat under pulses and under a linear drive, and its temperature rise.
 
     Args:
-        switched: Steady currents at one duty cycle, by the name of the winding.
-        warm: Temperature rise under both drives, drawn beside the published rises after ten minutes.
+        switched: Steady currents at one duty cycle; keys are names of windings.
+        warm: Temperature rise under both drives, drawn with the published rises after ten minutes.
     """
     title = "Pulses heat a motor more than a linear drive of the same mean current, unless its winding is slow"
     out, ((current, heat, rise),) = panels(1, 3, title=title, width=13, height=3.6)
@@ -273,15 +273,15 @@ def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) ->
     return out
 
 
+# Number of cycles of the oscillation in a time trace and a phase plane.
 _CYCLES = 5
-"""Number of cycles of the oscillation in a time trace and a phase plane."""
 
 
 def limit_cycles_figure(runs: Mapping[str, tuple[RelayExperiment, LimitCycle]], *, name: str) -> Figure:
-    """Relay experiments below each other: the last cycles in time and in the phase plane, and the spectrum.
+    """Relay experiments, one row each: the last cycles over time and in the phase plane, and the spectrum.
 
     Args:
-        runs: Experiment and its limit cycle, by the name of the start.
+        runs: Experiments and their limit cycles; keys are names of the starts.
         name: Name of the device, for the title.
     """
     title = f"{name} under a relay: the start decides which oscillation lasts"
@@ -320,7 +320,7 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white 
         fit: Result of `fit_two_mass`.
         name: Name of the device, for the title.
         experiment: Name of the experiment, for the title.
-        rotary: True if the axis turns, for the units.
+        rotary: True if the axis is rotary, which changes the units.
     """
     mass, stiffness = ("kg m²", "N m/rad") if rotary else ("kg", "N/m")
     (high, high_error), (low, low_error) = fit.resonance, fit.anti_resonance
@@ -336,7 +336,7 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white 
     gain.fill_between(w, *measured.interval, color=PALE, lw=0, label="95 % of the measured")
     gain.plot(w, measured.decibels, ".", color=COLORS[0], ms=2.5, label="measured", gid="measured")
     gain.plot(w, 20 * np.log10(np.abs(fit.model)), color=COLORS[1], lw=1.4, label="two-mass model", gid="model")
-    # The measured phase is drawn as that of the model plus their difference, as it would jump between -pi and pi.
+    # The measured phase would jump between -pi and pi; it is drawn as the model's phase plus the difference.
     smooth = np.unwrap(np.angle(fit.model))
     smooth -= 2 * np.pi * np.round((smooth[0] + 0.75 * np.pi) / (2 * np.pi))
     apart = np.angle(measured.response / fit.model)

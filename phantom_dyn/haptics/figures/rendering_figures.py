@@ -1,4 +1,4 @@
-"""Figures of forces that a hand feels over time: friction that sticks, play, a cheap axis, a biped's margin."""
+"""Figures of what a hand feels over time: friction that sticks, play, a cheap axis, the margin of a biped's walk."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], rendered: Rend
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
         rendered: Rendered signals.
-        axis: The cheap axis; its friction gives the levels that are drawn.
+        axis: The cheap axis, whose friction levels are drawn.
     """
     title = "Friction that sticks: it drops, grows while the hand creeps, turns with it, and slips again"
     figure, ((place,), (force,), (speed,)) = panels(3, title=title, together=True, height=2.2, width=10)
@@ -79,12 +79,12 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], rendered: Rend
 def cheap_axis_figure(
     t: Float[Array, " N"], x: Float[Array, " N"], asked: Float[Array, " N"], rendered: Rendered, axis: CheapAxis
 ) -> Figure:
-    """All errors of a cheap axis together: force that the virtual environment asks for, and force on the hand.
+    """All defects of a cheap axis together: force that the virtual environment commands, and force on the hand.
 
     Args:
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
-        asked: Force that was asked for [N], shape ``(N,)``.
+        asked: Commanded force [N], shape ``(N,)``.
         rendered: Rendered signals.
         axis: The cheap axis.
     """
@@ -115,7 +115,7 @@ def cheap_axis_figure(
 
 
 def walk_figure(reference: WalkingReference, *, silent_above: float) -> Figure:
-    """Zero moment point in the support polygons, and its margin as the hand feels it.
+    """Zero moment point in the support polygons, its margin, and the signal by which the hand feels the margin.
 
     Args:
         reference: The walk.

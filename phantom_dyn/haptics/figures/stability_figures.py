@@ -1,4 +1,4 @@
-"""Stability of a device in a sampled loop: Bode diagram with margins, maps of critical stiffness, force feedforward."""
+"""Figures of stability in a sampled loop: Bode diagram with margins, maps of critical stiffness, force feedforward."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from phantom_dyn.haptics.stability.critical_stiffness import CriticalStiffness, 
 from phantom_dyn.haptics.stability.force_feedforward import Transparency
 from phantom_dyn.haptics.stability.sampled_loop import CriticalGain
 
+# Axes of a stability map.
 _AXES = ("damping", "virtual_damping", "delay", "period")
-"""Axes of a stability map."""
 
 
 def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Figure:
@@ -37,7 +37,7 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Fi
     Args:
         bode: Result of `loop_bode`.
         name: Name of the device, for the title.
-        stiffness: Stiffness of the wall [N/m]; with 1 the gain margin in decibels is the critical stiffness.
+        stiffness: Stiffness of the wall [N/m]; with 1, the gain margin is the critical stiffness in decibels.
     """
     title = f"{name}, with a virtual wall of {stiffness:g} N/m\n{_verdict(bode.margin)}"
     out, ((gain,), (phase,)) = panels(2, title=title, together=True, height=3.0)
@@ -78,9 +78,9 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Fi
 
 
 def phase_margins(bode: LoopBode, stiffness: float) -> Float[Array, "c 2"]:
-    """Phase margins of the loop with a wall: frequencies of gain one [rad/s] and margins [rad] in (-pi, pi].
+    """Frequencies at which the gain of the loop with a wall is one [rad/s], and phase margins [rad] in (-pi, pi].
 
-    Between two frequencies of the diagram, gain and phase are interpolated linearly over log frequency.
+    Between two frequencies of the diagram, gain and phase are interpolated linearly over the logarithm of frequency.
 
     Args:
         bode: The loop of the device.
@@ -101,7 +101,7 @@ def phase_margins(bode: LoopBode, stiffness: float) -> Float[Array, "c 2"]:
 
 
 def critical_stiffness_figure(found: StabilityMap, *, name: str) -> Figure:
-    """Critical stiffness and frequency of the oscillation beyond it, over two quantities; white means none is stable.
+    """Critical stiffness, and frequency of the oscillation beyond it, over two quantities; white: no stable wall.
 
     Args:
         found: A map in which exactly two axes have more than one value.
@@ -114,14 +114,14 @@ def critical_stiffness_figure(found: StabilityMap, *, name: str) -> Figure:
     fixed = ", ".join(_fixed(found, axis) for axis in _AXES if axis not in (up, across))
     title = f"{name}: stiffest stable virtual wall, and frequency of the oscillation beyond it\n{fixed}"
     out, ((left, right),) = panels(1, 2, title=title, width=11, height=4.2)
-    # Only the axes that vary are left, in the order of the fields.
+    # Only the two axes that vary remain, in the order of `_AXES`.
     stiffness, frequency = (values.squeeze() for values in (found.stiffness, found.frequency))
     for ax, values, colors, label in (
         (left, stiffness, "viridis", "critical stiffness [N/m]"),
         (right, frequency / (2 * np.pi), "cividis", "frequency of the oscillation [Hz]"),
     ):
         place = (_shown(found, across), _shown(found, up))
-        # The frequency jumps where another oscillation takes over: contour lines would pile up there.
+        # The frequency jumps where the first unstable oscillation changes, so that its contour lines would coincide.
         _coloured(out, ax, place, values, colors, label, lines=ax is left)
         ax.set_xlabel(_label(across))
         ax.set_ylabel(_label(up))
@@ -129,10 +129,10 @@ def critical_stiffness_figure(found: StabilityMap, *, name: str) -> Figure:
 
 
 def linear_condition_figure(found: StabilityMap, *, name: str) -> Figure:
-    """Exact critical stiffness beside that of the linear condition, and the ratio of both.
+    """Exact critical stiffness, that of the linear condition, and the ratio of both.
 
     Args:
-        found: A map along one axis, or along two. Of two, each value of the shorter one makes a curve.
+        found: A map in which one or two axes vary; if two vary, each value of the shorter one has a curve.
         name: Name of the device, for the title.
 
     Raises:
@@ -176,7 +176,7 @@ def transparency_figure(results: Mapping[float, Transparency], *, name: str, fil
     """Bode diagram of a device in a hand with force feedforward, and the inertia that the hand feels.
 
     Args:
-        results: Results of `transparency`, by force gain.
+        results: Results of `transparency`; keys are force gains.
         name: Name of the device, for the title.
         filtered: Filters in the loop, for the title.
     """
@@ -190,7 +190,7 @@ def transparency_figure(results: Mapping[float, Transparency], *, name: str, fil
         felt = f"{label}: {result.apparent_inertia[0]:.2g} kg at low frequency"
         inertia.plot(w, result.apparent_inertia, color=color, label=felt, gid=f"{label}, inertia")
     inertia.axhline(0, color="black", lw=0.8)
-    # The panel is limited, as a resonance would fill it.
+    # A resonance would otherwise determine the limits of the panel.
     heaviest = max(float(result.apparent_inertia[0]) for result in results.values())
     inertia.set_ylim(-0.5 * heaviest, 2.0 * heaviest)
     gain.set_ylabel("position over the\nhand's force [dB]")
@@ -209,18 +209,18 @@ def worst_delay_figure(
     *,
     name: str,
 ) -> Figure:
-    """Largest stable force gain over the delay, and the value that it tends to.
+    """Largest stable force gain over the delay, and its limit for long delays.
 
     Args:
         delay: Delay of the loop in addition to the hold [s], shape ``(k,)``.
-        limits: Results of `critical_feedforward`, one for each delay, by the name of their curve.
-        worst: Results of `worst_critical_feedforward`, by the same names.
+        limits: Results of `critical_feedforward`, one for each delay; keys are names of curves.
+        worst: Results of `worst_critical_feedforward`, with the same keys.
         name: Name of the device, for the title.
     """
     title = f"{name}: a short delay raises the stable force gain, longer ones lower it towards 1 + m/m_h"
     out, ((gain,), (frequency,)) = panels(2, title=title, together=True, ratios=(3, 2))
     for k, (label, found) in enumerate(limits.items()):
-        # The frequencies of several hands may coincide: later markers are larger and hollow.
+        # The frequencies of several curves may coincide, so that later markers are larger and hollow.
         look = {"color": COLORS[k % len(COLORS)], "marker": MARKERS[k % len(MARKERS)], "ms": 3 + 3 * k, "mfc": "none"}
         gain.semilogy(1e3 * delay, [one.gain for one in found], **look, label=label, gid=label)
         words = f"{label}, worst case {worst[label]:.2f}"

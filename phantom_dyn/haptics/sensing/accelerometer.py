@@ -1,16 +1,17 @@
-r"""Velocity from position and acceleration: an observer that integrates an accelerometer, corrected by the encoder.
+r"""Velocity from position and acceleration: an observer integrates an accelerometer and is corrected by the encoder.
 
-With :math:`u` the mean of two readings of the accelerometer over a sample of T, and c its bias, the prediction is
+With the mean :math:`u` of two successive readings of the accelerometer, its bias c and the period T, the prediction is
 
 .. math:: x^+ = x + T v + \tfrac{T^2}{2} (u - c), \qquad v^+ = v + T (u - c), \qquad c^+ = c.
 
-Stationary Kalman gains on the encoder's reading correct it. The accelerometer's noise drives x and v, a random walk
-drives the bias, and the reading has the noise of rounding, :math:`step^2 / 12`. The velocity needs no average and is
-therefore not late; a constant bias is estimated, so that the velocity has none.
+The reading of the encoder corrects the prediction by stationary Kalman gains. The noise of the accelerometer drives x
+and v, a random walk drives the bias, and the reading has the noise of rounding, :math:`step^2 / 12`. The velocity has
+no lag, because it is not averaged, and no bias, because the bias of the accelerometer is estimated.
 
 References:
     Cavusoglu, Feygin and Tendick (2002, section 7) planned an accelerometer that "can easily be integrated and used to
-    estimate the velocity more accurately", without equations; these are those of a stationary Kalman filter.
+    estimate the velocity more accurately". They give no equations; the equations here are those of a stationary Kalman
+    filter.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class AccelerationObserver:
 
     Attributes:
         noise: Assumed standard deviation of the white noise of the accelerometer [m/s2 or rad/s2].
-        drift: Assumed random walk of its bias within a second [m/s2 or rad/s2].
+        drift: Assumed standard deviation of the change of its bias in a second [m/s2 or rad/s2].
 
     Raises:
         ParameterError: If either is not above 0.
@@ -69,10 +70,10 @@ class AccelerationObserver:
 
 
 def observer_gains(observer: AccelerationObserver, *, step: float, period: float) -> tuple[float, float, float]:
-    """Stationary gains of position [-], velocity [1/s] and bias [1/s2] on the error of the predicted reading.
+    """Stationary gains from the error of the predicted reading to position [-], velocity [1/s] and bias [1/s2].
 
     Raises:
-        ParameterError: If encoder step or period are not above 0.
+        ParameterError: If encoder step or period is not above 0.
     """
     require_positive(encoder_step=step, period=period)
     transition = np.array([[1.0, period, -(period**2) / 2], [0.0, 1.0, -period], [0.0, 0.0, 1.0]])
@@ -85,7 +86,7 @@ def observer_gains(observer: AccelerationObserver, *, step: float, period: float
 def observe_velocity(
     observer: AccelerationObserver, record: EncoderRecord, acceleration: Float[Array, " N"]
 ) -> Float[Array, " N"]:
-    """Velocity [m/s or rad/s] at each sample from the readings until then, shape ``(N,)``.
+    """Velocity [m/s or rad/s] at each sample from the readings up to this sample, shape ``(N,)``.
 
     Args:
         observer: Assumed noise and drift.
@@ -103,7 +104,7 @@ def observe_velocity(
     for k in range(1, len(out)):
         u = 0.5 * (acceleration[k - 1] + acceleration[k]) - c
         x, v = x + T * v + 0.5 * T * T * u, v + T * u
-        beyond = record.reading[k] - x
-        x, v, c = x + for_x * beyond, v + for_v * beyond, c + for_c * beyond
+        innovation = record.reading[k] - x
+        x, v, c = x + for_x * innovation, v + for_v * innovation, c + for_c * innovation
         out[k] = v
     return out

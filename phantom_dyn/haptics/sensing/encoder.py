@@ -1,12 +1,11 @@
-r"""Encoders that a sampled controller reads: incremental ones (counts, and times of their edges), and sinusoidal ones.
+r"""Simulates encoders that a controller samples: incremental ones (counts and times of edges) and sinusoidal ones.
 
 **Incremental.** The continuous motion is given as a polyline finer than the sampling period. Edges lie half-way between
-two counts. `spacing` moves them, with the period of four edges that the quadrature of two tracks has.
+two counts. `spacing` moves them; it repeats every four edges, which is the period of the two tracks of a quadrature.
 
 **Sinusoidal.** Two tracks give a sine and a cosine of :math:`\varphi = 2\pi x / p` with pitch p, and the arc tangent of
 both interpolates within the pitch. Offsets :math:`o`, unequal amplitudes (ratio :math:`1 + m`), a phase error between
-the tracks (:math:`\delta`) and saturation of the signals (third harmonic :math:`h`) cause an error that repeats with
-the pitch,
+the tracks (:math:`\delta`) and saturation of the signals (third harmonic :math:`h`) cause an error with the period p,
 
 .. math:: \frac{2\pi}{p} (\hat x - x) \approx o_s \cos\varphi - o_c \sin\varphi + \frac{m}{2} \sin 2\varphi
    + \frac{\delta}{2} (1 + \cos 2\varphi) + h \sin 4\varphi
@@ -16,8 +15,8 @@ to first order. At a speed v the velocity has a ripple of :math:`o\,v`, :math:`m
 incremental encoder.
 
 References:
-    Cavusoglu, Feygin and Tendick (2002, section 7) planned sinusoidal encoders, finer by 16 to 64, and state no errors.
-    The expansion is our own; tests compare it with the arc tangent.
+    Cavusoglu, Feygin and Tendick (2002, section 7) planned sinusoidal encoders with 16 to 64 times finer steps, and
+    state no errors. The expansion is derived here; tests compare it with the arc tangent.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.number_checks import require_positive, require_whole
 
 PHANTOM_STEP = 0.03e-3
-"""Position precision of the PHANToM 1.5 at the centre of the workspace [m] (seed of 2002, section 4.1.2)."""
+"""Position precision of the PHANToM 1.5 at the centre of the workspace [m] (Cavusoglu 2002, section 4.1.2)."""
+# Largest number of edges of one recording, each of which needs 32 bytes.
 _MOST_EDGES = 2e7
-"""Largest number of edges of one recording; each takes 32 bytes while it is made."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +43,10 @@ class Encoder:
 
     Attributes:
         step: Motion per count [m or rad].
-        spacing: Misplacement of each of the four edges of a quadrature period, in steps, each in (-0.25, 0.25).
+        spacing: Displacements of the four edges of a quadrature period [steps], each in (-0.25, 0.25).
 
     Raises:
-        ParameterError: If the step is not positive, or a misplacement is too large for edges to keep their order.
+        ParameterError: If the step is not positive, or displacements may change the order of edges.
     """
 
     step: float = PHANTOM_STEP
@@ -63,7 +62,7 @@ class Encoder:
 
 @dataclass(frozen=True)
 class EncoderRecord:
-    """Counts and edges that the electronics has recorded of a motion.
+    """Counts and edges of an encoder during a motion.
 
     Attributes:
         period: Sampling period of the controller [s].
@@ -71,7 +70,7 @@ class EncoderRecord:
         counts: Count at each sample k, taken at time k * period, shape ``(N,)``.
         edge_time: Times of all edges [s], shape ``(E,)``.
         edge_direction: +1 or -1 for each edge, shape ``(E,)``.
-        reading: Position by the count at each sample [m or rad], shape ``(N,)``.
+        reading: Position according to the count at each sample [m or rad], shape ``(N,)``.
     """
 
     period: float
@@ -88,7 +87,7 @@ class EncoderRecord:
 def record_motion(
     encoder: Encoder, position: Float[Array, " n"], *, interval: float, samples_apart: int
 ) -> EncoderRecord:
-    """Counts and edge times of a motion that is straight between its points.
+    """Counts and edge times of a motion that is linear between its points.
 
     Args:
         encoder: The sensor.
@@ -110,7 +109,7 @@ def record_motion(
         raise ParameterError("The motion holds a position that is not finite: give numbers only.")
     x = np.ascontiguousarray(position, dtype=np.float64)
     spacing = np.array(encoder.spacing)
-    # An interval passes at most as many edges as its length in steps, and one more.
+    # An interval passes at most one edge more than its length in steps.
     passed = float(np.sum(np.abs(np.diff(x)))) / encoder.step
     if passed > _MOST_EDGES:
         raise ParameterError(
@@ -126,7 +125,7 @@ def record_motion(
 
 @jit
 def follow_motion(x, dt, per_sample, step, spacing, counts, times, directions):
-    """Counts at every `per_sample`-th point of a polyline and its edges; returns the number of edges."""
+    """Write counts at every ``per_sample``-th point of a polyline, and its edges; returns the number of edges."""
     count = int(np.floor(x[0] / step + 0.5))
     count, _ = count_through(count, 0.0, x[0], 0.0, x[0], step, spacing, times, directions, 0)
     counts[0] = count
@@ -140,9 +139,9 @@ def follow_motion(x, dt, per_sample, step, spacing, counts, times, directions):
 
 @jit
 def count_through(count, t0, x0, t1, x1, step, spacing, times, directions, used):
-    """Follow the straight motion from (t0, x0) to (t1, x1), and write edges from index `used` on; new count and index.
+    """Write the edges of a linear motion from (t0, x0) to (t1, x1) from index ``used`` on; returns count and index.
 
-    `times` may be a ring: edges beyond its length overwrite the oldest ones.
+    ``times`` may be a ring buffer, in which new edges overwrite the oldest ones.
     """
     while x1 >= edge_position(count + 1, step, spacing):
         level = edge_position(count + 1, step, spacing)
@@ -161,12 +160,12 @@ def count_through(count, t0, x0, t1, x1, step, spacing, times, directions, used)
 
 @jit
 def edge_position(count, step, spacing):
-    """Position of the edge below a count: between it and the count before."""
+    """Position of the edge between a count and the count below it."""
     return (count - 0.5 + spacing[count % 4]) * step
 
 
+# Largest error of a signal, as a share of its amplitude; above about 0.5 the arc tangent would lose a line.
 _LARGEST = 0.3
-"""Largest error of a signal, as a share of its amplitude: beyond about 0.5 the arc tangent loses a line."""
 
 
 @dataclass(frozen=True)
@@ -174,8 +173,8 @@ class SinusoidalEncoder:
     """A position sensor of two sinusoidal tracks.
 
     Attributes:
-        pitch: Motion per line [m or rad], four counts of a quadrature.
-        factor: Number of steps in a count of the quadrature; the paper plans 16 to 64.
+        pitch: Motion per line [m or rad], which has four counts of a quadrature.
+        factor: Number of steps per count of the quadrature; the paper plans 16 to 64.
         offset: Offsets of the sine and of the cosine, as shares of their amplitude.
         mismatch: m, ratio of the sine's amplitude to the cosine's, minus one.
         phase: Delta, lead of the sine beyond the 90 degrees between the tracks [rad].
@@ -216,10 +215,10 @@ class SinusoidalEncoder:
         return np.stack([sine, cosine])
 
     def interpolated(self, position: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Position [m or rad] by lines and arc tangent, before it is rounded to steps, shape ``(n,)``."""
+        """Position [m or rad] from lines and arc tangent before rounding to steps, shape ``(n,)``."""
         sine, cosine = self.signals(position)
         line = 2 * math.pi / self.pitch
-        # The electronics count lines: the arc tangent is unwrapped to the current line.
+        # The electronics count lines, so that the arc tangent is unwrapped to the current line.
         error = np.angle(np.exp(1j * (np.arctan2(sine, cosine) - line * position)))
         return position + error / line
 
@@ -227,7 +226,7 @@ class SinusoidalEncoder:
 def record_sinusoidal(
     encoder: SinusoidalEncoder, position: Float[Array, " n"], *, interval: float, samples_apart: int
 ) -> EncoderRecord:
-    """Interpolated counts of a motion and their edges, for every estimator of `velocity_estimators`.
+    """Interpolated counts and edges of a motion, for the estimators of `velocity_estimators`.
 
     Args:
         encoder: The sensor.

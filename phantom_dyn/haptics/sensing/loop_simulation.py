@@ -1,7 +1,7 @@
 """Simulation of sampled loops of one or two devices: quantised positions, any velocity estimator, delayed forces.
 
-The linear loop of a sampled device has a closed form (`phantom_dyn.haptics.device.discretisation`). Here rounding and
-the edges between samples matter, so that the loop is stepped in time, with exact steps of the device.
+A linear loop has a closed form (`phantom_dyn.haptics.device.discretisation`). A loop with rounding, and with edges
+between samples, has none: it is simulated step by step, with exact steps of the device.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from phantom_dyn.haptics.sensing.velocity_estimators import (
 )
 from phantom_dyn.number_checks import require_columns, require_numbers, require_positive
 
+# Steps per sample. The motion is linear within a step, so that times of edges are exact to some tens of ns.
 _SUBSTEPS = 20
-"""Steps per sample: the motion is straight within a step, so that an edge is placed to some tens of nanoseconds."""
+# Largest delay [samples].
 _LATEST = 4000
-"""Largest delay [samples]."""
+# Size of the ring buffer of delayed forces: a power of two above `_LATEST`.
 _FORCES_KEPT = 4096
-"""Size of the ring of delayed forces: a power of two beyond `_LATEST`."""
+# Relative width of the bracket at which the bisection of a gain ends.
 _WIDTH = 0.01
-"""Relative width at which the bisection of a gain ends."""
+# Position [m or rad] beyond which the device has run away.
 _FAR = 10.0
-"""Position [m or rad] beyond which the device has run away."""
 
 
 @dataclass(frozen=True)
@@ -73,15 +73,15 @@ class LoopSettings:
 
 @dataclass(frozen=True)
 class LoopTrace:
-    """Time traces of d devices; they end if one goes beyond 10 m or rad.
+    """Time traces of d devices, which end if a position exceeds 10 m or rad.
 
     Attributes:
         t: Times of the samples [s], shape ``(N,)``.
         position: True position [m or rad], shape ``(N, d)``.
-        reading: Position by the encoder [m or rad], shape ``(N, d)``.
-        velocity: Velocity by the estimator [m/s or rad/s], shape ``(N, d)``.
+        reading: Position according to the encoder [m or rad], shape ``(N, d)``.
+        velocity: Velocity according to the estimator [m/s or rad/s], shape ``(N, d)``.
         force: Commanded force [N or N m], shape ``(N, d)``.
-        ran_away: True if a device went beyond 10 m or rad.
+        ran_away: True if a position exceeded 10 m or rad.
     """
 
     t: Float[Array, " N"]
@@ -92,13 +92,14 @@ class LoopTrace:
     ran_away: bool
 
     def keeps_swinging(self, step: float) -> bool:
-        """True if an oscillation of more than ten encoder steps lasts: its last third is as wide as the middle one.
+        """True if an oscillation of more than ten encoder steps does not decay.
 
-        Nine tenths count as equally wide. Rounding sustains oscillations of a few steps in a stable loop, and a motion
-        that does not turn twice is no oscillation.
+        It does not decay if its width in the last third is at least nine tenths of that in the middle third. In a
+        stable loop rounding may sustain oscillations of a few steps. A motion that does not reverse twice is no
+        oscillation.
 
         Raises:
-            ParameterError: If there are fewer than nine samples, too few to see an oscillation.
+            ParameterError: If there are fewer than nine samples.
         """
         if self.ran_away:
             return True
@@ -125,16 +126,16 @@ def simulate_loop(
     hand: Float[Array, "N d"],
     one_sided: bool = False,
 ) -> LoopTrace:
-    """Simulate one device under ``-(gain x + damping v)``, or two under the same law of their difference.
+    """Simulate one device under the force ``-(gain x + damping v)``, or two with this law for their difference.
 
     Args:
-        devices: One or two models. The motor's position is read; hand and motor push at the motor.
+        devices: One or two models. The encoder reads the motor, and hand and motor push at the motor.
         settings: Sampling, sensor and estimator, the same for both.
         gain: Gain on the position [N/m or N m/rad].
         damping: Gain on the estimated velocity [N s/m or N m s/rad].
         start: Position of each device at the start [m or rad].
         speed: Velocity of each device at the start [m/s or rad/s]; only a device with mass at its motor has one.
-        hand: Force of the hand [N or N m], held over each sample, shape ``(N, d)``.
+        hand: Force of the hand [N or N m], constant during each sample, shape ``(N, d)``.
         one_sided: True for a wall: the force acts at positions above zero only.
 
     Raises:
@@ -176,16 +177,16 @@ def simulate_loop(
 
 
 def gain_until_swinging(run: Callable[[float], LoopTrace], step: float, *, low: float, high: float) -> float:
-    """Gain at which an oscillation begins to last, by bisection; infinite if none lasts at the highest gain.
+    """Smallest gain at which an oscillation does not decay, by bisection; infinite if it decays at the highest gain.
 
     Args:
-        run: Simulates the loop at a given gain.
-        step: Encoder step [m or rad], in which oscillations are measured.
+        run: Function that simulates the loop with a given gain.
+        step: Encoder step [m or rad], see `LoopTrace.keeps_swinging`.
         low: Lowest gain that is tried.
         high: Highest gain that is tried.
 
     Returns:
-        The gain in the middle of the last bracket; 0 if an oscillation lasts even at the lowest gain.
+        The gain in the middle of the last bracket; 0 if an oscillation does not decay at the lowest gain.
 
     Raises:
         ParameterError: If the gains are not positive and increasing.
@@ -205,7 +206,7 @@ def gain_until_swinging(run: Callable[[float], LoopTrace], step: float, *, low: 
 def _state(system: StateSpace, position: float, speed: float) -> Float[Array, " n"]:
     """Smallest state with this position and speed; it stays at rest if the speed is zero.
 
-    The accelerations of that state are zero as far as the device allows, so that no internal vibration starts.
+    Its accelerations are zero as far as possible, so that no internal vibration starts.
     """
     rows = [system.C]
     for _ in range(len(system.B) - 1):
@@ -219,7 +220,7 @@ def _state(system: StateSpace, position: float, speed: float) -> Float[Array, " 
 
 
 class HeldDevices(NamedTuple):
-    """Exact motion of ``d`` devices over a substep under a held force.
+    """Exact motion of ``d`` devices over a substep under a constant force.
 
     Attributes:
         transition: Transition matrices of the states, shape ``(d, n, n)``.
@@ -240,7 +241,7 @@ class LoopLaw(NamedTuple):
     Attributes:
         form: Velocity estimator.
         step: Step of the encoder [m or rad].
-        spacing: Misplacements of its edges, shape ``(4,)``.
+        spacing: Displacements of its edges [steps], shape ``(4,)``.
         late: Substeps between a sample and its force.
         gain: Gain on the position.
         damping: Gain on the estimated velocity.
@@ -257,7 +258,7 @@ class LoopLaw(NamedTuple):
 
 
 class Traces(NamedTuple):
-    """Arrays that `run_loop` fills, each of shape ``(N, d)``, see `LoopTrace`."""
+    """Arrays that `run_loop` writes, each of shape ``(N, d)``, see `LoopTrace`."""
 
     positions: Array
     readings: Array
@@ -267,14 +268,14 @@ class Traces(NamedTuple):
 
 @jit
 def run_loop(held: HeldDevices, law: LoopLaw, x: Array, hand: Array, traces: Traces) -> int:
-    """Fill the traces of ``d`` devices; returns the number of samples until one is beyond `_FAR`.
+    """Write the traces of ``d`` devices; returns the number of samples until a position exceeds `_FAR`.
 
     Args:
         held: The devices.
         law: Law of the force and its delay.
         x: States at the start, shape ``(d, n)``; overwritten.
         hand: Force of the hand at each sample, shape ``(N, d)``.
-        traces: Arrays to fill.
+        traces: Arrays that receive the traces.
     """
     transition, push, output, direct = held
     form, step, spacing, late, gain, damping, one_sided = law
@@ -321,7 +322,7 @@ def run_loop(held: HeldDevices, law: LoopLaw, x: Array, hand: Array, traces: Tra
                     x[i, j] = following[j]
                     new += output[i, j] * following[j]
                 if not abs(new) <= _FAR:
-                    # Beyond the limit within a sample: to count all edges on the way would take too long.
+                    # Counting all edges on the way to such a position would take too long.
                     return k + 1
                 start = k * period + s * dt
                 counts[i], edges[i] = count_through(

@@ -14,10 +14,10 @@ from phantom_dyn.haptics.sensing.encoder import Encoder, SinusoidalEncoder, reco
 from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
 from phantom_dyn.number_checks import sample_count
 
+# Points of the true motion per sampling period, with which times of edges are exact to some nanoseconds.
 _POINTS = 20
-"""Points of the true motion per sampling period: an edge is then placed to some nanoseconds."""
+# Time before measurements start [s]; it is longer than any window.
 _SETTLING = 0.6
-"""Time before anything is measured [s]: longer than any window, so that values are steady."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class EstimatorFigures:
     Attributes:
         lag: Mean of (true velocity - estimate) / acceleration in a motion of constant acceleration [s].
         granularity: Largest minus smallest estimate in a motion of constant speed [m/s or rad/s].
-        noise: Root mean square of the error in that motion, its mean included [m/s or rad/s].
+        noise: Root mean square of the error in the motion of constant speed, including its mean [m/s or rad/s].
         t: Times of the accelerated motion [s], shape ``(N,)``.
         velocity: True velocity of the accelerated motion [m/s or rad/s], shape ``(N,)``.
         estimate: Estimate in the accelerated motion [m/s or rad/s], shape ``(N,)``.
@@ -62,9 +62,9 @@ def estimator_figures(
         speed: Constant speed for the granularity, and speed at the start of the accelerated motion [m/s or rad/s].
         acceleration: Constant acceleration for the lag [m/s2 or rad/s2].
         period: Sampling period [s].
-        duration: Length of either motion after 0.6 s of settling [s].
-        accelerometer: Accelerometer for the observer; no other estimator uses it.
-        rng: Draws the noise of the accelerometer; needed by the observer.
+        duration: Duration of each motion after 0.6 s of settling [s].
+        accelerometer: Accelerometer; only the observer needs it.
+        rng: Generator of the noise of the accelerometer; only the observer needs it.
 
     Raises:
         ParameterError: If the acceleration is zero, a value is not finite, the duration is less than a period, or the
@@ -82,7 +82,7 @@ def estimator_figures(
 
     sensors = _Sensors(encoder, accelerometer, rng)
 
-    # Both start between two edges, as a motion that starts on an edge is a special case.
+    # Both motions start between two edges, because a start on an edge is a special case.
     start = 0.1 * encoder.step
     steady = sensors.estimate(estimator, start + speed * fine, np.zeros(len(t)), period)
     gaining = start + speed * fine + acceleration * fine**2 / 2

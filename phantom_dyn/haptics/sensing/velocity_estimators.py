@@ -1,8 +1,8 @@
-"""Velocity from an incremental encoder: four estimators, for recordings and inside loops.
+"""Four estimators of velocity from an incremental encoder, for recordings and for closed loops.
 
-The stock PHANToM averages 100 differences. The improved one of Cavusoglu, Feygin and Tendick (2002, section 4.2.2)
+The stock PHANToM averages 100 differences. The improved PHANToM of Cavusoglu, Feygin and Tendick (2002, section 4.2.2)
 measures the period between edges with a 10 MHz clock and a 16-bit counter, and averages 16 samples. One step of each
-estimator is compiled, so that recordings and closed loops use the same code.
+estimator is a compiled function, which recordings and closed loops share.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from phantom_dyn.haptics.sensing.encoder import EncoderRecord
 from phantom_dyn.number_checks import require_positive
 
 AVERAGED_DIFFERENCE, ADAPTIVE_WINDOW, KALMAN, PERIOD_MEASUREMENT = 0, 1, 2, 3
-"""Kinds of estimators, by which compiled steps choose."""
+"""Numbers of the kinds of estimators in compiled functions."""
 READINGS_KEPT = 512
-"""Size of the ring of readings in compiled steps, a little more than the longest window."""
+"""Size of the ring buffer of readings, a little more than the longest window."""
 EDGES_KEPT = 1024
-"""Size of the ring of edges in compiled steps: several for each sample of a window."""
+"""Size of the ring buffer of edges, with several edges for each sample of a window."""
 
 
 def _check_window(name: str, value: int) -> None:
@@ -35,7 +35,7 @@ def _check_window(name: str, value: int) -> None:
 
 @dataclass(frozen=True)
 class AveragedDifference:
-    """Mean of the last n finite differences, which is (x[k] - x[k - n]) / (n T). With n = 1 it is one difference.
+    """Mean of the last n finite differences, which is (x[k] - x[k - n]) / (n T).
 
     Attributes:
         samples: n, from 1 to 500.
@@ -55,8 +55,8 @@ class AdaptiveWindow:
 
     Attributes:
         samples: Longest window, from 1 to 500 samples.
-        bound: Largest error of a chord [counts]. One count is the most by which rounding of both ends and of a reading
-            between them can deviate from a straight motion.
+        bound: Largest error of a chord [counts]. Rounding of both ends and of a reading between them deviates from a
+            linear motion by one count at most.
     """
 
     samples: int = 100
@@ -69,12 +69,12 @@ class AdaptiveWindow:
 
 @dataclass(frozen=True)
 class KalmanVelocity:
-    """Stationary Kalman filter of a motion of constant velocity that white acceleration disturbs.
+    """Stationary Kalman filter for a motion of constant velocity disturbed by white acceleration.
 
-    The reading's noise is that of rounding, step^2 / 12.
+    The variance of a reading is that of rounding, step^2 / 12.
 
     Attributes:
-        acceleration: Standard deviation of the acceleration, constant over a sample [m/s2 or rad/s2].
+        acceleration: Standard deviation of the acceleration, which is constant during a sample [m/s2 or rad/s2].
     """
 
     acceleration: float = 1.0
@@ -85,16 +85,16 @@ class KalmanVelocity:
 
 @dataclass(frozen=True)
 class PeriodMeasurement:
-    """Steps over the time between edges, measured by a clock and averaged over samples.
+    """Steps over the time between edges, which a clock measures, averaged over samples.
 
-    If a period is longer than the counter, the controller counts its own samples instead; until an edge comes, it takes
-    the speed to be at most one step over the time waited.
+    If a period is too long for the counter, the controller counts its samples instead. While it waits for an edge, it
+    limits the speed to one step over the waiting time.
 
     Attributes:
         clock: Frequency of the clock [Hz].
         bits: Size of the counter.
-        edges: Number of periods in one measurement; a multiple of four removes the errors of spacing of a quadrature.
-        samples: Number of samples of the controller averaged afterwards, from 1 to 500.
+        edges: Number of periods in one measurement; a multiple of four removes the spacing errors of a quadrature.
+        samples: Number of samples of the controller that are averaged afterwards, from 1 to 500.
     """
 
     clock: float = 10e6
@@ -114,17 +114,17 @@ class PeriodMeasurement:
 Estimator = AveragedDifference | AdaptiveWindow | KalmanVelocity | PeriodMeasurement
 
 STOCK = AveragedDifference(100)
-"""The stock PHANToM: an average of 100 samples, 50 ms late."""
+"""Estimator of the stock PHANToM: an average of 100 samples, which is 50 ms late."""
 
 IMPROVED = PeriodMeasurement()
-"""The improved PHANToM: period measurement, 16 samples averaged."""
+"""Estimator of the improved PHANToM: period measurement and an average of 16 samples."""
 
 
 def kalman_gains(estimator: KalmanVelocity, *, step: float, period: float) -> tuple[float, float]:
-    """Stationary gains of position [-] and velocity [1/s] on the error of the predicted reading.
+    """Stationary gains from the error of the predicted reading to position [-] and velocity [1/s].
 
     Raises:
-        ParameterError: If encoder step or period are not above 0.
+        ParameterError: If encoder step or period is not above 0.
     """
     require_positive(encoder_step=step, period=period)
     transition = np.array([[1.0, period], [0.0, 1.0]])
@@ -147,7 +147,7 @@ def stationary_gains(transition: Array, process: Array, step: float) -> Float[Ar
 
 
 class KernelForm(NamedTuple):
-    """An estimator in the form that compiled steps take.
+    """An estimator in the form that compiled functions take.
 
     Attributes:
         kind: Kind of the estimator.
@@ -173,7 +173,7 @@ def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tu
             p[0] = samples
             return AVERAGED_DIFFERENCE, p
         case AdaptiveWindow(samples, bound):
-            # A chord of whole counts may touch the bound: the margin keeps rounding from deciding.
+            # A chord of whole counts may touch the bound exactly, so that rounding would decide without this margin.
             p[:2] = samples, bound * step * (1 + 1e-9)
             return ADAPTIVE_WINDOW, p
         case KalmanVelocity():
@@ -185,11 +185,11 @@ def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tu
 
 
 def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Array, " N"]:
-    """Velocity [m/s or rad/s] at each sample from the readings and edges until then, shape ``(N,)``."""
+    """Velocity [m/s or rad/s] at each sample from the readings and edges up to this sample, shape ``(N,)``."""
     form = kernel_form(estimator, step=record.step, period=record.period)
     velocities = np.zeros(record.reading.size)
     ring, memory = np.zeros(READINGS_KEPT), np.zeros(READINGS_KEPT + 2)
-    # Indices modulo the size need one edge even if there is none.
+    # Indices modulo the size need at least one edge.
     times = np.append(record.edge_time, np.inf)
     directions = np.append(record.edge_direction, 0.0)
     velocities_of_record(form, record.reading, times, directions, ring, memory, velocities)
@@ -198,7 +198,7 @@ def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Arra
 
 @jit
 def velocities_of_record(form, readings, edge_time, edge_direction, ring, memory, velocities):
-    """Fill `velocities` from readings and edges; `ring` and `memory` are those of `next_velocity`, zero at first."""
+    """Write ``velocities`` from readings and edges; ``ring`` and ``memory`` of `next_velocity` start at zero."""
     edges = 0
     for k in range(readings.size):
         while edges < edge_time.size and edge_time[edges] <= k * form.period:
@@ -211,9 +211,9 @@ def velocities_of_record(form, readings, edge_time, edge_direction, ring, memory
 def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
     """Velocity estimate at sample k of a `KernelForm`.
 
-    `readings` is a ring of `READINGS_KEPT` positions in which that of sample k is at index k modulo its length.
-    `memory` belongs to the estimator: it is longer by two, zero at the start and written here. The edge rings hold the
-    last of the `edges` edges counted so far.
+    ``readings`` is a ring buffer of `READINGS_KEPT` positions: that of sample k is at index k modulo its length.
+    ``memory`` belongs to the estimator: it is longer by two, zero at the start and updated here. ``edge_time`` and
+    ``edge_direction`` are ring buffers with the latest of the ``edges`` edges so far.
     """
     kind, parameters, period = form
     if kind == 0:
@@ -228,7 +228,7 @@ def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
 
 @jit
 def averaged_difference(samples, k, period, readings):
-    """(x[k] - x[k - n]) / (n T). In the first n samples it is the mean over those that exist."""
+    """(x[k] - x[k - n]) / (n T); before sample n, n is smaller."""
     n = min(samples, k)
     if n == 0:
         return 0.0
@@ -237,7 +237,7 @@ def averaged_difference(samples, k, period, readings):
 
 @jit
 def adaptive_window(longest, bound, k, period, readings):
-    """Slope over the longest window whose chord stays within `bound` of every reading in it."""
+    """Slope over the longest window whose chord stays within ``bound`` of every reading in it."""
     size = readings.size
     last = readings[k % size]
     slope = 0.0
@@ -252,7 +252,7 @@ def adaptive_window(longest, bound, k, period, readings):
 
 @jit
 def kalman(position_gain, velocity_gain, k, period, readings, memory):
-    """Prediction with constant velocity, corrected by the stationary gains; the state is in the last two of memory."""
+    """Velocity of a stationary Kalman filter, whose state is in the last two entries of ``memory``."""
     reading = readings[k % readings.size]
     if k == 0:
         memory[-2] = reading
@@ -267,7 +267,7 @@ def kalman(position_gain, velocity_gain, k, period, readings, memory):
 
 @jit
 def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
-    """Steps over the clock ticks between the last edges; parameters: step, clock, counter size, edges."""
+    """Steps over the clock ticks between the last edges; ``parameters`` are step, clock, counter size and edges."""
     step, clock, counter = parameters[0], parameters[1], parameters[2]
     wanted = int(parameters[3])
     size = edge_time.size
@@ -277,14 +277,14 @@ def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
     ticks, used = 0.0, 0
     while used < wanted and edges - used >= 2 and used < size - 2:
         new, old = (edges - 1 - used) % size, (edges - 2 - used) % size
-        if edge_direction[old] != direction:  # the same edge passed twice: no step lies between
+        if edge_direction[old] != direction:  # the motion passed the same edge twice, without a step in between
             break
         ticks += period_ticks(edge_time[old], edge_time[new], clock, counter, period)
         used += 1
     if used == 0 or ticks == 0.0:
         return 0.0
     speed = used * step * clock / ticks
-    # Without an edge since then, the speed is below one step over the time waited.
+    # Without a further edge, the speed is below one step over the waiting time.
     waited = (k - math.ceil(edge_time[(edges - 1) % size] / period)) * period
     if waited * speed > step:
         speed = step / waited
@@ -293,7 +293,7 @@ def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
 
 @jit
 def period_ticks(start, end, clock, counter, period):
-    """Ticks between two edges by the counter; beyond its end the controller's samples are counted."""
+    """Ticks of the counter between two edges; if it overflows, from the samples of the controller."""
     ticks = np.floor(end * clock) - np.floor(start * clock)
     if ticks < counter:
         return max(ticks, 1.0)
@@ -302,7 +302,7 @@ def period_ticks(start, end, clock, counter, period):
 
 @jit
 def moving_average(value, samples, k, memory):
-    """Mean of the last n values, which memory keeps in a ring that is shorter by two."""
+    """Mean of the last n values; all but the last two entries of ``memory`` are the ring buffer of values."""
     size = memory.size - 2
     memory[k % size] = value
     n = min(samples, k + 1)

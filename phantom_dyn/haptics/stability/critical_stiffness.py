@@ -1,16 +1,17 @@
-r"""Largest stable stiffness of a virtual wall: gain margins of a sampled loop, exact and linear, singly and as a map.
+r"""Largest stable stiffness of a virtual wall: gain margins of a sampled loop, exact and by the linear condition.
 
-Device G behind a hold H, a delay :math:`t_d` and a virtual wall :math:`C(z) = K + B (z - 1)/(T z)`:
+The loop has a device G, a hold H, a delay :math:`t_d` and a virtual wall :math:`C(z) = K + B (z - 1)/(T z)`:
 
 .. math:: 1 + K\,Z[H(s) G(s) e^{-t_d s}] = 0 \quad (20), \qquad K_{CR} = Gm\{Z[H(s) G(s) e^{-t_d s}]\} \quad (21)
 
-The gain margin is that of the crossing with the lowest gain. Every crossing of the negative real axis is found (a
-vibration causes several), and the verdict is checked by eigenvalues. With virtual damping, the crossings are those of
-the loop already closed by B.
+The gain margin is that of the crossing with the lowest gain. Every crossing of the negative real axis is found, as a
+vibration causes several, and eigenvalues check the result. With virtual damping, the crossings are those of the loop
+that B already closes.
 
 References:
-    Equation numbers are those of the chapter, [Gil]_ in `phantom_dyn.haptics.device.axis`. (10) is missing in the copy
-    at hand; it is derived, :math:`K < (b + B)/(T/2 + t_d)`, and a test compares it with the exact limit.
+    Equation numbers are those of the chapter, [Gil]_ in `phantom_dyn.haptics.device.axis`. The available copy lacks
+    (10), the linear condition :math:`K < (b + B)/(T/2 + t_d)`. It is derived here, and a test compares it with the
+    exact limit.
 """
 
 from __future__ import annotations
@@ -36,12 +37,12 @@ from phantom_dyn.haptics.device.transfer_function import Axis
 from phantom_dyn.number_checks import require_numbers
 
 Values = Sequence[float] | Float[Array, " _"]
-_BELOW = 0.03
-"""Lowest frequency of the search, relative to the slowest corner of the loop."""
-_ASIDE = 1e-3
-"""Distance from a crossing, relative to its gain, at which stability is checked."""
+# Lowest frequency of the search, over the lowest corner frequency of the loop.
+_LOWEST = 0.03
+# Distance from a crossing, over its gain, at which stability is checked.
+_BESIDE = 1e-3
+# Roots and real parts below this share of the largest root count as zero.
 _ZERO = 1e-9
-"""Real part of a pole that is taken as zero, relative to the largest root."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,7 @@ class Crossing:
 
     Attributes:
         frequency: Frequency [rad/s].
-        gain: Virtual stiffness [N/m or N m/rad] at which the loop oscillates at that frequency; for a search over
-            virtual damping, the virtual damping.
+        gain: Virtual stiffness at which the loop oscillates at this frequency [N/m or N m/rad].
     """
 
     frequency: float
@@ -69,11 +69,12 @@ class CriticalStiffness:
 
     Attributes:
         stiffness: Critical stiffness [N/m or N m/rad]; 0 if no wall is stable, infinite if every wall is.
-        frequency: Frequency at which the loop then oscillates [rad/s]; NaN if there is none.
-        crossings: All crossings, by frequency; the last one may be at the Nyquist frequency.
-        radius_below: Spectral radius 0.1 % below the critical stiffness. If that is 0 or infinite, it is the radius for
-            one wall, as all walls agree.
-        radius_above: Spectral radius 0.1 % above the critical stiffness; if that is 0 or infinite, as `radius_below`.
+        frequency: Frequency of the oscillation at this stiffness [rad/s]; NaN if there is none.
+        crossings: All crossings in the order of their frequencies; the last one may be at the Nyquist frequency.
+        radius_below: Spectral radius 0.1 % below the critical stiffness. If the latter is 0 or infinite, the radius for
+            some wall.
+        radius_above: Spectral radius 0.1 % above the critical stiffness. If the latter is 0 or infinite, the radius for
+            some wall.
     """
 
     stiffness: float
@@ -89,7 +90,7 @@ class CriticalStiffness:
 
     @property
     def verified(self) -> bool:
-        """True if the eigenvalues agree: stable below the critical stiffness, unstable above."""
+        """True if the eigenvalues confirm that the loop is stable below the critical stiffness and unstable above."""
         if self.stiffness == 0:
             return self.radius_below > 1
         return self.radius_below < 1 and (math.isinf(self.stiffness) or self.radius_above > 1)
@@ -173,11 +174,11 @@ def critical_stiffness(
     all_of_them = tuple(Crossing(float(w), float(gain)) for w, gain in found if gain > 0)
     lowest = min(all_of_them, key=lambda crossing: crossing.gain, default=None)
     if lowest is None:
-        # Without a crossing all walls are stable or none is: one of them is checked.
+        # Without a crossing, all walls are stable or none, so that one wall is checked.
         radius = sampled.spectral_radius(float(np.abs(found[:, 1]).min()), virtual_damping)
         return CriticalStiffness(math.inf if radius < 1 else 0.0, math.nan, (), radius, radius)
-    below = sampled.spectral_radius((1 - _ASIDE) * lowest.gain, virtual_damping)
-    above = sampled.spectral_radius((1 + _ASIDE) * lowest.gain, virtual_damping)
+    below = sampled.spectral_radius((1 - _BESIDE) * lowest.gain, virtual_damping)
+    above = sampled.spectral_radius((1 + _BESIDE) * lowest.gain, virtual_damping)
     if below >= 1:
         return CriticalStiffness(0.0, math.nan, all_of_them, below, below)
     return CriticalStiffness(lowest.gain, lowest.frequency, all_of_them, below, above)
@@ -186,7 +187,7 @@ def critical_stiffness(
 def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
     r"""Critical stiffness by the linear condition (10), :math:`(b + B)/(T/2 + t_d)`.
 
-    It holds for a rigid device whose dampings are small against its mass over the period.
+    It holds for a rigid device whose dampings are much smaller than its mass over the period.
 
     Args:
         damping: b, the sum of the device's dampings to ground [N s/m or N m s/rad].
@@ -205,9 +206,9 @@ def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtu
 def linear_ratio(
     axis: RigidAxis | TwoMassAxis, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0
 ) -> float:
-    """Exact critical stiffness over that of the linear condition, which takes the device as rigid.
+    """Exact critical stiffness divided by that of the linear condition for a rigid device.
 
-    It is NaN if the linear condition allows no wall.
+    NaN if the linear condition does not give a positive stiffness.
     """
     exact = critical_stiffness(axis, period=period, delay=delay, virtual_damping=virtual_damping).stiffness
     linear = linear_stiffness(axis.rigid.damping, period=period, delay=delay, virtual_damping=virtual_damping)
@@ -215,7 +216,7 @@ def linear_ratio(
 
 
 def loop_bode(axis: Axis, *, period: float, delay: float = 0.0) -> LoopBode:
-    """Sampled open loop of an axis from well below its crossings to the Nyquist frequency, with its margins."""
+    """Sampled open loop of an axis with its margins, from far below its crossings to the Nyquist frequency."""
     sampled: SampledAxis = discretise(axis, period=period, delay=delay)
     frequency = search_grid(axis, period, delay, 0.0)
     response = sampled.response(frequency)
@@ -273,20 +274,20 @@ def stability_map(
 
 
 def search_grid(axis: Axis, period: float, delay: float, virtual_damping: float) -> Float[Array, " k"]:
-    """Frequencies [rad/s] so dense that no crossing is missed between two of them, shape ``(k,)``."""
+    """Frequencies [rad/s] that are dense enough to find all crossings, shape ``(k,)``."""
     modes, corner = roots_of_modes(axis)
     return frequency_grid(lowest_frequency(axis, corner, period, delay, virtual_damping), period, delay, modes)
 
 
 def lowest_frequency(axis: Axis, corner: float, period: float, delay: float, virtual_damping: float) -> float:
-    """Frequency [rad/s] well below every crossing; ``corner`` is the lowest corner frequency of the axis [rad/s]."""
+    """Frequency [rad/s] far below every crossing; ``corner`` is the lowest corner frequency of the axis [rad/s]."""
     require_numbers(virtual_damping=virtual_damping)
     function = axis.transfer_function
     damper = abs(virtual_damping) * abs(function.numerator[-1])
     inertia = np.abs(function.denominator[:-2]).max() if len(function.denominator) > 2 else 0.0
-    # A virtual damper adds a corner at B over the mass; the greatest mass gives the lowest one.
+    # A virtual damper adds a corner frequency of B over the mass; the largest mass gives the lowest frequency.
     virtual = damper / inertia if damper > 0 and inertia > 0 else math.inf
-    return _BELOW * min(corner, virtual, 1.0 / (0.5 * period + delay))
+    return _LOWEST * min(corner, virtual, 1.0 / (0.5 * period + delay))
 
 
 def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
@@ -302,7 +303,7 @@ def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
 
 
 def _same_length(modes: list[Float[Array, "_ 2"]]) -> Float[Array, "i most 2"]:
-    """Modes of all devices in one array; frequency 0 fills the places of modes that damping has removed."""
+    """Modes of all devices in one array; devices with fewer modes have modes of frequency 0."""
     most = max(len(part) for part in modes)
     out = np.zeros((len(modes), most, 2))
     for row, part in zip(out, modes, strict=True):

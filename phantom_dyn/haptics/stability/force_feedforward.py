@@ -1,28 +1,28 @@
-r"""Force feedforward: a device that measures the hand's force and adds to it makes itself lighter.
+r"""Force feedforward: a device measures the force of the hand and adds to it, so that the device feels lighter.
 
 The motor adds :math:`K_f` times the measured force. In continuous time the hand feels mass and damper divided by
-:math:`1 + K_f`, (28); sampled, filtered and held, the loop around the hand's impedance :math:`Z_h` has the
+:math:`1 + K_f`, (28). With sampling, filter and hold, the loop around the impedance :math:`Z_h` of the hand has the
 characteristic equation
 
 .. math:: 1 + K_f\, D(z)\, Z\left[H(s)\, G_f(s)\, \frac{Z_h(s)}{m s^2 + b s + Z_h(s)}\, e^{-t_d s}\right] = 0
    \quad (29)
 
-and :math:`K_f` has a limit, (32). If the delay is so large that the crossing is at a frequency where only the masses
-count, the limit is :math:`1 + m / m_h`, (33).
+and :math:`K_f` has a limit, (32). For a delay that is so long that only the masses matter at the frequency of the
+crossing, the limit is :math:`1 + m / m_h`, (33).
 
-**Comparison with the chapter.** It prints a limit that brings 5.4 kg down to 0.14 kg, but not its operator. This loop
-gives 0.14 kg for an operator of 0.271 kg. For 2 kg, the value commonly cited for the operator that it names, the limit
-is 6.64 and the mass 0.71 kg: the two do not agree. Nor does every delay lower the limit. Without a delay the phase
-crosses at the Nyquist frequency; half a period more than doubles the limit before longer delays lower it.
+**Comparison with the chapter.** The chapter prints a limit with which 5.4 kg feel like 0.14 kg, but no numbers of its
+operator. This loop gives 0.14 kg for an operator of 0.271 kg. For 2 kg, the mass commonly cited for the named operator,
+the limit is 6.64 and the felt mass 0.71 kg, which does not agree. Not every delay lowers the limit: without a delay the
+phase crosses at the Nyquist frequency, and half a period of delay more than doubles the limit; longer delays lower it.
 
-**The vibration decides.** The chapter says of that crossing that modes which its model leaves out "play an important
-role", and puts a low pass at 30 Hz below the cable's 82 Hz. With the two masses of the LHIfAM and a hand of 2 kg the
-limit is 0.70 at 87 Hz in place of 6.64, and with the low pass 6.86 at 66 Hz. The gain of 5 that was used is stable with
-the low pass and unstable without. The rigid model (23.1 with and 6.64 without) does not show this.
+**The vibration determines the limit.** The chapter says that modes which its model leaves out "play an important role",
+and uses a low pass at 30 Hz, below the 82 Hz of the cable. With the two masses of the LHIfAM and a hand of 2 kg the
+limit is 0.70 at 87 Hz instead of 6.64, and with the low pass 6.86 at 66 Hz. The gain of 5 in the chapter is stable with
+the low pass and unstable without. The rigid model (23.1 with and 6.64 without the low pass) does not show this.
 
 References:
-    J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (28) to (33);
-    (29) is missing in the copy at hand and is derived.
+    J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (28) to (33). The
+    available copy lacks (29), which is derived here.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ SENSOR_CUTOFF = 2 * math.pi * 200.0
 
 @dataclass(frozen=True)
 class Feedforward:
-    """How the measured force becomes a motor force.
+    """Filters, sampling and delay between measured force and motor force.
 
     Attributes:
         period: Sampling period T [s].
@@ -86,14 +86,14 @@ class Feedforward:
 
 @dataclass(frozen=True)
 class Transparency:
-    """Bode data of a device in a hand, and the device as the hand feels it.
+    """Bode data of a device in a hand, and the impedance of the device that the hand feels.
 
     Attributes:
         frequency: Frequencies [rad/s], shape ``(k,)``.
         response: Position over the hand's own force, X_h / F_h [m/N], shape ``(k,)``.
-        ideal: The response by (28), without sampling, filter and delay, shape ``(k,)``.
-        device: Impedance of the device as it is felt, force over position [N/m], shape ``(k,)``.
-        apparent_inertia: Real part of the device's force over acceleration [kg], shape ``(k,)``.
+        ideal: Response by (28), without sampling, filter and delay, shape ``(k,)``.
+        device: Impedance of the device at the hand, force over position [N/m], shape ``(k,)``.
+        apparent_inertia: Real part of force over acceleration of the device at the hand [kg], shape ``(k,)``.
     """
 
     frequency: Float[Array, " k"]
@@ -104,7 +104,7 @@ class Transparency:
 
 
 def low_pass(cutoff: float, *, period: float, order: int = 2) -> DigitalFilter:
-    """Digital Butterworth low pass. The chapter puts one of second order at 30 Hz into the loop.
+    """Digital Butterworth low pass, such as that of second order at 30 Hz in the chapter.
 
     Args:
         cutoff: Cut-off frequency [rad/s].
@@ -124,15 +124,15 @@ def low_pass(cutoff: float, *, period: float, order: int = 2) -> DigitalFilter:
 
 
 def feedforward_loop(axis: Device, hand: Operator, feedforward: Feedforward) -> SampledLoop:
-    """The loop (29), from motor force to the force that the hand returns: filtered, sampled and held.
+    """The loop (29) from motor force to measured force, with filter, sampling and hold.
 
     Args:
-        axis: Rigid device, as in the chapter, or one of two masses, with the vibration between motor and sensor.
+        axis: Rigid device, as in the chapter, or a device with two masses and a vibration between motor and sensor.
         hand: The hand that holds the device.
-        feedforward: From measured force to motor force.
+        feedforward: Filters, sampling and delay.
 
     Raises:
-        ParameterError: If nobody holds the device: without a hand there is no loop.
+        ParameterError: If nobody holds the device, so that there is no loop.
     """
     held = HeldDevice(axis, hand, feedforward.cutoff)
     plant = discretise(held, period=feedforward.period, delay=feedforward.delay)
@@ -140,12 +140,12 @@ def feedforward_loop(axis: Device, hand: Operator, feedforward: Feedforward) -> 
 
 
 def critical_feedforward(axis: Device, hand: Operator, feedforward: Feedforward) -> CriticalGain:
-    """Largest stable force gain K_f, (32), with its crossings and Bode data; two masses include the vibration."""
+    """Largest stable force gain K_f, (32), and the frequency of the oscillation beyond it."""
     return critical_gain(feedforward_loop(axis, hand, feedforward))
 
 
 def worst_critical_feedforward(mass: float, hand_mass: float) -> float:
-    """Lowest limit of the force gain under a large delay, 1 + m / m_h, (33); 1 for an infinitely heavy hand.
+    """Limit of the force gain for long delays, 1 + m / m_h, (33).
 
     Raises:
         ParameterError: If the mass is negative, or the hand's mass is not above 0.
@@ -172,8 +172,8 @@ def transparency(
 ) -> Transparency:
     """Bode data with force gain K_f at the frequencies [rad/s], by (28) and with filter, hold and delay.
 
-    Sampling has aliases beyond half the sampling frequency. They are left out, so that the data hold below it. With a
-    device of two masses the hand feels the body, and the motor's force through the cable.
+    Aliases of the sampling are left out, so that the data are valid below half the sampling frequency. The hand feels
+    the body of a device with two masses, and the force of the motor through the cable.
 
     Raises:
         ParameterError: If a frequency is not a number above 0, or the gain not above -1.

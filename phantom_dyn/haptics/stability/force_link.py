@@ -1,19 +1,18 @@
 r"""Force feedforward over a link that is noisy and loses samples, such as a wireless force sensor in a handle.
 
 The reading at sample k has white noise. It arrives with the delay of `Feedforward`, or is lost with a given
-probability, independently of the others; then the last reading is used again. So the loop switches at random between
-two linear systems.
-It is **stable in the mean square** if the second moment of its state decays,
+probability, independently of the other readings; then the last reading that arrived is used again. So the loop switches
+at random between two linear systems. It is **stable in the mean square** if the second moment of its state decays,
 
 .. math:: \rho\{(1 - \pi)\, A_a \otimes A_a + \pi\, A_l \otimes A_l\} < 1,
 
-with :math:`A_a` for an arrived sample, :math:`A_l` for a lost one, and :math:`\pi` the share that is lost. The same
-moments, driven by the noise, give the motor force while nothing moves.
+with :math:`A_a` for an arrived sample, :math:`A_l` for a lost sample, and the share :math:`\pi` of lost samples. Driven
+by the noise, the same moments give the motor force while the hand is at rest.
 
 References:
     O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-Time Markov Jump Linear Systems, 2005, chapter 3 (recalled,
     not read). The chapter of `force_feedforward` mentions noise of the force sensor, and the same book describes a
-    wireless controller, neither with equations. Tests compare with spectra, the loop without loss, and simulation.
+    wireless controller, both without equations. Tests compare with spectra, the loop without loss, and simulation.
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ from phantom_dyn.haptics.device.held_device import Device, HeldDevice
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, critical_feedforward
 from phantom_dyn.number_checks import require_columns, require_not_negative, require_numbers
 
+# Largest number of states of a loop; their 1830 second moments take a second to solve for.
 _MOST_STATES = 60
-"""Largest number of states of a loop: it has 1830 second moments, which take a second to solve for."""
+# Gains at which the limit of stability is bracketed, relative to the limit without loss.
 _GRID = np.geomspace(1e-3, 10.0, 81)
-"""Gains at which the limit of stability is bracketed, relative to the limit without loss."""
+# Halvings of the bracket, whose relative width is an eighth, with which the gain is exact to 1e-10.
 _HALVINGS = 30
-"""Halvings of that bracket, which is an eighth wide: they fix the gain to 1e-10."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class ForceLink:
 
 @dataclass(frozen=True)
 class NoiseFelt:
-    """Root mean squares of force and motion that the sensor's noise causes while the hand holds still.
+    """Root mean squares of force and motion that the sensor's noise causes while the hand does not push.
 
     Attributes:
         motor_force: Force of the motor [N or N m].
@@ -101,14 +100,16 @@ def mean_square_radius(axis: Device, hand: Operator, feedforward: Feedforward, g
     Without loss it is the square of the spectral radius of `feedforward_loop`.
 
     Raises:
-        ParameterError: If nobody holds the device, the gain is not finite, or the delay holds too many samples.
+        ParameterError: If nobody holds the device, the gain is not finite, or the delay has too many samples.
     """
     loop = _Loop.of(axis, hand, feedforward, gain)
     return float(np.abs(np.linalg.eigvals(loop.moments(link.loss))).max())
 
 
 def critical_feedforward_of_link(axis: Device, hand: Operator, feedforward: Feedforward, link: ForceLink) -> float:
-    """Largest force gain for which the loop is stable in the mean square; infinite beyond ten times that without loss.
+    """Largest force gain for which the loop is stable in the mean square.
+
+    It is infinite if it is larger than ten times the limit without loss.
 
     Raises:
         ParameterError: As for `mean_square_radius`.
@@ -134,7 +135,7 @@ def critical_feedforward_of_link(axis: Device, hand: Operator, feedforward: Feed
 
 
 def noise_felt(axis: Device, hand: Operator, feedforward: Feedforward, gain: float, link: ForceLink) -> NoiseFelt:
-    """Effects of the sensor's noise in the steady state, from the stationary second moments.
+    """Effects of the sensor's noise in the steady state, from stationary second moments.
 
     Raises:
         ParameterError: If the loop is not stable in the mean square, or as for `mean_square_radius`.
@@ -169,13 +170,13 @@ def simulate_link(
     """Simulation of a held device with force feedforward, from rest.
 
     Args:
-        axis: Rigid device, or one of two masses.
+        axis: Rigid device, or a device with two masses.
         hand: The hand that holds it.
-        feedforward: From measured force to motor force.
+        feedforward: Filters, sampling and delay.
         gain: Force gain K_f.
         link: Noise and loss.
-        pushed: The hand's own force F_h, held over each sample [N or N m], shape ``(N,)``.
-        rng: Draws the noise and the lost samples.
+        pushed: Force F_h with which the hand pushes, constant during each sample [N or N m], shape ``(N,)``.
+        rng: Generator of noise and lost samples.
 
     Raises:
         ParameterError: If nobody holds the device, the gain or a force is not finite.
@@ -192,7 +193,7 @@ def simulate_link(
     tip, reading, motor = np.zeros((3, count))
     state = np.zeros(len(loop.noise))
     for k in range(count):
-        # The input of the loop is minus the reading, so that the noise enters with a minus sign as well.
+        # The input of the loop is minus the reading, so that the noise has a minus sign as well.
         tip[k], reading[k] = loop.tip @ state[:n], noise[k] - loop.plant.output @ state[:n]
         state = (loop.arrived @ state - noise[k] * loop.noise) if arrived[k] else loop.lost @ state
         state = state + pushed[k] * push

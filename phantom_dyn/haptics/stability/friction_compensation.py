@@ -1,22 +1,22 @@
 r"""Compensation of weight and friction: the largest safe share of friction, the dead zone that it needs, and dither.
 
-A drive that pushes in the direction of motion with ``s (T sgn v + c v)`` makes a device light to move. Two facts limit
+A drive that pushes in the direction of motion with ``s (T sgn v + c v)`` makes a device easy to move. Two facts limit
 the share ``s``.
 
-Power: a force of at most :math:`f` supplies at most the power :math:`f |v|`, however late its sign is and however it is
-estimated, while dry friction :math:`T` takes :math:`T |v|`. With :math:`f \le T` no motion can grow, at any delay. If
-the model of the friction may be wrong by a share :math:`u`, the largest safe share of it is :math:`1 / (1 + u)`; up to
-:math:`2u / (1 + u)` of the true friction is then left. A force beyond the friction drives the device: a free one up to
-the speed at which viscous friction balances it, one on a hand's spring :math:`k` to a swing of
-:math:`4 (f - T) / (\pi b \omega)`, :math:`\omega = \sqrt{k / m}`.
+Power: a force of at most :math:`f` supplies at most the power :math:`f |v|`, whatever its delay and whatever the
+velocity estimator, while dry friction :math:`T` takes the power :math:`T |v|`. With :math:`f \le T` no motion can grow.
+If the modelled friction may be wrong by a share :math:`u`, the largest safe share is :math:`1 / (1 + u)`; then up to
+:math:`2u / (1 + u)` of the true friction remains. A force larger than the friction drives the device. A free device
+reaches the speed at which viscous friction balances the excess; a device on a hand's spring :math:`k` swings with an
+amplitude of :math:`4 (f - T) / (\pi b \omega)`, :math:`\omega = \sqrt{k / m}`.
 
-Rest: before it slips, dry friction acts as a spring of stiffness :math:`T / d` that takes hardly any power, so that a
-force in the direction of motion makes the device tremble. Below a dead zone of speed no force is given. The zone must
-exceed the speed of the device's own swing on that spring, :math:`\sqrt{T d / m}`, and the jump of an estimated speed, a
-step of the encoder over its window. The hand still has to break the whole friction to start from rest. Dither removes
-that as well: a force of frequency :math:`\omega` and amplitude :math:`A > 4 T / \pi` keeps the device moving at the
-speed :math:`V = \sqrt{A^2 - (4T/\pi)^2} / (m \omega)`, and dry friction acts on slow motion as a damper
-:math:`2 T / (\pi V)` (describing function of a relay).
+Rest: before it slips, dry friction acts as a spring of stiffness :math:`T / d` that takes nearly no power, so that a
+force in the direction of motion makes the device tremble. So there is no force below a dead zone of speed. The dead
+zone must exceed the speed of the device's own swing on this spring, :math:`\sqrt{T d / m}`, and the smallest estimated
+speed, which is a step of the encoder over the window. The hand still has to overcome the whole friction to start from
+rest. Dither removes this friction, too: a force of frequency :math:`\omega` and amplitude :math:`A > 4 T / \pi` keeps
+the device moving at the speed :math:`V = \sqrt{A^2 - (4T/\pi)^2} / (m \omega)`, and dry friction acts on slow motion as
+a damper :math:`2 T / (\pi V)` (describing function of a relay).
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from phantom_dyn.number_checks import require_not_negative, require_positive, re
 
 @dataclass(frozen=True)
 class FrictionCompensation:
-    """A force in the direction of motion that cancels a share of the modelled friction.
+    """A force in the direction of motion that compensates a share of the modelled friction.
 
     Attributes:
         share: Share of the modelled friction, see `largest_share`.
-        dead_zone: Speed up to which no force is given [m/s or rad/s], see `least_dead_zone`.
-        ramp: Further speed over which the force rises to its full value [m/s or rad/s]; 0 for a jump.
+        dead_zone: Speed up to which there is no force [m/s or rad/s], see `least_dead_zone`.
+        ramp: Range of speed above the dead zone over which the force rises to its full value [m/s or rad/s].
 
     Raises:
         ParameterError: If a number is negative or not finite.
@@ -74,7 +74,7 @@ def largest_share(uncertainty: float) -> float:
     """Largest share of the modelled friction that never exceeds the true one: ``1 / (1 + u)``.
 
     Args:
-        uncertainty: u, the share by which the model may be wrong, in either direction (temperature, wear).
+        uncertainty: u, the share by which the modelled friction may be too large or too small (temperature, wear).
     """
     require_not_negative(uncertainty=uncertainty)
     return 1.0 / (1.0 + uncertainty)
@@ -88,7 +88,7 @@ def least_dead_zone(
     Args:
         mass: Mass or inertia [kg or kg m2].
         coulomb: Dry friction T [N or N m].
-        displacement: Displacement d over which it rises before the device slips [m or rad].
+        displacement: Displacement d over which the friction rises before the device slips [m or rad].
         step: Step of the encoder [m or rad].
         window: Number of samples over which positions are differenced.
         period: Sampling period [s].
@@ -112,7 +112,7 @@ def dithered_damping(mass: float, coulomb: float, *, amplitude: float, frequency
         frequency: Frequency of the dither [rad/s].
 
     Raises:
-        ParameterError: If the dither does not break the friction.
+        ParameterError: If the dither is too weak to overcome the friction.
     """
     require_positive(mass=mass, amplitude=amplitude, frequency=frequency)
     require_not_negative(coulomb=coulomb)
@@ -129,13 +129,13 @@ def dithered_damping(mass: float, coulomb: float, *, amplitude: float, frequency
 def assisting_torque(
     robot: Robot, q: Float[Array, "N nv"], v: Float[Array, "N nv"], compensation: FrictionCompensation
 ) -> Float[Array, "N nv"]:
-    """Drive torque that cancels weight and a share of the modelled friction, shape ``(N, nv)`` [N m or N].
+    """Drive torque that compensates weight and a share of the modelled friction, shape ``(N, nv)`` [N m or N].
 
-    Friction of passive joints of a closed chain is compensated at the speed of each joint, so that the power supplied
-    at a joint never exceeds that share of what its friction takes.
+    Friction of passive joints of a closed chain is compensated according to the speed of each joint, so that the power
+    supplied to a joint never exceeds this share of the power that its friction takes.
 
     Args:
-        robot: Gives weights and friction.
+        robot: Robot with its modelled friction.
         q: Measured joint positions [rad or m], shape ``(N, nv)``.
         v: Estimated joint velocities [rad/s or m/s], shape ``(N, nv)``.
         compensation: Share and dead zone, the same for all joints.

@@ -1,31 +1,32 @@
-r"""Three improvements of Cavusoglu, Feygin and Tendick (2002, section 5): measured values beside those of models.
+r"""Compares three published improvements of the PHANToM with models, and finds the numbers that the models lack.
 
-Wall 2.0 to 2.7 N/mm (+35 %), virtual damping 0.0050 to 0.011 N/(mm/s) (+120 %), teleoperation loop gain +50 % (no
-values). Between the two set-ups the amplifiers changed, and for the damping the velocity estimator.
+Cavusoglu, Feygin and Tendick (2002, section 5) improved the stiffness of a virtual wall from 2.0 to 2.7 N/mm (+35 %),
+virtual damping from 0.0050 to 0.011 N/(mm/s) (+120 %), and the loop gain of teleoperation by 50 % (no values). They
+changed the amplifiers, and for the damping the velocity estimator.
 
-**What the models do not give.** In x and y the published transfer functions are unstable behind a virtual wall of any
-stiffness (their phase lead is too small for the hold, and they have no damper to ground). In z they are stable for
-every stiffness (the position responds to force at once). So they give neither the walls nor the loop gain. Nor does the
-dynamic model, whose axes have no damping. Nothing is fitted here: a model without an answer has the value 0 or
-infinite, and `says` gives the reason. `needs` states the damper or delay that the published values would require, and
-`explained_improvements` gives the fewest assumptions from which each ratio follows.
+**What the models do not explain.** In x and y the published transfer functions are unstable behind a virtual wall of
+any stiffness, because their phase lead is too small for the hold and they have no damper to ground. In z they are
+stable for every stiffness, because the position responds to force at once. So they explain neither the walls nor the
+loop gain. The dynamic model, whose axes have no damping, does not explain them either. Nothing is fitted in the first
+part: a model without an answer has the value 0 or infinite, and `says` gives the reason. `needs` states the damper or
+delay that the published values would require.
 
-**What must be added.** For each ratio, the exact sampled loop is solved for the numbers that must be added. **None of
-them is published, and none is measured here:** they say what would have to be true.
+**What must be added.** `explained_improvements` solves the exact sampled loop for the fewest numbers from which each
+ratio follows. **None of these numbers is published, and none is measured here.**
 
 - **Wall, 2.0 to 2.7 N/mm.** By the linear condition :math:`K < b / (T/2 + t_d)` the ratio is :math:`1 + 2 t_d / T` for
-  any damping: a stock amplifier that is late by some 0.175 ms gives +35 %. Both values also need a damping of hand and
-  arm, 1.34 N s/m, and then the mass (52.5 g along y) does not matter.
+  any damping: a stock amplifier with a delay of some 0.175 ms gives +35 %. Both values also need a damping of hand and
+  arm of 1.34 N s/m, with which the mass (52.5 g along y) does not matter.
 - **Damping, 5.0 to 11 N s/m.** The strongest virtual damper "over the entire workspace" is that of the lightest
-  direction, z with 32.2 g at the origin by the dynamic model. The lags of both estimators are published, so that one
-  number is left. A damping of the hand of 1.11 N s/m gives the ratio, and also **both values** within 0.2 %, to which
-  it was not fitted. A hand without damping gives a ratio of 5.7. This is the linear loop; with the encoder's edges the
-  period measurement allows some 7 N s/m. The paper does not describe its "additional software logic".
-- **Loop gain, +50 %.** The ratio of the linear condition again: a stock amplifier that is late by 0.25 ms, at any
+  direction, z with 32.2 g at the origin in the dynamic model. The lags of both estimators are published, so that one
+  number is unknown. A damping of the hand of 1.11 N s/m gives the ratio, and also **both values** within 0.2 %, to
+  which it was not fitted. A hand without damping gives a ratio of 5.7. This is the linear loop; with the encoder's
+  edges the period measurement allows some 7 N s/m. The paper does not describe its "additional software logic".
+- **Loop gain, +50 %.** By the linear condition, a stock amplifier with a delay of 0.25 ms gives the ratio for any
   damping of the two devices.
 
-Wall and loop gain together need one more number. With one amplifier late by 0.25 ms, the wall has its +35 % only if it
-is 0.21 ms later than the teleoperation in both set-ups: 0.25 / 0.35 ms minus half a period.
+Wall and loop gain together need one more number. If the same amplifier has a delay of 0.25 ms, the wall improves by 35
+% only if its loop is 0.21 ms (0.25 / 0.35 ms minus half a period) later than that of teleoperation in both set-ups.
 """
 
 from __future__ import annotations
@@ -53,25 +54,25 @@ from phantom_dyn.haptics.stability.virtual_wall import (
 )
 
 PUBLISHED_WALL = (2.0e3, 2.7e3)
-"""Largest stiffness [N/m] before and after; y axis, no virtual damping."""
+"""Largest stiffness before and after the improvement [N/m], along y and without virtual damping."""
 PUBLISHED_DAMPING = (5.0, 11.0)
-"""Largest virtual damping [N s/m] before and after."""
+"""Largest virtual damping before and after the improvement [N s/m]."""
 PUBLISHED_LOOP_GAIN_RATIO = 1.5
-"""Loop gain after over before; its values are not published."""
+"""Loop gain after the improvement over that before; the values are not published."""
 
 _FITS = (("x", PHANTOM_1_5_X), ("y", PHANTOM_1_5_Y), ("z", PHANTOM_1_5_Z))
 
 
 @dataclass(frozen=True)
 class ModelFigure:
-    """One value of one model, before and after the improvement.
+    """Value of one model before and after the improvement.
 
     Attributes:
         model: Name of the model.
-        unit: Unit of both values; a published fit has its own.
+        unit: Unit of both values; that of a published fit is not stated.
         before: Value with the stock set-up: 0 if every gain is unstable, infinite if every gain is stable.
         after: Value with the improved set-up.
-        says: What this means compared with the published value, one sentence.
+        says: A sentence that compares the value with the published one.
     """
 
     model: str
@@ -88,15 +89,15 @@ class ModelFigure:
 
 @dataclass(frozen=True)
 class Improvement:
-    """A published improvement beside the figures of models.
+    """A published improvement, and the values of models.
 
     Attributes:
-        quantity: What was improved.
+        quantity: Name of the improved quantity.
         published: Values before and after; None if they are not published.
         unit: Unit of the values.
         published_ratio: After over before.
         models: Values of the models.
-        needs: Assumption from which the published values would follow, one sentence.
+        needs: A sentence with the assumption from which the published values would follow.
     """
 
     quantity: str
@@ -116,7 +117,7 @@ def operational_masses() -> tuple[float, float, float]:
 
 
 def wall_improvement() -> Improvement:
-    """Stiffness of a virtual wall, +35 %: the amplifiers changed, which no published model contains."""
+    """Stiffness of a virtual wall, +35 %, by other amplifiers, which no published model contains."""
     settings = LoopSettings()
     before, after = PUBLISHED_WALL
     half = settings.period / 2
@@ -133,7 +134,7 @@ def wall_improvement() -> Improvement:
 
 
 def loop_gain_improvement() -> Improvement:
-    """Loop gain of teleoperation, +50 %: here, too, the amplifiers changed."""
+    """Loop gain of teleoperation, +50 %, by other amplifiers."""
     settings = LoopSettings()
     return Improvement(
         "teleoperation loop gain",
@@ -148,7 +149,7 @@ def loop_gain_improvement() -> Improvement:
 
 
 def damping_improvement() -> Improvement:
-    """Virtual damping, +120 %: the velocity estimator changed, whose lag the models contain."""
+    """Virtual damping, +120 %, by another velocity estimator, whose lag the models contain."""
     stock, improved = LoopSettings(estimator=STOCK), LoopSettings(estimator=IMPROVED)
     mass = operational_masses()[1]
     rigid = RigidAxis(mass, 0.0)
@@ -215,17 +216,17 @@ def _percent(ratio: float) -> str:
 
 
 _PERIOD = LoopSettings().period
+# Largest damping of a hand in the search [N s/m]; with more, a tip of 32 g comes to rest within two samples.
 _MOST_DAMPING = 20.0
-"""Largest damping of a hand in the search [N s/m]; beyond it a tip of 32 g comes to rest within two samples."""
 
 
 @dataclass(frozen=True)
 class Assumption:
-    """A number that is not published and from which a published ratio follows.
+    """An unpublished number from which a published ratio follows.
 
     Attributes:
-        says: What is assumed.
-        value: The number for which the ratio follows.
+        says: Meaning of the number.
+        value: The number.
         unit: Unit of the number.
     """
 
@@ -239,11 +240,11 @@ class Explained:
     """A published improvement, and the values of a model under stated assumptions.
 
     Attributes:
-        quantity: What was improved.
+        quantity: Name of the improved quantity.
         unit: Unit of the values.
         published: Values before and after; None if they are not published.
         published_ratio: After over before.
-        assumptions: All that is added to the published models.
+        assumptions: Numbers that are added to the published models.
         before: Value of the model for the stock set-up.
         after: Value of the model for the improved set-up.
     """
@@ -263,9 +264,9 @@ class Explained:
 
 
 def explained_wall() -> Explained:
-    """Stiffest wall along y for a device held with some damping and a stock amplifier with some lag.
+    """Stiffest wall along y for a device in a hand with some damping, and a stock amplifier with some delay.
 
-    Two numbers explain two published values; the lag alone determines the ratio.
+    Two numbers explain two published values; the delay alone determines the ratio.
     """
     mass, (before, after) = operational_masses()[1], PUBLISHED_WALL
 
@@ -289,7 +290,10 @@ def explained_wall() -> Explained:
 
 
 def explained_damping() -> Explained:
-    """Strongest virtual damper along z, the lightest direction, in a hand with some damping: one number for a ratio."""
+    """Strongest virtual damper along z, the lightest direction, in a hand with some damping.
+
+    One number explains a ratio.
+    """
     mass, ratio = min(operational_masses()), PUBLISHED_DAMPING[1] / PUBLISHED_DAMPING[0]
 
     def strongest(damping: float) -> tuple[float, float]:
@@ -313,7 +317,7 @@ def explained_damping() -> Explained:
 
 
 def explained_loop_gain() -> Explained:
-    """Largest gain between two equal devices with the damping of the wall and stock amplifiers with some lag.
+    """Largest gain between two equal devices with the damping of `explained_wall` and delayed stock amplifiers.
 
     One number explains a ratio. The damping determines both values, which are not published, but not their ratio.
     """
@@ -321,7 +325,8 @@ def explained_loop_gain() -> Explained:
     axis = RigidAxis(operational_masses()[1], damping)
 
     def largest(lag: float) -> float:
-        # Only the difference is fed back, and it responds to a force as both devices together: half a wall's gain.
+        # Only the difference is fed back. It responds to a force with twice the motion of one device, which halves the
+        # gain.
         return 0.5 * critical_stiffness(axis, period=_PERIOD, delay=lag).stiffness
 
     after = largest(0.0)
@@ -343,7 +348,7 @@ def explained_improvements() -> tuple[Explained, Explained, Explained]:
 
 
 def _solved(beyond: Callable[[float], float], low: float, high: float) -> float:
-    """Zero of an increasing function, to 1e-10 of the width."""
+    """Zero of an increasing function, exact to 1e-10 of the interval."""
     # Imported here: scipy.optimize takes longer to import than the rest of haptics.
     from scipy.optimize import brentq
 

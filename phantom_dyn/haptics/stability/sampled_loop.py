@@ -1,8 +1,8 @@
-r"""A sampled device behind any digital filter, and the gains for which that loop is stable.
+r"""Finds the gains for which a loop of a sampled device P and digital filters is stable.
 
-The force is :math:`u = -(g\,S(z) + F(z))\,y`: the filter S with the unknown gain g, and the fixed filter F. The loop is
-at the limit of stability where :math:`g(\omega) = -(1/P + F)/S` is real and positive. The spectral radius of the closed
-loop shows which side of a crossing is stable.
+The force is :math:`u = -(g\,S(z) + F(z))\,y` with a filter S, whose gain g is searched, and a fixed filter F. The loop
+is at the limit of stability where :math:`g(\omega) = -(1/P + F)/S` is real and positive. The spectral radius of the
+closed loop shows on which side of such a gain the loop is stable.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import SampledAxis
 from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
 
+# Tolerance of the spectral radius: a free device has an eigenvalue of one, which rounding changes by some 1e-9.
 _MARGINAL = 1e-7
-"""Tolerance of the spectral radius: a free device has an eigenvalue of one, which rounding changes by some 1e-9."""
+# Halvings of an interval of the grid, with which the frequency of a crossing is exact to the last bits.
 _HALVINGS = 50
-"""Halvings of a step of the grid, which is less than a tenth of its frequency: they fix it to the last bits."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class DigitalFilter(ReadOnlyArrays):
 
 
 UNFILTERED = DigitalFilter(np.ones(1), np.ones(1))
-"""Filter that passes its input on."""
+"""Filter whose output is its input."""
 NOTHING = DigitalFilter(np.zeros(1), np.ones(1))
 """Filter whose output is zero."""
 
@@ -74,9 +74,9 @@ class SampledLoop:
     """Device and digital controller ``u = -(g scaled + fixed) y``.
 
     Attributes:
-        plants: The sampled device, or several under one force whose positions add up.
-        scaled: Filter whose gain is searched for.
-        fixed: Filter in parallel with it.
+        plants: The sampled device, or several devices under one force whose positions are added.
+        scaled: Filter whose gain is searched.
+        fixed: Filter in parallel with ``scaled``.
 
     Raises:
         ParameterError: If there is no device, or devices differ in period or delay.
@@ -102,13 +102,12 @@ class SampledLoop:
         return self.plants[0].period
 
     def gain_on_axis(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
-        """Gain that puts a root on the unit circle at each frequency [rad/s], where it is real and positive."""
+        """Gain with a root on the unit circle at each frequency [rad/s]; only a real positive gain is possible."""
         response = sum(plant.response(frequency) for plant in self.plants)
         held = 1.0 / response + self.fixed.response(frequency, self.period)
         with np.errstate(divide="ignore", invalid="ignore"):
             return -held / self.scaled.response(frequency, self.period)
 
-    # Cached: they depend on the fields alone and are needed at every gain.
     @cached_property
     def plant(self) -> SampledAxis:
         """All devices as one system."""
@@ -119,7 +118,7 @@ class SampledLoop:
         return self.scaled.matrices(), self.fixed.matrices()
 
     def closed_loop(self, gain: float) -> Float[Array, "m m"]:
-        """Transition matrix; the state is that of the device, the past forces, and those of both filters."""
+        """Transition matrix; the state consists of that of the devices, past forces, and those of both filters."""
         scaled, fixed = self._parts
         return self.plant.closed_by(
             (
@@ -135,7 +134,7 @@ class SampledLoop:
         return float(np.abs(np.linalg.eigvals(self.closed_loop(gain))).max())
 
     def is_stable(self, gain: float) -> bool:
-        """True if nothing grows; a free position may stay where it is."""
+        """True if no motion grows; the position of a free device may be constant."""
         return self.spectral_radius(gain) < 1.0 + _MARGINAL
 
 
@@ -144,9 +143,9 @@ class CriticalGain:
     """Gain up to which a loop is stable.
 
     Attributes:
-        gain: Upper end of the stable gains from 0 on; 0 if the smallest gain is unstable, infinite if every gain is
-            stable.
-        frequency: Frequency of the oscillation there [rad/s]; NaN if gain is 0 or infinite.
+        gain: Upper end of the range of stable gains that starts at 0; 0 if the smallest gain is unstable, infinite if
+            every gain is stable.
+        frequency: Frequency of the oscillation at this gain [rad/s]; NaN if the gain is 0 or infinite.
     """
 
     gain: float
@@ -154,7 +153,7 @@ class CriticalGain:
 
 
 def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
-    """Largest gain up to which a loop is stable, from all crossings of the limit and the spectral radius between them.
+    """Largest gain up to which a loop is stable, from all gains at the limit and the spectral radius between them.
 
     Args:
         loop: Device and controller.
@@ -177,7 +176,7 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     where = _roots(loop, grid[changes], grid[changes + 1])
     ends = np.append(where, math.pi / period)
     at_ends = loop.gain_on_axis(ends)
-    # Where the filter passes nothing, the gain changes sign through infinity, which is no crossing.
+    # At a zero of the filter the gain changes its sign through infinity, which is no crossing.
     near = np.append(np.abs(at_ends[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
     found = zip(np.real(at_ends)[near], ends[near], strict=True)
     crossing = np.array(sorted(pair for pair in found if np.isfinite(pair[0]) and pair[0] > 0)).reshape(-1, 2)

@@ -1,12 +1,13 @@
 r"""Stiffest virtual wall, strongest virtual damper and largest loop gain for which a sampled device is stable.
 
-**With each velocity estimator**, linear: the loop of device, hold, delay and estimator as a filter. Period measurement
-and adaptive windowing are no linear filters; the former is replaced by its limit for a fine encoder, the latter is
-refused. Simulated: the loop in time with its encoder, the gain raised until an oscillation lasts, which is how
-Cavusoglu, Feygin and Tendick (2002, section 5) found their marginal gains.
+**Each velocity estimator** has a linear and a simulated limit. The linear limit is that of a loop of device, hold,
+delay and estimator as a filter. Period measurement and adaptive windowing are no linear filters: the former is replaced
+by its limit for a fine encoder, and the latter is refused. The simulated limit is the smallest gain with which an
+oscillation does not decay in a simulation with the encoder, as in the experiments of Cavusoglu, Feygin and Tendick
+(2002, section 5).
 
-**A wall** is passive whoever holds the device (Colgate and Schenkel, 1997) if for a device with damping b in front of a
-sampled wall C(z)
+**A wall** C(z) in front of a device with damping b is passive, so that the loop is stable whoever holds the device, if
+(Colgate and Schenkel, 1997)
 
 .. math:: b > \frac{T}{2} \frac{1}{1 - \cos\omega T}\, \mathrm{Re}\{(1 - e^{-j\omega T})\, C(e^{j\omega T})\}
    \quad\text{for all } 0 \le \omega \le \pi/T,
@@ -14,12 +15,12 @@ sampled wall C(z)
 which for a spring and a damper without delay is :math:`b > KT/2 + |B|`. With a delay of :math:`dT + \tau` the power at
 the aliases :math:`\omega_n` of a frequency is a Hermitian form of rank two,
 :math:`b \sum |v_n|^2 - \mathrm{Re}\{\alpha\, \bar S_\tau S_0\}` with :math:`S_\tau = \sum v_n e^{j\omega_n\tau}
-/(j\omega_n)`. Its largest eigenvalue replaces the right-hand side, to which it is equal for :math:`\tau = 0`. The
-condition suffices for stability with any passive operator; if B is large, a free device needs far less damping.
+/(j\omega_n)`. Its largest eigenvalue replaces the right-hand side; for :math:`\tau = 0` the two are equal. The
+condition is sufficient for stability with any passive operator; if B is large, a free device needs far less damping.
 
-**Teleoperation** (Cavusoglu, Feygin and Tendick, 2002, section 5): master and slave are pushed by
-:math:`\mp (G + B\,\hat v)` of the difference of their positions. Only the difference is fed back, and it responds to a
-force as both devices in parallel: equal devices allow half the gain of one device on a wall.
+**Teleoperation** (Cavusoglu, Feygin and Tendick, 2002, section 5): the forces on master and slave are
+:math:`\mp (G + B\,\hat v)` times the difference of their positions. Only the difference is fed back. With equal devices
+it responds to a force with twice the motion of one device, so that the limit is half of that of a wall.
 """
 
 from __future__ import annotations
@@ -56,8 +57,8 @@ from phantom_dyn.number_checks import sample_count
 def velocity_filter(estimator: Estimator, *, step: float, period: float) -> DigitalFilter:
     """Filter from reading to velocity estimate.
 
-    An average and a Kalman filter are linear filters. Period measurement is replaced by the difference of two samples,
-    smoothed by its own average; if edges are frequent, this is half a sampling period later than the true estimate.
+    An average and a Kalman filter are linear filters. Period measurement is replaced by an average of differences over
+    its own number of samples; with frequent edges, this is half a sampling period later than the true estimate.
 
     Raises:
         ParameterError: For adaptive windowing, whose window depends on the motion.
@@ -80,7 +81,7 @@ def velocity_filter(estimator: Estimator, *, step: float, period: float) -> Digi
 
 
 def critical_damping_gain(axis: Axis, settings: LoopSettings) -> CriticalGain:
-    """Largest virtual damping [N s/m] of free motion, force against the estimated velocity, without rounding.
+    """Largest stable virtual damping of free motion [N s/m], without rounding.
 
     Raises:
         ParameterError: If the estimator is adaptive windowing.
@@ -90,7 +91,7 @@ def critical_damping_gain(axis: Axis, settings: LoopSettings) -> CriticalGain:
 
 
 def critical_wall(axis: Axis, settings: LoopSettings, *, damping: float = 0.0) -> CriticalGain:
-    """Largest stable stiffness [N/m] of a wall in which the device stays, with a virtual damping, without rounding.
+    """Largest stable stiffness of a two-sided wall with virtual damping [N/m], without rounding.
 
     Raises:
         ParameterError: If there is damping and the estimator is adaptive windowing.
@@ -102,7 +103,7 @@ def critical_wall(axis: Axis, settings: LoopSettings, *, damping: float = 0.0) -
 def simulate_damping(
     axis: Axis, settings: LoopSettings, damping: float, *, speed: float = 0.1, duration: float = 2.0
 ) -> LoopTrace:
-    """Simulation of a device that starts with a speed [m/s] in a virtual liquid of this damping [N s/m]."""
+    """Simulation of a free device with this virtual damping [N s/m] that starts with a speed [m/s]."""
     hand = np.zeros((sample_count(duration, settings.period), 1))
     return simulate_loop((axis,), settings, gain=0.0, damping=damping, start=(0.0,), speed=(speed,), hand=hand)
 
@@ -117,7 +118,7 @@ def simulate_wall(
     push: float = 1.0,
     duration: float = 2.0,
 ) -> LoopTrace:
-    """Simulation of a device that meets a one-sided wall at zero, pressed by a constant force [N], at a speed [m/s]."""
+    """Simulation of a device that hits a one-sided wall at zero with a speed [m/s] under a constant force [N]."""
     hand: Float[Array, "N d"] = np.full((sample_count(duration, settings.period), 1), push)
     return simulate_loop(
         (axis,), settings, gain=stiffness, damping=damping, start=(0.0,), speed=(speed,), hand=hand, one_sided=True
@@ -125,7 +126,7 @@ def simulate_wall(
 
 
 def simulated_damping_gain(axis: Axis, settings: LoopSettings, *, low: float, high: float) -> float:
-    """Virtual damping [N s/m] at which the oscillation of a moving device begins to last, with encoder and rounding."""
+    """Smallest virtual damping [N s/m] with which an oscillation does not decay, with encoder and rounding."""
     return gain_until_swinging(partial(simulate_damping, axis, settings), settings.encoder.step, low=low, high=high)
 
 
@@ -148,7 +149,7 @@ def _average(samples: int, period: float) -> DigitalFilter:
 
 
 def critical_loop_gain(master: Axis, slave: Axis, settings: LoopSettings, *, damping: float = 0.0) -> CriticalGain:
-    """Largest gain [N/m] on the position error, with damping on its estimated rate, without rounding.
+    """Largest stable gain on the position error [N/m], with damping on its estimated rate, without rounding.
 
     Args:
         master: The device in the operator's hand; `held_by` of an axis adds the hand.
@@ -173,7 +174,7 @@ def simulate_teleoperation(
     offset: float = 2e-3,
     duration: float = 2.0,
 ) -> LoopTrace:
-    """Simulation of master and slave released in free space `offset` [m] apart; column 0 of traces is the master."""
+    """Simulation of a free master and slave, released at a distance ``offset`` [m]; the master is column 0."""
     hand = np.zeros((sample_count(duration, settings.period), 2))
     return simulate_loop(
         (master, slave), settings, gain=gain, damping=damping, start=(offset, 0.0), speed=(0.0, 0.0), hand=hand
@@ -181,7 +182,7 @@ def simulate_teleoperation(
 
 
 def _difference(first: SampledAxis, second: SampledAxis) -> tuple[SampledAxis, ...]:
-    """Plants whose sum is the difference of both positions. Equal devices reduce to one, counted twice."""
+    """Plants whose sum is the difference of both positions; two equal devices are one plant with twice the output."""
     arrays = ("transition", "newer", "older", "output")
     if all(np.array_equal(getattr(first, name), getattr(second, name)) for name in arrays):
         twice = 2 * first.output
