@@ -12,14 +12,14 @@ from phantom_dyn.errors import ParameterError, known_names
 
 TIP_AXES = ("x", "y", "z")
 MOST_POINTS = 20_000_000
-"""Points of a grid at most: one matrix over them takes 1.4 GB."""
+"""Largest number of points of a grid, over which one matrix takes 1.4 GB."""
+# Largest coordinate of a grid [m or rad], far beyond any robot; figures can still be drawn of it.
 _FARTHEST = 1e6
-"""Ends of an axis at most [m or rad]: far beyond any robot, and what figures can be drawn of."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Points in the order of the axes, the last one changing fastest.
+    """Points of a grid in the order of its axes; the last axis changes fastest.
 
     Attributes:
         names: ``x``, ``y``, ``z``, or ``q.<joint>``.
@@ -36,12 +36,12 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Points along each axis."""
+        """Number of points along each axis."""
         return tuple(len(values) for values in self.values)
 
     @property
     def size(self) -> int:
-        """Points in all."""
+        """Number of all points."""
         return math.prod(self.shape)
 
     def points(self, start: int, stop: int) -> Array:
@@ -58,7 +58,7 @@ def read_grid(text: str, joint_names: tuple[str, ...]) -> Grid:
         joint_names: Active joints of the robot.
 
     Raises:
-        ParameterError: If it cannot be read; the sentence says which axis and what is wanted.
+        ParameterError: If the text cannot be read; the message says which axis and what is wanted.
     """
     names, values = [], []
     for part in text.split(","):

@@ -1,4 +1,4 @@
-"""Inverse kinematics: the joint positions for given tip positions, on the branch nearest to a given posture."""
+"""Inverse kinematics of maps: joint positions for tip positions, on the branch nearest to a given posture."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
 
 CLOSE = 1e-9
-"""Distance [m] between tip and point below which Newton's method has converged; rounding errors are far smaller."""
+"""Distance [m] between tip and point below which Newton's method has converged, far above rounding errors."""
+# Number of random configurations, and of starts of Newton's method for each point.
 _SAMPLES, _STARTS = 20000, 8
-"""Number of random configurations, and of starts of Newton's method for each point."""
+# The same numbers for a chain that is closed numerically, of which each configuration takes about a millisecond.
 _NUMERIC_SAMPLES, _NUMERIC_STARTS = 4000, 6
-"""The same numbers for a chain that is closed numerically, where each configuration takes about a millisecond."""
+# Number of random configurations with the nearest tips, from which the starts for a point are chosen.
 _NEAR = 48
-"""Number of random configurations, those with tips closest to a point, from which its starts are chosen."""
+# Largest number of steps of Newton's method.
 _STEPS = 25
-"""Largest number of steps of Newton's method."""
+# Two starts count as on the same branch if no joint differs by more than this [rad or m].
 _SAME_BRANCH = 0.5
-"""Two starts count as on the same branch if no joint differs by more than this [rad or m]."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Random configurations within the limits and their tip positions: starts for Newton's method on all branches.
+    """Random configurations within the limits, and their tip positions, from which Newton's method starts.
 
     Attributes:
         q: Configurations [rad or m], shape ``(n, nv)``.
@@ -38,11 +38,11 @@ class Cloud:
 
 
 def require_determined(model: MapModel, axes: tuple[str, ...]) -> None:
-    """Refuse a grid over tip positions that do not determine the joints, or that the tip cannot follow.
+    """Refuse a grid over tip positions that do not determine the joints, or to which the tip cannot move.
 
     Args:
         model: The robot.
-        axes: Axes of the grid, some of x, y and z.
+        axes: Axes of the grid, out of x, y and z.
 
     Raises:
         ParameterError: If the number of joints differs from that of the axes.
@@ -60,12 +60,12 @@ def require_determined(model: MapModel, axes: tuple[str, ...]) -> None:
 
 
 def cloud_of(model: MapModel) -> Cloud | None:
-    """Random configurations as starts; None for a robot with a closed-form inverse."""
+    """Random configurations; None for a robot with inverse kinematics in closed form."""
     if model.branches is not None:
         return None
     active = list(model.robot.tree_rows)
     low, high = model.lower[active], model.upper[active]
-    # One turn covers all poses of a revolute joint; a prismatic joint without limits is drawn within a metre.
+    # One turn has all poses of a revolute joint; a prismatic joint without limits is drawn within a metre.
     span = np.where(model.robot.prismatic, 1.0, np.pi)
     narrow = np.isfinite(high - low) & (model.robot.prismatic | (high - low < 2 * np.pi))
     low, high = np.where(narrow, low, model.posture - span), np.where(narrow, high, model.posture + span)
@@ -74,7 +74,7 @@ def cloud_of(model: MapModel) -> Cloud | None:
     q = np.random.default_rng(0).uniform(low, high, (samples, model.nv))
     q = q[within_limits(model, q)]
     tip = tip_of(model, q)[0]
-    # With wide limits the loops of a closed chain cannot be closed in most postures.
+    # If limits are wide, the loops of a closed chain cannot be closed in most postures.
     closed = np.isfinite(tip).all(axis=1)
     return Cloud(q[closed], tip[closed])
 
@@ -85,12 +85,12 @@ def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None, axes: tu
     Args:
         model: A robot with two or three active joints.
         points: Points in the root frame [m], shape ``(N, 3)``.
-        cloud: From `cloud_of`.
-        axes: Coordinates of the points that the tip has to reach; as many as there are active joints.
+        cloud: Result of `cloud_of`.
+        axes: Coordinates of the points that the tip has to reach, as many as there are active joints.
 
     Returns:
-        Active positions, shape ``(N, nv)``, on the branch within the limits that is nearest to ``model.posture``; a
-        row of NaN for a point that no branch reaches.
+        Active positions, shape ``(N, nv)``, on the branch within the limits that is nearest to ``model.posture``; NaN
+        for points that no branch reaches.
     """
     if model.branches is not None:
         candidates = model.branches(points)
@@ -111,7 +111,7 @@ def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None, axes: tu
 
 
 def _near_posture(model: MapModel, q: Array) -> Array:
-    """Angles shifted by whole turns to within half a turn of the posture, or beyond it if the limits require that."""
+    """Angles shifted by whole turns to within half a turn of the posture, or further if the limits require this."""
     active = list(model.robot.tree_rows)
     turns = np.where(model.robot.prismatic, 0.0, 2 * np.pi)
     q = q - turns * np.round((q - model.posture) / (2 * np.pi))
@@ -120,8 +120,8 @@ def _near_posture(model: MapModel, q: Array) -> Array:
 
 
 def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> Array:
-    """Candidates ``(starts, N, nv)`` by Newton's method, each from a random configuration whose tip is close."""
-    # Imported here: only points without a closed form need it, and it takes longer to import than many maps.
+    """Candidates ``(starts, N, nv)`` of Newton's method, each from a random configuration whose tip is near."""
+    # Imported here because the import takes longer than many maps that do not need it.
     from scipy.spatial import KDTree
 
     if not len(cloud.q):
@@ -132,10 +132,10 @@ def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> 
 
 
 def _distinct(model: MapModel, near: Array) -> list[Array]:
-    """Starts of Newton's method for each point, each ``(N, nv)``, the one nearest to the posture first.
+    """Starts of Newton's method, each ``(N, nv)`` for all points, those nearest to the posture first.
 
-    Each is one of the point's ``k`` configurations ``near``, ``(N, k, nv)``, and on another branch than those before
-    it, by `_SAME_BRANCH`; NaN for a point that has no more of them.
+    The starts of a point are chosen from its ``k`` configurations ``near``, ``(N, k, nv)``, each on another branch
+    (`_SAME_BRANCH`) than those before; NaN if there are no more branches.
     """
     rows = np.arange(len(near))
     distance = np.linalg.norm(near - model.posture, axis=2)
@@ -150,7 +150,7 @@ def _distinct(model: MapModel, near: Array) -> list[Array]:
 
 
 def _newton(model: MapModel, points: Array, start: Array, axes: list[int]) -> Array:
-    """Joint positions by damped Newton steps, which may not have converged; NaN where the start is NaN."""
+    """Joint positions after damped Newton steps, which may not have converged; NaN where the start is NaN."""
     q = start.copy()
     unfinished = np.flatnonzero(np.isfinite(q).all(axis=1))
     for _ in range(_STEPS):
@@ -158,7 +158,7 @@ def _newton(model: MapModel, points: Array, start: Array, axes: list[int]) -> Ar
             break
         tip, J = tip_of(model, q[unfinished])
         gap, J = (points[unfinished] - tip)[:, axes], J[:, axes]
-        # The damping vanishes with the gap: steps are safe far from the point, and convergence is quadratic near it.
+        # The damping decreases with the gap: steps are safe far from the point, and converge quadratically near it.
         damping = (np.sum(gap**2, axis=1)[:, None, None] + 1e-14) * np.eye(len(axes))
         step = np.einsum("nji,nj->ni", J, np.linalg.solve(J @ np.swapaxes(J, 1, 2) + damping, gap[..., None])[..., 0])
         q[unfinished] += step * np.minimum(1, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]

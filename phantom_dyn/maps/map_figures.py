@@ -1,7 +1,7 @@
 """Figures of maps: curves, sections with lines of equal value, and sections in space; NaN stays white.
 
-Scalars and vectors are shown as they are, matrices over like axes by their diagonal, and a matrix whose columns are
-joints by the norms of its rows: what all joints together can do along x, y and z.
+Scalars and vectors are shown with all components, and symmetric matrices with their diagonal. A matrix whose columns
+are joints is shown with the norms of its rows, which say what all joints together can do along x, y and z.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.maps.operational_map import OperationalMap, axis_unit
 from phantom_dyn.maps.quantities import QUANTITIES
 
+# Largest number of lines of equal value.
 _LEVELS = 12
-"""Lines of equal value at most."""
+# Largest number of points along one axis of a surface in space.
 _MOST_POINTS = 45
-"""Points of one axis of a surface in space at most."""
 _COLORS = "viridis"
 _DPI = 200
+# Largest value of a panel, over that of the figure, below which the panel shows rounding errors and is left out.
 _ROUNDING = 1e-9
-"""Largest value of a panel over that of the figure at which it holds rounding alone, and is left out."""
+# Ratio of largest to smallest value above which levels are logarithmic, and ratio of largest to smallest level.
 _DECADE, _DECADES = 10.0, 1e4
-"""Largest over smallest value beyond which levels are logarithmic, and how far below the largest they begin."""
+# Largest share of the points with the same colour; if there are more, their range is divided.
 _ONE_COLOUR = 1 / 3
-"""Part of the points that one colour may hold: an area that holds more is divided."""
+# Width of the rim, as a share of a section: near its ends and points out of reach, no extreme value is marked.
 _RIM = 0.02
-"""Part of a section next to its rim, to what cannot be reached or is singular, in which no largest value is marked."""
+# Relative difference up to which two values count as equal.
 _SAME = 1e-9
-"""Relative difference of two values that is rounding."""
+# Largest number of equal extreme values that are marked.
 _MARKS = 6
-"""Equal largest values that are marked; of more as many at even steps, as they lie along a line."""
+# Smallest distance of two numbers on lines, and smallest extent of a line with a number, over the size of the axes.
 _LABEL_ROOM = 0.12
-"""Least distance of two numbers on lines, and least extent of a line that has one, over the size of the axes."""
+# Smallest distances of a number from other lines and from the ends of the axes, over the size of the axes.
 _CLEAR, _INSIDE = 0.025, 0.04
-"""Least distances of a number from other lines and from the rim of the axes, over the size of the axes."""
-_HELD = "\u00a0"
+_NO_BREAK = "\u00a0"
+# Number of letters of a caption per inch of the figure.
 _LETTERS = 17
-"""Letters of a caption per inch of the figure."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ def figure(result: OperationalMap, name: str) -> Figure:
         name: Name of a quantity in it.
 
     Returns:
-        A curve over one axis; over two a section with lines of equal value; over three the middle sections in space
-        and the section across the first axis; over more the middle section across all but the last two.
+        For one axis a curve, for two a section with lines of equal value, for three the middle sections in space and
+        that across the first axis, for more the middle section of the last two axes.
     """
     axes, panels = _panels(result, name)
     space = 2 if len(axes) == 3 else 1
@@ -83,22 +83,22 @@ def figure(result: OperationalMap, name: str) -> Figure:
             else:
                 _draw(out, out.add_subplot(*place), panel, axes, result, logarithmic)
     lines = _caption(result, name, axes)
-    # A number stays beside its name.
-    held = (line.replace(" = ", f"{_HELD}={_HELD}") for line in lines)
-    wrapped = (_even_lines(line, int(_LETTERS * size[0])).replace(_HELD, " ") for line in held)
+    # No line break between a name and its number.
+    unbroken = (line.replace(" = ", f"{_NO_BREAK}={_NO_BREAK}") for line in lines)
+    wrapped = (_even_lines(line, int(_LETTERS * size[0])).replace(_NO_BREAK, " ") for line in unbroken)
     out.suptitle("\n".join(wrapped), fontsize=8)
     return out
 
 
 def _even_lines(text: str, most: int) -> str:
-    """A text in as few lines of ``most`` letters as it takes, none much shorter than another."""
+    """A text in as few lines of at most ``most`` letters as possible, with similar lengths."""
     lines = len(textwrap.wrap(text, most))
     width = next(width for width in range(1, most + 1) if len(textwrap.wrap(text, width)) <= lines)
     return textwrap.fill(text, width)
 
 
 def _panels(result: OperationalMap, name: str) -> tuple[list[int], list[_Panel]]:
-    """Axes that vary, at most three, and values over them; further ones are cut in the middle."""
+    """Axes that vary, at most three, and panels with values over them; other axes are cut in the middle."""
     grid, quantity = result.grid, QUANTITIES[name]
     varying = [k for k, count in enumerate(grid.shape) if count > 1]
     kept = varying if len(varying) <= 3 else varying[-2:]
@@ -119,7 +119,7 @@ def _panels(result: OperationalMap, name: str) -> tuple[list[int], list[_Panel]]
 
 
 def _beyond_rounding(panels: list[_Panel]) -> list[_Panel]:
-    """Panels without those that hold nothing but rounding; the first one where all do."""
+    """Panels without those that show rounding errors only; the first one if all do."""
     sizes = [float(np.nanmax(np.abs(panel.values))) if np.isfinite(panel.values).any() else 0.0 for panel in panels]
     kept = [panel for panel, size in zip(panels, sizes, strict=True) if size > _ROUNDING * max(sizes)]
     return kept or panels[:1]
@@ -131,7 +131,7 @@ def _label(result: OperationalMap, axis: int) -> str:
 
 
 def _logarithmic(name: str, panels: list[_Panel]) -> bool:
-    """True if the levels of all panels are logarithmic: no value is negative, and those of one span over a decade."""
+    """True if levels are logarithmic: no value is negative, and those of one panel span more than a decade."""
     if QUANTITIES[name].share:
         return False
     finite = [panel.values[np.isfinite(panel.values)] for panel in panels]
@@ -147,8 +147,8 @@ def _scale(values: Array, logarithmic: bool) -> Normalize:
         return Normalize(0, 1)
     if logarithmic:
         return LogNorm(max(finite.min(), finite.max() / _DECADES), finite.max())
-    # Towards a singularity masses grow without bound, which must not take all the colours: the usual fence of a box
-    # plot, three times the middle half beyond it.
+    # Near a singularity masses grow without bound, which must not use all colours. The limits are those of outliers in
+    # a box plot: three interquartile ranges beyond the quartiles.
     quarter, three = np.percentile(finite, [25, 75])
     beyond = 3 * (three - quarter)
     low, high = max(finite.min(), quarter - beyond), min(finite.max(), three + beyond)
@@ -170,7 +170,7 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
         ax.set_xlabel(_label(result, axes[0]))
         ax.grid(alpha=0.3)
         return
-    # Height upwards: y before z would lie on its side, so the earlier axis goes up when it is y.
+    # The first axis is vertical if it is y, because y is the height of the built-in robots.
     first, second = axes[-2:]
     values = panel.values if panel.values.ndim == 2 else panel.values[panel.values.shape[0] // 2]
     across, up = (second, first) if grid.names[first] == "y" else (first, second)
@@ -191,7 +191,7 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
         values,
         levels,
         cmap=_COLORS,
-        # Each area between two lines has a colour of its own, however near its values are to the next.
+        # Each area between two lines has its own colour, even if its values are close to those of the next area.
         norm=BoundaryNorm(levels, 256, extend=extend),
         extend=extend,
     )
@@ -207,14 +207,14 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
 
 
 def _extend(below: bool, above: bool) -> Literal["neither", "min", "max", "both"]:
-    """Matplotlib's word for values that lie beyond the levels."""
+    """Matplotlib's word for values below or above the levels."""
     if below and above:
         return "both"
     return "min" if below else "max" if above else "neither"
 
 
 def _levels(scale: Normalize, values: Array) -> Array:
-    """Values at which lines are drawn, round numbers that hold the range; no area between two holds most points."""
+    """Values at which lines are drawn: round numbers that cover the range, and more where many points are between."""
     low, high = float(scale.vmin or 0.0), float(scale.vmax or 0.0)
     if isinstance(scale, LogNorm):
         ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0), numticks=99).tick_values(low, high))
@@ -235,7 +235,7 @@ def _levels(scale: Normalize, values: Array) -> Array:
 
 
 def _number(ax: Axes, lines: QuadContourSet) -> None:
-    """Numbers on lines that are long enough, one each, none upon another."""
+    """Write one number on each line that is long enough, without overlaps."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     size, middle = np.array([right - left, top - bottom]), np.array([right + left, top + bottom]) / 2
     points = [np.concatenate([np.zeros((0, 2)), *pieces]) for pieces in lines.allsegs]
@@ -262,7 +262,7 @@ def _number(ax: Axes, lines: QuadContourSet) -> None:
 
 
 def _mark(ax: Axes, across: Array, up: Array, values: Array) -> None:
-    """Crosses where the values are largest, and smallest if some are negative; a plus at the origin if it is there."""
+    """Mark the largest values, the smallest ones if some are negative, and the origin if the section contains it."""
     _mark_largest(ax, across, up, values, "largest", sign=1)
     if (values < 0.0).any():
         _mark_largest(ax, across, up, values, "smallest", sign=-1)
@@ -273,7 +273,7 @@ def _mark(ax: Axes, across: Array, up: Array, values: Array) -> None:
 
 
 def _mark_largest(ax: Axes, across: Array, up: Array, values: Array, word: str, sign: Literal[1, -1]) -> None:
-    """Crosses at the largest of ``sign * values`` off the rim; none where these only grow towards a rim."""
+    """Mark the largest of ``sign * values`` off the rim; nothing if the values grow towards the rim everywhere."""
     signed = sign * values
     inner, around = _off_the_rim(signed)
     largest = float(np.nanmax(np.where(inner, signed, np.nan))) if inner.any() else math.nan
@@ -288,7 +288,7 @@ def _mark_largest(ax: Axes, across: Array, up: Array, values: Array, word: str, 
 
 
 def _off_the_rim(values: Array) -> tuple[Array, Array]:
-    """Points with only points in reach and on the map around them, as far as the margin goes; the largest of these."""
+    """True for points off the rim, and the largest value around each point, within the width of the rim."""
     margin = max(1, round(_RIM * max(values.shape)))
     padded = np.pad(np.where(np.isfinite(values), values, -np.inf), margin, constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * margin + 1, 2 * margin + 1))
@@ -298,7 +298,7 @@ def _off_the_rim(values: Array) -> tuple[Array, Array]:
 def _draw_space(
     out: Figure, ax: Axes3D, panel: _Panel, axes: list[int], result: OperationalMap, logarithmic: bool
 ) -> None:
-    """Three middle sections at right angles."""
+    """Draw the three middle sections at right angles."""
     values, scale = panel.values, _scale(panel.values, logarithmic)
     coloured = ScalarMappable(scale, _COLORS)
     along = [_thinned(result.grid.values[k]) for k in axes]
@@ -322,7 +322,7 @@ def _draw_space(
 
 
 def _thinned(values: Array) -> tuple[Array, Array]:
-    """Indices and values of at most `_MOST_POINTS`: a surface in space is drawn face by face."""
+    """Indices and values of at most `_MOST_POINTS`, because a surface in space is drawn face by face."""
     index = np.unique(np.linspace(0, len(values) - 1, min(_MOST_POINTS, len(values))).round().astype(int))
     return index, values[index]
 

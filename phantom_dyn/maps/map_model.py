@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot as a map sees it: its tip, limits, stiffness and posture, and its dynamics for a block of samples.
+"""What a map needs of a robot: tip, limits, stiffness and posture, and its dynamics for a block of samples.
 
-Built-in devices also have data that their robot files lack: inverse kinematics in closed form, published stiffness and
-the usual posture.
+For built-in devices this module adds what their robot files lack: inverse kinematics in closed form, published
+stiffness and the usual posture.
 """
 
 from __future__ import annotations
@@ -15,34 +15,33 @@ import numpy as np
 from phantom_dyn._kernels import rigid_body
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices import cea, phantom
+from phantom_dyn.dynamics.kinematics import frame_index
 from phantom_dyn.dynamics.tree_motion import TreeMotion, project, tree_friction, tree_motion
-from phantom_dyn.errors import ChainError, ParameterError, RobotError, known_names
+from phantom_dyn.errors import ChainError, ParameterError, RobotError
 from phantom_dyn.loops.solver import REACH
 from phantom_dyn.model.robot import Robot, tree_position_limits
 from phantom_dyn.motion import Motion, linear_joints
 
+# Distance beyond a joint limit [rad or m] up to which a position counts as within, for rounding errors.
 _SLACK = 1e-9
-"""How far beyond a joint limit [rad or m] a position still counts as within: rounding of the inverse kinematics."""
+# Number of latest solutions from which the search for a single sample of a closed chain may start.
 _ENDS = 4
-"""Solutions that the search for a single sample of a closed chain may begin at."""
 
 
 @dataclass(frozen=True)
 class MapModel:
-    """A robot with tip, limits, stiffness and posture; a process that computes blocks receives it.
-
-    ``nt`` joints of the tree, ``nv`` active ones.
+    """A robot with tip, limits, stiffness and posture; it has ``nt`` joints in the tree, of which ``nv`` are active.
 
     Attributes:
-        robot: A plain robot or a closed chain.
+        robot: The robot.
         frame: Name of the tip.
-        tip: Index of that frame in the model.
-        lower: Lowest position of each tree joint [rad or m], ``-inf`` where nothing binds, shape ``(nt,)``.
-        upper: Highest one.
+        tip: Index of this frame in the model.
+        lower: Lowest position of each tree joint [rad or m], ``-inf`` without a limit, shape ``(nt,)``.
+        upper: Highest position of each tree joint, ``inf`` without a limit, shape ``(nt,)``.
         stiffness: Stiffness of the active joints [N m/rad], shape ``(nv,)``, or None.
-        stiffness_note: Where the stiffness comes from, for captions.
-        posture: Configuration that selects the branch, and position of joints without a grid, ``(nv,)``.
-        branches: Closed-form inverse kinematics: candidates ``(B, N, nv)`` of tip positions ``(N, 3)``, or None.
+        stiffness_note: Source of the stiffness, for captions.
+        posture: Configuration that selects the branch; positions of joints that are no axis of the grid, ``(nv,)``.
+        branches: Inverse kinematics in closed form: candidates ``(B, N, nv)`` for tip positions ``(N, 3)``, or None.
     """
 
     robot: Robot
@@ -62,7 +61,7 @@ class MapModel:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Active joints."""
+        """Names of the active joints."""
         return self.robot.joint_names
 
     @property
@@ -72,22 +71,23 @@ class MapModel:
 
     @property
     def closed_numerically(self) -> bool:
-        """True for a chain whose passive joints have to be searched for, which takes a millisecond a sample."""
+        """True for a chain whose passive joints are found numerically, which takes a millisecond per sample."""
         return self.robot.chain is not None and bool(self.robot.chain.anchors)
 
 
 def tree_at(model: MapModel, q: Float[Array, "N nv"]) -> TreeMotion:
-    """The tree at rest at active positions [rad or m]; rows of NaN where a chain cannot be closed."""
+    """The tree at rest at active positions [rad or m]; NaN where a chain cannot be closed."""
     return _resting(model.robot, q, []) if model.closed_numerically else _at_rest(model.robot, q, None)
 
 
 def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> TreeMotion:
-    """The tree of a chain, each sample reached from the one before, in halves where some cannot be closed.
+    """The tree of a chain at rest; samples that cannot be closed are found by halving, and are NaN.
 
     Args:
         robot: A chain that is closed numerically.
         q: Active positions.
-        ends: Last tree positions of what was closed before; a single sample begins at the nearest one. Grows.
+        ends: Last tree positions of all parts so far, to which this call adds its own; the search for a single sample
+            starts at the nearest of them.
     """
     try:
         tree = _at_rest(robot, q, _nearest(robot, q, ends))
@@ -114,7 +114,7 @@ def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt
 
 
 def _nearest(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> Float[Array, " nt"] | None:
-    """Where the search for a single sample begins: the last solution that one step of the solver takes to it."""
+    """Start of the search for a single sample: the nearest recent solution, if one step of the solver can reach it."""
     near = ends[-_ENDS:]
     apart = [float(np.abs(x[list(robot.tree_rows)] - q[0]).max()) for x in near] if len(q) == 1 else []
     return near[int(np.argmin(apart))] if apart and min(apart) <= REACH else None
@@ -126,27 +126,27 @@ def _at_rest(robot: Robot, q: Float[Array, "N nv"], near: Float[Array, " nt"] | 
 
 
 def within_limits(model: MapModel, q: Float[Array, "N nv"]) -> np.ndarray:
-    """True where no joint of the tree is beyond its range, and the chain can be closed, shape ``(N,)``."""
+    """True where all joints of the tree are within their limits and the chain can be closed, shape ``(N,)``."""
     robot = model.robot
     inside, linear = np.ones(len(q), dtype=bool), linear_joints(robot.model)
     for joint, values in enumerate(tree_at(model, q).q.T):
         low, high = model.lower[joint] - _SLACK, model.upper[joint] + _SLACK
         if joint not in robot.tree_rows and not linear[joint] and np.isfinite(low):
-            # A passive angle that followed its expression round the circle is the same angle a turn away.
+            # The expression of a passive angle may be a whole turn off.
             values = low + np.mod(values - low, 2 * np.pi)
-        inside &= (values >= low) & (values <= high)  # NaN is neither
+        inside &= (values >= low) & (values <= high)  # False for NaN
     return inside
 
 
 def tip_of(model: MapModel, q: Float[Array, "N nv"]) -> tuple[Float[Array, "N 3"], Float[Array, "N 3 nv"]]:
-    """Tip [m] in the root frame and its translational Jacobian at active positions."""
+    """Position of the tip in the root frame [m], and its translational Jacobian, at active positions."""
     tree = tree_at(model, q)
     tip, J = _tip(model, tree)
     return tip, J if model.robot.chain is None else J @ tree.G
 
 
 def _tip(model: MapModel, tree: TreeMotion) -> tuple[Float[Array, "N 3"], Float[Array, "N 3 nt"]]:
-    """Tip [m] and its translational Jacobian in the velocities of the tree, in the axes of the root."""
+    """Position of the tip [m] and its translational Jacobian by the velocities of the tree, in the axes of the root."""
     robot = model.robot
     _, tip, J = rigid_body.frame(robot.model, robot.arrays, tree.configuration, model.tip)
     return tip, J[:, :3]
@@ -154,13 +154,13 @@ def _tip(model: MapModel, tree: TreeMotion) -> tuple[Float[Array, "N 3"], Float[
 
 @dataclass(frozen=True)
 class JointSpace:
-    """A block of samples in joint space.
+    """Jacobian, mass matrix and weight of a block of samples.
 
     Attributes:
         J: Translational Jacobian of the tip in the root frame, shape ``(N, 3, nv)``.
-        M: Mass matrix with rotors, shape ``(N, nv, nv)``; None if not asked for.
-        weight: Torque that holds the robot against gravity, shape ``(N, nv)``; None if not asked for.
-        G: Slope of the tree's positions in the active ones, shape ``(N, nt, nv)``.
+        M: Mass matrix with rotors, shape ``(N, nv, nv)``; None if it is not needed.
+        weight: Torque that holds the robot against gravity, shape ``(N, nv)``; None if it is not needed.
+        G: Derivative of the tree's positions by the active ones, shape ``(N, nt, nv)``.
     """
 
     J: Float[Array, "N 3 nv"]
@@ -170,7 +170,7 @@ class JointSpace:
 
 
 def joint_space(model: MapModel, q: Float[Array, "N nv"], *, inertia: bool) -> JointSpace:
-    """Jacobian, and mass matrix and weight if ``inertia``, at active positions [rad or m]."""
+    """Jacobian at active positions [rad or m], and mass matrix and weight if ``inertia``."""
     robot, tree = model.robot, tree_at(model, q)
     plain, J = robot.chain is None, _tip(model, tree)[1]
     J = J if plain else J @ tree.G
@@ -188,7 +188,7 @@ def projected_friction(
 ) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv"]]:
     """Viscous matrix and Coulomb torques on the active joints.
 
-    The Coulomb torque of a passive joint counts with the sign that is worst for each active joint.
+    The Coulomb torque of a passive joint is added with the sign that is worst for each active joint.
     """
     viscous, coulomb = tree_friction(robot)
     torque = np.broadcast_to(coulomb, G.shape[:2])
@@ -203,9 +203,9 @@ class Device:
     """A built-in device.
 
     Attributes:
-        branches: Candidates ``(B, N, 3)`` [rad] of tip positions ``(N, 3)`` [m], NaN where there is none.
-        posture: Configuration [rad] that selects the branch by default.
-        stiffness: Function for the stiffness of the joints [N m/rad]; None where none is published.
+        branches: Function that returns candidates ``(B, N, 3)`` [rad] for tip positions ``(N, 3)`` [m], NaN for none.
+        posture: Configuration that selects the branch by default [rad].
+        stiffness: Function that returns the stiffness of the joints [N m/rad]; None if none is published.
         stiffness_note: Remark on the source of the stiffness, for captions.
     """
 
@@ -216,12 +216,12 @@ class Device:
 
 
 def phantom_branches(p: Array) -> Array:
-    """The one assembly that the parallelogram allows."""
+    """One candidate, because the parallelogram allows only one assembly."""
     return phantom.inverse_kinematics(p)[None]
 
 
 def cea_branches(p: Array) -> Array:
-    """Four candidates: the arm on either side of the axis of q1, with the elbow on either side.
+    """Four candidates: the arm on each side of the axis of q1, with the elbow on each side.
 
     In the plane of the arm, q2 and q5 are absolute, so that ``(rho, -z) = d3 (cos q2, sin q2) + d4 (cos q5, sin q5)``.
     """
@@ -251,11 +251,6 @@ DEVICES = {
 }
 
 
-def device_of(source: str, frame: str) -> Device | None:
-    """Device of a built-in name with its own tip, or None."""
-    return DEVICES.get(source) if frame == "tip" else None
-
-
 def map_model(
     robot: Robot,
     *,
@@ -266,13 +261,12 @@ def map_model(
     """A robot with the tip, limits, stiffness and posture of a map.
 
     Args:
-        robot: A plain robot or a closed chain.
-        frame: Tip; by default ``tip`` where the robot has such a frame, else its last frame.
-        stiffness: Stiffness of each joint [N m/rad]; by default the published one of a built-in device, else the
-            position gain ``kp`` of the controllers in ``robot.yaml``, else none.
-        posture: Configuration [rad or m] near which a branch is taken; by default that of a built-in device or the
-            start of a numerically closed chain, else zero, and for a joint that cannot reach zero the middle of its
-            range.
+        robot: The robot.
+        frame: Name of the tip; by default ``tip`` if the robot has such a frame, otherwise its last frame.
+        stiffness: Stiffness of each joint [N m/rad]; by default the published one of a built-in device, or the position
+            gain ``kp`` of the controllers in ``robot.yaml``, or none.
+        posture: Configuration [rad or m] near which a branch is chosen; by default that of a built-in device, the start
+            of a numerically closed chain, or zero; for a joint that cannot reach zero, the middle of its range.
 
     Raises:
         RobotError: If the robot has no such frame, or the frame does not move.
@@ -284,7 +278,7 @@ def map_model(
     if joint == 0:
         raise RobotError(f"The frame {model.frames[chosen].name!r} of {robot.name} does not move: name a moving one.")
     name = model.frames[chosen].name
-    device = device_of(robot.source, name)
+    device = DEVICES.get(robot.source) if name == "tip" else None
     lower, upper = tree_position_limits(robot.model)
     stiff, note = _stiffness(robot, device, stiffness)
     active = list(robot.tree_rows)
@@ -302,12 +296,9 @@ def map_model(
 
 
 def _frame(robot: Robot, frame: str | None) -> int:
-    names = [f.name for f in robot.model.frames]
-    if frame is None:
-        return robot.model.getFrameId("tip") if "tip" in names else len(names) - 1
-    if frame not in names:
-        raise RobotError(f"{robot.name} has no frame {frame!r}: {known_names(frame, dict.fromkeys(names), 'frames')}")
-    return robot.model.getFrameId(frame)
+    if frame is not None:
+        return frame_index(robot, frame)
+    return robot.model.getFrameId("tip") if robot.model.existFrame("tip") else len(robot.model.frames) - 1
 
 
 def _stiffness(robot: Robot, device: Device | None, given: Array | None) -> tuple[Array | None, str]:
@@ -338,7 +329,7 @@ def _posture(robot: Robot, device: Device | None, given: Array | None, lower: Ar
                 f"number for each of {', '.join(robot.joint_names)}."
             )
         return given
-    if device is not None and device.posture is not None:
+    if device is not None:
         return np.array(device.posture)
     if robot.chain is not None and robot.chain.anchors:
         return robot.chain.start[list(robot.chain.active)]

@@ -1,4 +1,4 @@
-"""Quantities at every point of a grid, block by block, in one or several processes; the map as an xarray dataset."""
+"""Computes a map: quantities at every point of a grid, in one or several processes; and the map as xarray dataset."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     import xarray
 
 BLOCK = 8192
-"""Points computed at once: their arrays stay within the caches, and within some tens of megabytes."""
+"""Number of points computed at once; their arrays need some tens of megabytes."""
 SLOW_BLOCK = 1024
-"""The same where a point is searched for or a chain closed numerically, which takes far longer."""
+"""Number of points computed at once if a numerical search, which takes far longer, is needed for each."""
 LARGEST_CHUNK = 16
-"""Blocks at most that one call of a worker computes: their result stays within some tens of megabytes."""
+"""Largest number of blocks that one call of a worker computes; their result needs some tens of megabytes."""
 FEW_BLOCKS = 8
-"""Blocks below which this process computes alone: others need a second to start."""
+"""Number of blocks below which this process computes alone, because other processes need a second to start."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,9 @@ class OperationalMap:
     Attributes:
         model: The robot.
         grid: The points.
-        values: By quantity: the grid's shape, then that of one value; NaN where the tip cannot be or is singular.
-        unreachable: Number of points that no configuration within the limits reaches.
+        values: Arrays by quantity, with the shape of the grid, then that of one value; NaN at points that are out of
+            reach or singular.
+        unreachable: Number of points that are out of reach within the limits.
         singular: Number of points at which the tip cannot move in some direction.
     """
 
@@ -59,17 +60,17 @@ def operational_map(
     """Quantities at every point of a grid.
 
     Args:
-        model: From `phantom_dyn.maps.map_model.map_model`.
-        grid: Over the tip or over joints. What it leaves out stays as in ``model.posture``.
+        model: Result of `phantom_dyn.maps.map_model.map_model`.
+        grid: Grid over the tip or over joints. Other coordinates stay as in ``model.posture``.
         names: Names of quantities.
-        jobs: Processes at most; by default one per processor core. On Dask or Ray through `joblib.parallel_config`,
-            see `phantom_dyn.large_work`.
-        progress: Called with the number of points that are done.
+        jobs: Largest number of processes; by default one per processor core. For Dask or Ray use
+            `joblib.parallel_config`, see `phantom_dyn.large_work`.
+        progress: Function that is called with the number of finished points.
 
     Raises:
-        ParameterError: If a quantity is unknown or nothing states it, or a grid over the tip does not determine the
+        ParameterError: If a quantity is unknown or cannot be computed, a grid over the tip does not determine the
             active joints, or ``jobs`` is below one.
-        WorkerLostError: If the processes that compute end again and again.
+        WorkerLostError: If worker processes end repeatedly.
     """
     names = tuple(dict.fromkeys(names))
     require_quantities(names, model)
@@ -91,7 +92,7 @@ def operational_map(
 
 
 def arrays(result: OperationalMap) -> dict[str, Array]:
-    """Coordinates and quantities by name, as ``map.npz`` holds them."""
+    """Coordinates and quantities by name, which are the content of ``map.npz``."""
     return dict(zip(result.grid.names, result.grid.values, strict=True)) | result.values
 
 
@@ -114,7 +115,7 @@ def dataset(result: OperationalMap) -> xarray.Dataset:
     """The map with its coordinates, units and origin.
 
     Args:
-        result: From `phantom_dyn.maps.operational_map.operational_map`.
+        result: Result of `operational_map`.
 
     Returns:
         One variable per quantity over the grid's axes, then ``row`` and ``column`` (x, y, z in the root frame) or
@@ -123,7 +124,7 @@ def dataset(result: OperationalMap) -> xarray.Dataset:
     Raises:
         UsageError: If xarray is missing.
     """
-    # Imported here, as it takes longer than a small map.
+    # Imported here, because the import takes longer than a small map.
     xarray = optional_library("xarray")
     model, grid = result.model, result.grid
     coordinates = {
@@ -174,7 +175,7 @@ class _Block:
 
 
 def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
-    """Blocks as they are finished; in this process alone where there are few, as others need a second to start."""
+    """Blocks as they are finished; if there are few, this process computes them alone."""
     size = job.grid.size
     slow = job.cloud is not None or job.model.closed_numerically
     block = min(BLOCK, SLOW_BLOCK) if slow else BLOCK
@@ -182,7 +183,7 @@ def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
     if jobs is None and len(spans) < FEW_BLOCKS and not slow and starts_processes():
         jobs = 1
     workers = worker_count(jobs)
-    # A worker that is done early finds another chunk, and no chunk's result is large.
+    # There are more chunks than workers, so that all workers finish at about the same time.
     chunk = 1 if workers == 1 else min(LARGEST_CHUNK, -(-len(spans) // (4 * workers)))
     pieces = ((job, spans[k : k + chunk]) for k in range(0, len(spans), chunk))
     for _, found in spread(_chunk, pieces, jobs=jobs):

@@ -1,12 +1,12 @@
 r"""Quantities that a hand feels at the tip: mass, friction, stiffness and weight.
 
-With the translational Jacobian J of the tip and ``A = J^+``, a velocity of the tip becomes joint velocities:
-:math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, weight
-:math:`A^T g`. The largest singular value of :math:`F_{cop}` is the largest force of Coulomb friction that a hand may
-feel. For three active joints A is the inverse of J, and these are (18) of the source. With more joints A is
-the inverse that costs least: least kinetic energy for masses, friction and weight, so that
-:math:`M_{op} = (J M^{-1} J^T)^{-1}`, and least elastic energy for the stiffness. With fewer joints A is the
-pseudo-inverse, and what is felt in a direction in which the tip cannot move is zero.
+With the translational Jacobian J of the tip, an inverse A of J maps a velocity of the tip to joint velocities. Then
+:math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, and the
+weight is :math:`A^T g`. The largest singular value of :math:`F_{cop}` is the largest force of Coulomb friction that a
+hand may feel. With three active joints A is the inverse of J, and these equations are (18) of the source. With more
+joints A is the inverse with the least kinetic energy for masses, friction and weight, so that
+:math:`M_{op} = (J M^{-1} J^T)^{-1}`, and with the least elastic energy for the stiffness. With fewer joints A is the
+pseudo-inverse, and all quantities are zero in a direction in which the tip cannot move.
 
 References:
     A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, section VII: (18), (19).
@@ -25,8 +25,8 @@ from phantom_dyn.errors import ParameterError, known_names
 from phantom_dyn.maps.map_model import JointSpace, MapModel, joint_space, projected_friction
 
 SINGULAR = 1e-6
-"""Ratio of the smallest to the largest singular value of J below which a point counts as singular: there the smallest
-velocity that can be felt would need a million times the joint speed, and the inverse has lost twelve digits of M_op."""
+"""Ratio of smallest to largest singular value of J below which a point counts as singular: M_op then loses twelve
+digits."""
 _WITHOUT_INERTIA = {"manipulability"}
 
 
@@ -35,12 +35,12 @@ class Quantity:
     """One quantity of a map.
 
     Attributes:
-        name: Used on the command line and in the files.
-        title: In words.
+        name: Name on the command line and in files.
+        title: Name in words.
         unit: Unit of the values; empty for a ratio.
-        kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (x, y, z by the columns).
-        columns: Columns of a matrix: ``axes``, x, y, z again, or ``joints``.
-        share: True if it lies between 0 and 1 by definition.
+        kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (rows x, y, z).
+        columns: Columns of a matrix: ``axes`` (x, y, z) or ``joints``.
+        share: True if values are between 0 and 1 by definition.
     """
 
     name: str
@@ -65,10 +65,10 @@ QUANTITIES = {quantity.name: quantity for quantity in _LIST}
 
 
 def require_quantities(names: tuple[str, ...], model: MapModel) -> None:
-    """Refuse unknown quantities, and a stiffness where no joint of the robot states one.
+    """Refuse unknown quantities, and a stiffness if the robot states none.
 
     Raises:
-        ParameterError: The sentence names the quantity and what to give.
+        ParameterError: If a quantity is refused; the message says what to give.
     """
     if not names:
         raise ParameterError(f"No quantity was given: name some of {', '.join(QUANTITIES)}.")
@@ -96,10 +96,10 @@ def felt_at(model: MapModel, q: Array, names: tuple[str, ...]) -> tuple[dict[str
     Args:
         model: The robot.
         q: Active positions [rad or m], shape ``(N, nv)``, finite.
-        names: Some of `QUANTITIES`.
+        names: Names of `QUANTITIES`.
 
     Returns:
-        Values by name, NaN where the tip is singular, and a mask of these, shape ``(N,)``.
+        Values by name, NaN at singular points, and a mask of singular points, shape ``(N,)``.
     """
     space = joint_space(model, q, inertia=bool(set(names) - _WITHOUT_INERTIA))
     sigma = np.linalg.svd(space.J, compute_uv=False)
@@ -126,7 +126,7 @@ def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> 
     if {"apparent_mass", "apparent_mass_matrix"} & set(names):
         mass = _symmetric(_times_transposed(A, M) @ A)
         out["apparent_mass_matrix"] = mass
-        if "apparent_mass" in names:  # symmetric and not negative: its largest eigenvalue
+        if "apparent_mass" in names:  # the matrix is symmetric and positive, so eigenvalues are singular values
             out["apparent_mass"] = np.linalg.eigvalsh(mass)[:, -1]
     if "viscous_friction" in names:
         out["viscous_friction"] = _symmetric(_times_transposed(A, viscous[rows]) @ A)
@@ -143,7 +143,7 @@ def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> 
 
 
 def _cheapest_inverse(J: Array, W: Array) -> Array:
-    """Inverse of J with the least ``v^T W v``; the inverse itself for three joints."""
+    """Inverse of J that gives joint velocities with the least ``v^T W v``."""
     nv = J.shape[2]
     if nv == 3:
         return np.linalg.inv(J)
@@ -154,7 +154,7 @@ def _cheapest_inverse(J: Array, W: Array) -> Array:
 
 
 def _largest_singular_value(matrices: Array) -> Float[Array, " N"]:
-    """Of each matrix ``(3, nv)``, by the eigenvalues of its square, which are several times quicker to find."""
+    """Largest singular value of each matrix ``(3, nv)``, from eigenvalues of its square, which is much faster."""
     return np.sqrt(np.maximum(np.linalg.eigvalsh(matrices @ np.swapaxes(matrices, 1, 2))[:, -1], 0.0))
 
 

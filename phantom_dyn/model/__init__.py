@@ -1,1 +1,1 @@
-"""A robot as data, and how it is loaded from URDF, MJCF and robot.yaml."""
+"""The `Robot`, and how it is loaded from URDF, MJCF and robot.yaml."""

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Bodies that hang on a link by fixed or locked joints: a hand, a camera, a tool that the model carries."""
+"""Finds bodies that fixed or locked joints connect to a link, such as a hand, a camera or a tool."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class Attached:
-    """A body on a fixed or locked joint with all that hangs on it in the same way.
+    """A body on a fixed or locked joint, together with all bodies that such joints connect to it.
 
     Attributes:
-        names: Names of the links, that of the joint first; those without mass are left out.
-        mass: In kg.
-        center: Centre of mass in the frame of the moving joint that carries it [m].
-        inertia: About the centre of mass, in the axes of that joint [kg m^2].
+        names: Names of the links with mass, from the link on this joint outwards.
+        mass: Mass [kg].
+        center: Centre of mass in the frame of the moving joint that carries the body [m].
+        inertia: Inertia about the centre of mass, in the axes of the moving joint [kg m^2].
     """
 
     names: tuple[str, ...]
@@ -29,13 +29,13 @@ class Attached:
 
 
 def attached_bodies(model: pin.Model) -> tuple[tuple[Attached, ...], ...]:
-    """Parts on each body behind fixed or locked joints, each with all that it carries; none twice.
+    """Bodies on fixed or locked joints of each moving body, each together with those that it carries.
 
     Args:
-        model: Its frames say what was fixed where.
+        model: Model with frames of the fixed joints.
 
     Returns:
-        By Pinocchio's index of the joint that moves the body, that of the world first.
+        A tuple for each joint in Pinocchio's order, that of the world first.
     """
     fixed: list[list[int]] = [[] for _ in range(model.njoints)]
     for k, frame in enumerate(model.frames):
@@ -45,7 +45,7 @@ def attached_bodies(model: pin.Model) -> tuple[tuple[Attached, ...], ...]:
 
 
 def _attached_to(model: pin.Model, fixed: list[int]) -> tuple[Attached, ...]:
-    """Parts on one body, whose frames of fixed joints are known."""
+    """Bodies on one moving body, from the indices of its frames of fixed joints."""
     frames = model.frames
     out: dict[tuple[str, ...], Attached] = {}
     for root in fixed:
@@ -61,16 +61,16 @@ def _attached_to(model: pin.Model, fixed: list[int]) -> tuple[Attached, ...]:
 
 
 def _hangs_on(model: pin.Model, frame: int, root: int) -> bool:
-    """True if a frame is another one, or is behind it."""
+    """True if ``frame`` is ``root``, or if ``root`` carries it."""
     while frame > root:
         parent = model.frames[frame].parentFrame
-        # A joint that was locked names itself as its parent: it stands behind the link that it hangs on.
+        # A locked joint is its own parent frame; the frame before it is that of the link that carries it.
         frame = parent if parent < frame else frame - 1
     return frame == root
 
 
 def _link_of(model: pin.Model, joint: int) -> str:
-    """Name of the link behind a fixed joint, or of the joint where it has none."""
+    """Name of the link on a fixed joint, or of the joint if it has no link."""
     frames = model.frames
     has_link = joint + 1 < len(frames) and frames[joint + 1].type == pin.FrameType.BODY
     return frames[joint + has_link].name

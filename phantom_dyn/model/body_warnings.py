@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Warnings of bodies that a robot's file gives no mass, no inertia or far too much of it."""
+"""Warnings of bodies to which a robot's file gives no mass, no inertia or a far too large inertia."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from phantom_dyn.errors import listed
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.model.robot_xml import RobotXml
 
+# Radius of gyration above which an inertia is taken for a placeholder: in metres, and in lengths of the robot.
 _FAR_M, _FAR_LENGTHS = 1.0, 3.0
-"""Radius of gyration beyond which an inertia is called a placeholder: in metres, and in lengths of the robot."""
 
 
 def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
-    """Warnings of moving bodies that weigh nothing, or whose inertia is that of a placeholder.
+    """Warnings of moving bodies without mass, or with an inertia that looks like a placeholder.
 
     Args:
         model: Model of the joints that are not held fixed, with the rotors.
-        facts: Contents of the file.
-        chain: Its loops; their passive joints may carry rods without mass.
-        path: The file.
+        facts: Content of the file.
+        chain: Loops of the robot, whose passive joints may carry rods without mass.
+        path: Path of the file.
     """
     idle = [] if chain is not None else _without_inertia(model)
     return (
@@ -34,7 +34,7 @@ def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, 
 
 
 def _link_names(model: pin.Model, joint: int) -> list[str]:
-    """Name of the link on a joint, without those fixed to it; empty if the file has none."""
+    """Name of the link on a joint, without links that are fixed to it; empty if the file has none."""
     own = model.getFrameId(model.names[joint], pin.FrameType.JOINT)
     return [one.name for one in model.frames if one.type == pin.FrameType.BODY and one.parentFrame == own]
 
@@ -53,14 +53,14 @@ def _idle_links(model: pin.Model, idle: list[str], path: Path) -> tuple[str, ...
 
 
 def _without_inertia(model: pin.Model) -> list[str]:
-    """Joints of a tree that carry no mass or inertia, as where a file leaves out an <inertial>."""
+    """Joints of a tree that carry neither mass nor inertia, for example because a file lacks an <inertial>."""
     bodies = [inertia.toDynamicParameters().any() for inertia in model.inertias]
     out = [joint for joint in range(1, model.njoints) if not any(bodies[k] for k in model.subtrees[joint])]
     return [model.names[joint] for joint in out if not model.armature[model.joints[joint].idx_v]]
 
 
 def _joins_axes(model: pin.Model, joint: int) -> bool:
-    """True for a body of no length between two axes that meet, as of a ball joint that is written as three hinges."""
+    """True for a body of length zero between two axes, such as those of a ball joint written as three hinges."""
     lengths = [
         float(np.linalg.norm(model.jointPlacements[child].translation))
         for child in range(joint + 1, model.njoints)
@@ -70,13 +70,13 @@ def _joins_axes(model: pin.Model, joint: int) -> bool:
 
 
 def _weightless_links(model: pin.Model, facts: RobotXml, passed: set[str], path: Path) -> tuple[str, ...]:
-    """Warnings of links that weigh nothing together with all that is fixed to them.
+    """Warnings of links that have no mass together with all that is fixed to them.
 
     Args:
         model: Model of the joints that are not held fixed.
-        facts: Contents of the file, for what it states of these links.
-        passed: Joints of which nothing is to be said.
-        path: The file.
+        facts: Content of the file.
+        passed: Joints without a warning.
+        path: Path of the file.
     """
     if not any(inertia.toDynamicParameters().any() for inertia in model.inertias):
         return ()
@@ -97,7 +97,7 @@ def _weightless_links(model: pin.Model, facts: RobotXml, passed: set[str], path:
 
 
 def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[str, ...]:
-    """A warning of bodies whose radius of gyration is far larger than the robot, as that of placeholders."""
+    """A warning of bodies whose radius of gyration is far larger than the robot, which suggests a placeholder."""
     size = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements)
     size += max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
     least = max(_FAR_M, _FAR_LENGTHS * size)

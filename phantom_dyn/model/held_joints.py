@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Joints of a robot file that are held at a fixed position, and joints that follow another one as linear loops."""
+"""Decides which joints of a robot file are held at a fixed position, and fixes them; following joints become loops."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from phantom_dyn.model.from_mjcf.mjcf import drawn_configuration
 from phantom_dyn.model.robot_config import LinearLoop, RobotConfig
 from phantom_dyn.model.robot_xml import RobotXml
 
+# End of the names of renamed frames; names in a robot file contain no line break.
 _SUFFIX = "\n"
-"""Marks renamed frames: names in a robot file have no line break."""
 _BALLS = ("JointModelSpherical", "JointModelSphericalZYX")
 
 
 def held_and_following(
     model: pin.Model, stated: RobotConfig, facts: RobotXml
 ) -> tuple[dict[str, float | None], list[LinearLoop]]:
-    """Held joints with their positions (None: as the file draws them), and a linear loop for each following joint.
+    """Held joints with their positions (None for the drawn position), and a linear loop for each following joint.
 
-    A floating base is held too: its own sensors measure the motion from which its effect on the torques follows.
+    A floating base is held, too, because its own sensors measure the motion that torques depend on.
 
     Args:
         model: Model with all joints of the file.
-        stated: Content of robot.yaml; joints in its loops are left out here.
+        stated: Content of robot.yaml; joints in its loops are not considered.
         facts: Content of the robot file.
     """
     in_loops = {name for loop in stated.loops if isinstance(loop, LinearLoop) for name in (*loop.active, *loop.passive)}
@@ -58,7 +58,7 @@ def hold(model: pin.Model, held: dict[str, float | None]) -> tuple[pin.Model, tu
 
     Args:
         model: Model with all joints.
-        held: Position of each fixed joint [rad or m]; None for the position that the file draws.
+        held: Position of each fixed joint [rad or m]; None for the drawn position.
     """
     if not held:
         return model, ()
@@ -74,7 +74,7 @@ def hold(model: pin.Model, held: dict[str, float | None]) -> tuple[pin.Model, tu
 
 
 def _reduced(model: pin.Model, held: list[int], q: np.ndarray) -> pin.Model:
-    """Pinocchio's reduced model; bodies with the name of a joint are renamed for it, as Pinocchio 4 fails on them."""
+    """Pinocchio's reduced model; bodies with the name of a joint are renamed meanwhile: Pinocchio 4 fails on them."""
     model = model.copy()
     joints = set(model.names)
     for frame in model.frames:
@@ -87,7 +87,7 @@ def _reduced(model: pin.Model, held: list[int], q: np.ndarray) -> pin.Model:
 
 
 def moving_bases(model: pin.Model) -> frozenset[str]:
-    """Joints on the world with several velocities: of floating bodies, or a ball joint that carries all others."""
+    """Joints of moving bases: joints on the world with several velocities; a ball joint if it carries all others."""
     out = set()
     for k in range(1, model.njoints):
         carries_all = len(model.subtrees[k]) == model.njoints - 1

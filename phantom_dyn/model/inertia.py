@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Inertial parameters of bodies: names, physical consistency, payloads, and the prior that a tolerance stands for."""
+"""Inertial parameters of bodies: names, physical consistency, conversions, payloads, and priors from tolerances."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
 STANDARD_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""Pinocchio's order of the ten parameters of a body, moments about the joint origin in joint axes."""
+"""Names of the ten parameters of a body in Pinocchio's order, about the joint origin in the joint's axes."""
 STANDARD_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6)
+# Row and column of the six inertia entries in Pinocchio's order.
 _ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Row and column of the six inertia entries in that order."""
+# Shares of the largest principal inertia, and of the mass [m^2], up to which a negative inertia counts as rounding.
 _NEGATIVE, _NEGATIVE_GYRATION = 1e-9, 1e-14
-"""Share of the largest principal inertia, and of the mass [m^2], below zero that still counts as rounding of a file."""
+# Relative excess up to which a broken triangle inequality counts as rounding.
 _TRIANGLE = 1e-6
-"""Share by which rounding of a file may break the triangle inequality."""
+# Name of the frame that carries the payload if robot.yaml names none.
 _TIP = "tip"
-"""Frame that carries the payload where robot.yaml names none."""
 
 
 def body_name(robot: Robot, joint_index: int) -> str:
-    """Name of the link that hangs on a joint; links fixed to it are part of that body.
+    """Name of the link on a joint; links that are fixed to it belong to the same body.
 
     Args:
-        robot: Gives the model.
-        joint_index: Pinocchio's, from 1; 1 + the velocity's number.
+        robot: The robot.
+        joint_index: Pinocchio's index of the joint, from 1.
     """
     model = robot.model
     joint_frame = model.getFrameId(model.names[joint_index], pin.FrameType.JOINT)
@@ -49,15 +49,15 @@ def parameter_units(robot: Robot) -> tuple[str, ...]:
 
 
 def impossible_because(mass: float, central_inertia: Float[Array, "3 3"]) -> str | None:
-    """Why no body can have this mass and this inertia about its centre of mass; None if one can.
+    """Reason why no body can have this mass and this inertia about its centre of mass; None if a body can.
 
-    A principal inertia counts as negative below -1e-9 of the largest, as files carry about ten digits, and below that
-    of a radius of gyration of 0.1 um, as exporters write rounding errors for zero. The triangle inequality is left to
-    `breaks_triangle`: many vendors' files break it.
+    A negative principal inertia of less than 1e-9 of the largest counts as rounding, because files have about ten
+    digits; so does that of a radius of gyration below 0.1 um, because exporters write rounding errors for zero. This
+    function does not check the triangle inequality, which files of many vendors break, see `breaks_triangle`.
 
     Args:
-        mass: In kg.
-        central_inertia: About the centre of mass [kg m^2], shape ``(3, 3)``, symmetric.
+        mass: Mass [kg].
+        central_inertia: Inertia about the centre of mass [kg m^2], shape ``(3, 3)``, symmetric.
     """
     if not (np.isfinite(mass) and np.isfinite(central_inertia).all()):
         return "its inertia is not a finite number"
@@ -80,10 +80,10 @@ def central_parameters(
 ) -> tuple[float, Float[Array, " 3"], Float[Array, "3 3"]]:
     """Mass [kg], centre of mass [m] and inertia about it [kg m^2] from the ten standard parameters.
 
-    A body without mass has its centre at the joint origin.
+    The centre of a body without mass is the joint origin.
 
     Args:
-        standard: In the order of `STANDARD_NAMES`.
+        standard: Parameters in the order of `STANDARD_NAMES`.
     """
     mass = float(standard[0])
     center = standard[1:4] / mass if mass else np.zeros(3)
@@ -96,12 +96,12 @@ def central_parameters(
 def body_parameters(
     mass: float, center: Float[Array, " 3"], central_inertia: Float[Array, "3 3"]
 ) -> Float[Array, " 10"]:
-    """The ten standard parameters, inverse of `central_parameters`.
+    """The ten standard parameters of a body; inverse of `central_parameters`.
 
     Args:
-        mass: In kg.
+        mass: Mass [kg].
         center: Centre of mass in the joint frame [m].
-        central_inertia: About the centre of mass, joint axes [kg m^2].
+        central_inertia: Inertia about the centre of mass in the joint's axes [kg m^2].
     """
     inertia = central_inertia + mass * (center @ center * np.eye(3) - np.outer(center, center))
     return np.concatenate([[mass], mass * center, [inertia[i, j] for i, j in _ENTRIES]])
@@ -110,13 +110,13 @@ def body_parameters(
 def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "10 10"], tuple[str, ...]]:
     r"""Change of the ten standard parameters of a body per unit relative change of mass, centre and inertia.
 
-    Columns: mass (relative to itself; centre and central inertia fixed), three components of the centre of mass
-    (relative to its distance from the joint origin), six entries of the central inertia (``Iij`` relative to
-    :math:`\sqrt{I_{ii} I_{jj}}`). A tolerance ``s`` on inertias is then a prior of covariance :math:`s^2 D D^T`.
+    The columns are the mass (relative to itself, with fixed centre and central inertia), three components of the centre
+    of mass (relative to its distance from the joint origin), and six entries of the central inertia (``Iij`` relative
+    to :math:`\sqrt{I_{ii} I_{jj}}`). A tolerance ``s`` of inertias is a prior with the covariance :math:`s^2 D D^T`.
 
     Args:
-        robot: Gives the model.
-        joint_index: Pinocchio's, from 1.
+        robot: The robot.
+        joint_index: Pinocchio's index of the joint, from 1.
 
     Returns:
         ``D``, shape ``(10, 10)``, rows in the order of `STANDARD_NAMES`, and a name for each column such as
@@ -130,7 +130,7 @@ def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "
         directions[1 + axis, 1 + axis] = distance * mass
         slope = 2 * center[axis] * np.eye(3) - np.outer(unit, center) - np.outer(center, unit)
         directions[4:, 1 + axis] = distance * mass * np.array([slope[i, j] for i, j in _ENTRIES])
-    # A file may state a diagonal entry that rounding made negative.
+    # Rounding may have made a diagonal entry of a file negative.
     diagonal = np.sqrt(np.maximum(np.diag(inertia), 0.0))
     for column, (i, j) in enumerate(_ENTRIES):
         directions[4 + column, 4 + column] = diagonal[i] * diagonal[j]
@@ -140,22 +140,22 @@ def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "
 
 
 def has_known_centre(mass: float, std: float) -> bool:
-    """True if a centre of mass is stated: the 95 % interval of its mass is narrower than half of the mass.
+    """True if the 95 % interval of the mass is narrower than half of the mass, so that a centre of mass can be stated.
 
-    Else first moments are, which do not divide by the mass.
+    Otherwise first moments are stated, which are not divided by the mass.
 
     Args:
         mass: Mass [kg].
-        std: Its standard deviation [kg].
+        std: Standard deviation of the mass [kg].
     """
     return 2 * 1.96 * std < 0.5 * abs(mass)
 
 
 def payload_body(robot: Robot) -> int:
-    """Pinocchio index of the joint whose link carries the payload.
+    """Pinocchio's index of the joint whose link carries the payload.
 
-    The last link of a tree with several ends is that of the end that the file happens to state last, so a frame that is
-    called ``tip``, as in the built-in robots, says it better.
+    It is the link with the payload frame, or with the frame ``tip``, or the last link. On a tree with several ends, the
+    last link depends on the order in the file.
     """
     frame = robot.payload_frame or _TIP
     if robot.model.existFrame(frame) and robot.model.frames[robot.model.getFrameId(frame)].parentJoint > 0:
@@ -164,7 +164,7 @@ def payload_body(robot: Robot) -> int:
 
 
 def tip_of(robot: Robot) -> Float[Array, " 3"] | None:
-    """Where the frame ``tip`` is in the frame of the joint that moves it [m]; None if no moving link has one."""
+    """Position of the frame ``tip`` in the frame of the joint that moves it [m]; None if no moving link has one."""
     if not robot.model.existFrame(_TIP):
         return None
     tip = robot.model.frames[robot.model.getFrameId(_TIP)]

@@ -1,6 +1,6 @@
-"""Linear loops of robot.yaml: each passive joint as an expression such as ``pi/2 - j5`` in joints that are active.
+"""Reads linear loops of robot.yaml, in which each passive joint is an expression of active joints: ``pi/2 - j5``.
 
-Expressions are sums of numbers and multiples of joints, read from Python's syntax tree without running them.
+Expressions are sums of numbers and multiples of joints. They are read from Python's syntax tree, and never run.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from pathlib import Path
 from phantom_dyn.errors import RobotError, shortened
 from phantom_dyn.model.robot_config import LinearLoop
 
+# Largest number of letters of an expression, which limits the depth of recursion.
 _LONGEST = 400
-"""Letters of an expression; each may be a call in the one before."""
+# Largest constant [rad or m] and largest factor.
 _LARGEST = 1e6
-"""Constant [rad or m] and factors: more is no joint."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class LinearExpression:
 
 
 def followed_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> dict[str, LinearExpression]:
-    """Expression of each joint that follows others, in joints that follow none.
+    """Expression of each passive joint in joints that are not passive.
 
     Args:
-        loops: Linear loops with their places in the list ``loops``.
-        config: The file, for messages.
+        loops: Linear loops with their indices in the list ``loops``.
+        config: Path of the configuration for messages.
 
     Raises:
         RobotError: If an expression is not linear, or a joint follows twice or itself.
@@ -63,21 +63,21 @@ def followed_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> di
 
 
 def linear_expression(text: str, joints: Sequence[str]) -> LinearExpression:
-    """An expression, read from its text.
+    """Expression from its text.
 
     Args:
-        text: Sums and differences of numbers, ``pi``, and joints, with numbers as factors.
-        joints: Names that may be used; ``pi`` is the number unless a joint is called so.
+        text: Sums and differences of numbers, ``pi`` and joints, with numbers as factors.
+        joints: Names of joints that may be used; ``pi`` is the number unless a joint has this name.
 
     Raises:
-        ValueError: If it is anything else; the text says which part, as the end of a sentence.
+        ValueError: If the text is anything else; the message is the end of a sentence.
     """
     if len(text) > _LONGEST:
         raise ValueError(f"it has more than {_LONGEST} letters")
     coded, names = _coded(text, joints)
     try:
         tree = ast.parse(coded.strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):  # the last for brackets in one another
+    except (SyntaxError, ValueError, RecursionError, MemoryError):  # deeply nested brackets raise the last one
         raise ValueError("it cannot be read") from None
     found = _read(tree, names)
     if not all(abs(value) <= _LARGEST for value in (found.constant, *found.factors.values())):
@@ -96,7 +96,7 @@ def _stated_expression(text: str, active: list[str], place: str) -> LinearExpres
 
 
 def _resolved(name: str, stated: dict[str, LinearExpression], asked: tuple[str, ...], config: Path) -> LinearExpression:
-    """Expression of a joint with every follower in it replaced by what that one follows."""
+    """Expression of a joint in which all passive joints are replaced by their expressions."""
     if name in asked:
         circle = " follows ".join([*asked[asked.index(name) :], name])
         raise RobotError(f"{config}: the loops lead in a circle ({circle}): give one of these joints as active.")
@@ -108,7 +108,7 @@ def _resolved(name: str, stated: dict[str, LinearExpression], asked: tuple[str, 
 
 
 def _coded(text: str, joints: Sequence[str]) -> tuple[str, dict[str, str]]:
-    """The text with every joint as an identifier, and the joint of each: names may hold dots, dashes or slashes."""
+    """The text with an identifier for each joint, whose name may contain dots, dashes or slashes; and the joints."""
     codes = {joint: f"_joint_{index}_" for index, joint in enumerate(joints)}
     if not codes:
         return text, {}

@@ -1,7 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Load a `Robot` from a URDF or MJCF file and its robot.yaml.
+"""Loads a `Robot` from a URDF or MJCF file and its robot.yaml.
 
-MuJoCo reads MJCF, Pinocchio URDF. What Pinocchio's parser only prints, or ignores, becomes an error or a warning.
+MuJoCo reads MJCF, and Pinocchio reads URDF. Problems that Pinocchio's parser only prints or ignores become errors or
+warnings.
 """
 
 from __future__ import annotations
@@ -41,13 +42,14 @@ from phantom_dyn.motion import linear_joints
 
 CONFIG_NAME = "robot.yaml"
 _BALL = "a ball joint"
+# Words for Pinocchio's joints with several degrees of freedom, for messages.
 _KINDS = {
     "JointModelFreeFlyer": "a floating base",
     "JointModelPlanar": "a planar joint",
     "JointModelSpherical": _BALL,
     "JointModelSphericalZYX": _BALL,
 }
-"""Words for Pinocchio's joints with several degrees of freedom, for messages."""
+# Keys of a joint in robot.yaml that describe its drive.
 _OF_DRIVES = (
     "gear_ratio",
     "torque_constant",
@@ -57,7 +59,6 @@ _OF_DRIVES = (
     "voltage_limit",
     "controller",
 )
-"""Keys of a joint in robot.yaml that describe its drive."""
 
 
 @takes(
@@ -69,14 +70,14 @@ def load_robot(source: str | Path, *, config: str | Path | None = None) -> Robot
 
     Args:
         source: File or name.
-        config: Its ``robot.yaml``; by default the one in the folder of the robot file, if there is one.
+        config: Path of the ``robot.yaml``; by default that in the folder of the robot file, if there is one.
 
     Returns:
-        Robot with one velocity per joint. Joints under ``lock`` and joints that mimic another are held fixed;
-        joints that close a loop are passive (`phantom_dyn.model.stated_loops`).
+        Robot with one velocity per joint. Joints under ``lock`` are held fixed; joints that follow others or close a
+        loop are passive (`phantom_dyn.model.stated_loops`).
 
     Raises:
-        RobotError: If file, name or configuration cannot be used; one sentence says why and what to do.
+        RobotError: If file, name or configuration cannot be used; the message says why and what to do.
     """
     path = find_robot(source)
     config_path = path.with_name(CONFIG_NAME) if config is None else Path(config)
@@ -104,10 +105,10 @@ def _config(path: Path) -> RobotConfig:
 
 
 def read_model(path: Path) -> tuple[RobotXml, pin.Model]:
-    """Content of a robot file and Pinocchio's model of it with all joints of the file; meshes are not read.
+    """Content of a robot file, and Pinocchio's model with all joints of the file; meshes are not read.
 
     Raises:
-        RobotError: If the file cannot be read, or has a body or number that is impossible.
+        RobotError: If the file cannot be read, or contains an impossible body or number.
     """
     root, sha256 = read_root(path)
     if root.tag == "mujoco":
@@ -125,17 +126,17 @@ def read_model(path: Path) -> tuple[RobotXml, pin.Model]:
 
 
 def parsed_urdf(path: Path) -> pin.Model:
-    """Pinocchio's model of a URDF, meshes not read.
+    """Pinocchio's model of a URDF; meshes are not read.
 
     Raises:
-        RobotError: If Pinocchio cannot read it, or its parser ignores the inertia of a link.
+        RobotError: If Pinocchio cannot read the file, or its parser ignores the inertia of a link.
     """
     model, reason = None, ""
     with _captured_output() as printed:
         try:
             model = pin.buildModelFromUrdf(str(path))
         except Exception as problem:  # Boost.Python turns C++ exceptions into several Python ones
-            # Pinocchio puts its source position in front of the message.
+            # Pinocchio writes a position in its source code before the message.
             reason = str(problem).rpartition("message:")[2].strip()
     errors = [line.removeprefix("Error:").strip() for line in printed if line.startswith("Error:")]
     # The URDF parser ignores an inertia or a visual that it cannot read; only the inertia changes the dynamics.
@@ -147,7 +148,7 @@ def parsed_urdf(path: Path) -> pin.Model:
 
 @contextmanager
 def _captured_output() -> Iterator[list[str]]:
-    """Collect what C++ code prints: it does not write to `sys.stderr`, so the file descriptors are redirected."""
+    """Collect the output of C++ code, which bypasses `sys.stderr`, by redirecting the file descriptors."""
     lines: list[str] = []
     sys.stdout.flush()
     sys.stderr.flush()
@@ -166,7 +167,7 @@ def _captured_output() -> Iterator[list[str]]:
 
 
 def _check_names(model: pin.Model, stated: RobotConfig, config: Path) -> None:
-    """Refuse names of joints and frames in robot.yaml that the model does not have."""
+    """Refuse names of joints and frames in robot.yaml that do not exist in the model."""
     joints = list(model.names)[1:]
     named = [("joints", name) for name in stated.joints] + [("lock", name) for name in stated.lock]
     frames = []
@@ -206,7 +207,7 @@ def _check_payload_frame(model: pin.Model, stated: RobotConfig, config: Path) ->
 
 
 def _require_simple_joints(model: pin.Model, path: Path) -> None:
-    """Refuse a model without joints, with joints of several degrees of freedom, or with numbers that are not finite."""
+    """Refuse a model without joints, with joints that have several degrees of freedom, or with NaN or infinity."""
     if model.njoints == 1:
         raise RobotError(f"{path} has no joint that moves: give a robot with at least one revolute or linear joint.")
     for index, name in enumerate(list(model.names)[1:], start=1):

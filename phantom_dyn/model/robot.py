@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The robot as data: a private Pinocchio model, its actuators, its loops, and how far the model is trusted."""
+"""Data of a robot: a private Pinocchio model, its actuators, its loops, and how far the model is trusted."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from phantom_dyn.motion import configurations
 
 @dataclass(frozen=True)
 class Controller:
-    """Position controller of one joint: ``tau = kp (q_ref - q) - kd v``, late by ``delay`` [s].
+    """Position controller of one joint: ``tau = kp (q_ref - q) - kd v``, delayed by ``delay`` [s].
 
     Attributes:
-        kind: ``pd``, or ``duty``: the drive puts a share of the supply on the motor that grows with the position error.
-            ``kp`` is then that of the torque at standstill, and ``kd`` the back-EMF's.
-        kp: [N m/rad or N/m].
-        kd: [N m s/rad or N s/m].
+        kind: ``pd``, or ``duty``: the drive applies a share of the supply voltage that is proportional to the position
+            error. Then ``kp`` describes the torque at standstill, and ``kd`` describes the back-EMF.
+        kp: Gain on the position error [N m/rad or N/m].
+        kd: Gain on the velocity [N m s/rad or N s/m].
         delay: Delay of the whole torque [s].
-        reference_delay: By which the reference alone is late [s].
+        reference_delay: Additional delay of the reference [s].
         limit: Largest ``kp (q_ref - q)`` [N m or N].
-        drops_beyond: Position error from which on the limit is another [rad or m].
-        drops_to: That other limit [N m or N].
+        drops_beyond: Position error beyond which ``drops_to`` is the limit [rad or m].
+        drops_to: Limit at larger position errors [N m or N].
     """
 
     kind: Literal["pd", "duty"] = "pd"
@@ -48,13 +48,13 @@ class Controller:
 
     def stiff_part(self, error: Float[Array, " N"]) -> Float[Array, " N"]:
         """``kp (q_ref - q)`` within the limits [N m or N] at position errors [rad or m]."""
-        most = np.where(np.abs(error) > self.drops_beyond, min(self.drops_to, self.limit), self.limit)
-        return np.clip(self.kp * error, -most, most)
+        limit = np.where(np.abs(error) > self.drops_beyond, min(self.drops_to, self.limit), self.limit)
+        return np.clip(self.kp * error, -limit, limit)
 
 
 @dataclass(frozen=True)
 class Actuator:
-    """Drive of one joint; SI units on the joint side unless a name says motor."""
+    """Drive of one joint, in SI units; the rotor inertia and the torque limit are on the joint side of the gear."""
 
     rotor_inertia: float = 0.0
     gear_ratio: float = 1.0
@@ -71,7 +71,7 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Relative one-sigma trust in the modelled inertias, friction and rotor inertias; 0 is trusted exactly."""
+    """Relative standard deviations of the modelled inertias, friction and rotor inertias; 0 means exact."""
 
     inertia: float = 0.05
     friction: float = 0.05
@@ -80,51 +80,49 @@ class Tolerance:
 
 @runtime_checkable
 class UserEffect(Protocol):
-    """An effect as a robot carries it; what it is to be, `phantom_dyn.effects.effect.Effect` says."""
+    """What a robot needs of a user's effect; `phantom_dyn.effects.effect.Effect` describes the whole interface."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot ready for dynamics: one velocity per joint.
+    """A robot with one velocity for each joint.
 
-    The root of the model is the base, also of a robot that is not bolted down: how its base moves is part of a
-    `phantom_dyn.motion.Motion` then.
+    The root of the model is the base. The base of a floating robot moves, and `phantom_dyn.motion.Motion` contains
+    that motion.
 
-    The model is a tree. In a closed chain (``chain`` is not None) its joints are active or passive, and all that is
-    said of the robot's joints, their number ``nv`` included, is of the active ones, in the tree's order.
+    The model is a tree. In a closed chain (``chain`` is not None) each of its joints is active or passive. All
+    attributes for the joints then contain the active joints only, in the tree's order; ``nv`` is their number.
 
     Attributes:
-        model: Private copy of the Pinocchio model; rotor inertias are in ``model.armature``, passive joints' included.
+        model: Private copy of the Pinocchio model; ``model.armature`` has the rotor inertias of all joints.
         name: Name for reports.
         source: The file or name that was given.
         sha256: SHA-256 of the robot file.
-        joint_names: One per velocity, in Pinocchio's order.
-        actuators: One per velocity.
+        joint_names: Name of each joint, in Pinocchio's order.
+        actuators: Drive of each joint.
         viscous_friction: Modelled viscous coefficients [N m s/rad or N s/m], shape ``(nv,)``.
         coulomb_friction: Modelled Coulomb torques [N m or N], shape ``(nv,)``.
         prismatic: True where the joint is linear, shape ``(nv,)``.
         torque_hold: ``zoh`` if ``tau[k]`` acts from ``t[k]`` to ``t[k+1]``.
-        reference_hold: ``zoh`` if ``q_ref[k]`` acts from ``t[k]`` to ``t[k+1]``; None: as
-            the log's format says or the log shows.
+        reference_hold: ``zoh`` if ``q_ref[k]`` acts from ``t[k]`` to ``t[k+1]``; None if the recording decides.
         torque_source: Quantity in the torque columns of recordings.
-        tolerance: Allowed errors of the model.
-        payload_frame: Frame that carries a payload, or None for frame ``tip`` if there is one, else the last link.
+        tolerance: Uncertainty of the model.
+        payload_frame: Frame that carries a payload; None stands for the frame ``tip``, or the last link without one.
         warnings: Sentences about the robot file that the user should read.
         locked: Joints of the file that are held fixed and are no longer in the model.
         chain: How the passive joints of a closed chain follow the active ones, or None.
-        config: The ``robot.yaml`` that was named for it; None: the one beside its file, where there is one.
-        user_effects: Effects beside the catalogue that the user brought for it, see `phantom_dyn.effects.user`.
-        carried: Standard parameters that an earlier diagnosis has found on the link of a payload, ``(10,)``:
-            so much may be taken off. None: none.
-        soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
-            empty for a URDF.
-        gains_of_file: Joints whose controller is that of their actuator in the robot's file.
+        config: The ``robot.yaml`` that the user named; None if it is the one beside the robot file, or there is none.
+        user_effects: The user's effects in addition to the catalogue, see `phantom_dyn.effects.user`.
+        carried: Standard parameters of the payload that an earlier diagnosis found, ``(10,)``, or None. A later
+            payload may be lighter by at most this.
+        soft_friction: For each joint, how the file's simulator softens Coulomb friction, or None; empty for a URDF.
+        gains_of_file: Joints whose controller comes from their actuator in the robot's file.
         unknown_arrivals: Joints whose references reach the drive at an unknown time within a frame of the bus, see
             `identification.data.drives.arrivals`.
-        model_error: Root mean square [N m or N] by which an earlier diagnosis has found the torque of the model wrong,
-            where a joint creeps or turns about and elsewhere, ``(nv, 2)``. None: not known.
+        model_error: Root mean square error of the model's torque that an earlier diagnosis found [N m or N],
+            ``(nv, 2)``: where the joint creeps or reverses, and elsewhere. None if unknown.
         floating: True if the base is not bolted down.
     """
 
@@ -163,7 +161,7 @@ class Robot:
     # Cached: a function of the model alone, which never changes.
     @cached_property
     def arrays(self) -> TreeArrays:
-        """The model as compiled loops take it, made at the first use."""
+        """Arrays of the model for compiled loops."""
         return tree_arrays(self.model)
 
     # Cached: a function of the model alone, which never changes.
@@ -172,10 +170,10 @@ class Robot:
         """Parts on each body behind fixed or locked joints, by Pinocchio's index of the joint that moves the body."""
         return attached_bodies(self.model)
 
-    # Cached: it keeps solutions that depend on the positions alone, see there, so that no answer depends on it.
+    # Cached: its solutions depend on the positions alone, so no result depends on what was solved before.
     @cached_property
     def solutions(self) -> RecentSolutions:
-        """Solver of the loops of a closed chain, with what it solved last.
+        """Solver for the loops of a closed chain, which keeps its last solutions.
 
         Raises:
             ChainError: If the robot is no closed chain.
@@ -186,7 +184,7 @@ class Robot:
 
     @property
     def nv(self) -> int:
-        """Number of joint velocities; in a closed chain of the active joints."""
+        """Number of joint velocities; in a closed chain, of active joints."""
         return self.model.nv if self.chain is None else self.chain.nv
 
     @property
@@ -196,7 +194,7 @@ class Robot:
 
     @property
     def tree_rows(self) -> tuple[int, ...]:
-        """Place of each joint among the velocities of ``model``."""
+        """Index of each joint among the velocities of ``model``."""
         return tuple(range(self.model.nv)) if self.chain is None else self.chain.active
 
     @property
@@ -220,10 +218,10 @@ class Robot:
         return tuple("m" if p else "rad" for p in self.prismatic)
 
     def configuration(self, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
-        """Pinocchio configurations of the tree at joint positions ``q`` [rad or m]; a continuous joint: cos, sin.
+        """Pinocchio configurations of the tree at the joint positions ``q`` [rad or m].
 
         Raises:
-            ChainError: If the loops of a closed chain cannot be closed there.
+            ChainError: If the loops of a closed chain cannot be closed at ``q``.
         """
         if self.chain is not None:
             q = self.solutions.at(q).x
@@ -231,17 +229,13 @@ class Robot:
 
 
 def position_limits(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    """Lower and upper position limit of each joint [rad or m], infinite where it has none.
-
-    Args:
-        robot: Gives the joints.
-    """
+    """Lower and upper position limit of each joint [rad or m], infinite where it has none."""
     lower, upper = tree_position_limits(robot.model)
     return lower[list(robot.tree_rows)], upper[list(robot.tree_rows)]
 
 
 def tree_position_limits(model: pin.Model) -> tuple[Float[Array, " nt"], Float[Array, " nt"]]:
-    """As `position_limits`, of every joint of the tree."""
+    """Lower and upper position limit of every joint of the tree [rad or m], infinite where it has none."""
     lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
     for joint in list(model.joints)[1:]:
         low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])

@@ -1,4 +1,7 @@
-"""Content of ``robot.yaml``: drives, gravity, loops and trust, which a URDF cannot state. Nothing needs Pinocchio."""
+"""Read and check ``robot.yaml``: drives, gravity, loops and tolerances, which a URDF cannot state.
+
+This module does not import Pinocchio.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from msgspec import Meta
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.model.files.settings_file import describe, read_settings
 
-# The ends are far beyond any robot in SI units, and leave room for squares and quotients in a float.
+# The limits are far beyond any robot in SI units; squares and quotients of such numbers still fit into a float.
 NonNegative = Annotated[float, Meta(ge=0, le=1e12, description="a number of 0 or more, at most 1e12")]
 Positive = Annotated[float, Meta(ge=1e-12, le=1e12, description="a number above 0, from 1e-12 to 1e12")]
 Share = Annotated[float, Meta(ge=0, le=100, description="a number of 0 or more, at most 100")]
@@ -24,17 +27,17 @@ Place = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Vector = Annotated[tuple[Place, Place, Place], Meta(description="three numbers such as [0, 0, -9.81], none beyond 1e6")]
 Names = Annotated[list[str], Meta(description="a list of joint names")]
 Table = Annotated[dict[str, dict[str, Any]], Meta(description="joint names, each with its keys")]
+# Smallest magnitude of a gear ratio.
 _LEAST_RATIO = 1e-6
-"""Of a gear: a smaller one would take a turn of the motor for none of the joint."""
 _S = TypeVar("_S", bound=msgspec.Struct)
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """An unknown key is a mistake, not an extension."""
+    """A table of robot.yaml, in which an unknown key is an error."""
 
 
 class ControllerConfig(_Strict, frozen=True):
-    """Position controller of a joint: ``pd`` has gains on the joint side, ``duty`` shares of the supply; times in s."""
+    """Position controller of a joint: ``pd`` has gains on the joint side, ``duty`` has shares of the supply voltage."""
 
     kind: Literal["pd", "duty"] = "pd"
     kp: NonNegative | None = None
@@ -64,7 +67,7 @@ class JointConfig(_Strict, frozen=True):
 
 
 class ToleranceConfig(_Strict, frozen=True):
-    """Relative one-sigma trust in the model; 0 is trusted exactly."""
+    """Relative standard deviations of the model's values; 0 means exact."""
 
     inertia: Share = 0.05
     friction: Share = 0.05
@@ -82,8 +85,9 @@ class LinearLoop(_Strict, frozen=True):
 class _AnchorLoop(_Strict, frozen=True):
     """Closed chain that keeps two frames together.
 
-    Of the joints between the frames, those in ``active`` are driven and the others passive; without ``active``, those
-    with ``actuated: false`` are passive. ``start`` says near which positions the loop is assembled (0 for the rest).
+    Of the joints between the frames, those in ``active`` are driven and the others are passive. Without ``active``,
+    those with ``actuated: false`` are passive. The loop is assembled near the positions in ``start``; a joint that is
+    not there starts at 0.
     """
 
     frame_a: Annotated[str, Meta(description="the name of a frame")]
@@ -105,7 +109,7 @@ class FrameLoop(_AnchorLoop, frozen=True, kw_only=True):
 
 
 class RobotConfig(_Strict, frozen=True):
-    """Content of a ``robot.yaml``, checked but for the names in it, which only the robot knows."""
+    """Content of a ``robot.yaml``. The names in it are not checked yet, because this needs the robot."""
 
     gravity: Vector | None = None
     base: Literal["fixed", "floating"] | None = None
@@ -120,14 +124,14 @@ class RobotConfig(_Strict, frozen=True):
 
 
 class _File(RobotConfig, frozen=True):
-    """As `RobotConfig`; joints and loops still raw, as msgspec does not tell the joint in which it finds a mistake."""
+    """`RobotConfig` with unchecked joints and loops: msgspec does not say in which joint it found a mistake."""
 
     joints: Table = {}  # pyright: ignore[reportIncompatibleVariableOverride]
     loops: Annotated[list[dict[str, Any]], Meta(description="a list of loops")] = []  # pyright: ignore[reportIncompatibleVariableOverride]
 
 
 def read_robot_config(path: Path) -> RobotConfig:
-    """Content of a ``robot.yaml``.
+    """Read a ``robot.yaml``.
 
     Raises:
         RobotError: If the file cannot be read, is broken, or a key or value is unknown.
@@ -147,13 +151,13 @@ def read_robot_config(path: Path) -> RobotConfig:
 
 
 def _check_controller(joint: JointConfig, stated: ControllerConfig, path: Path, key: str) -> None:
-    """Refuse keys of the other kind of controller, and a share of the supply that gives no torque."""
+    """Refuse keys of the other kind of controller, and a ``duty`` controller whose torque cannot be computed."""
     gains, shares = ("kp", "kd"), ("gain", "limit", "drops_beyond", "drops_to")
-    other = shares if stated.kind == "pd" else gains
-    strange = [name for name in other if getattr(stated, name) is not None]
-    if strange:
+    of_other_kind = shares if stated.kind == "pd" else gains
+    wrong = [name for name in of_other_kind if getattr(stated, name) is not None]
+    if wrong:
         wanted = "kp and kd" if stated.kind == "pd" else "gain, limit, drops_beyond and drops_to"
-        raise RobotError(f"{path}: {key}.controller.{strange[0]} is no key of kind {stated.kind}, which has {wanted}.")
+        raise RobotError(f"{path}: {key}.controller.{wrong[0]} is no key of kind {stated.kind}, which has {wanted}.")
     if stated.kind == "pd":
         return
     if stated.gain is None:
@@ -177,7 +181,7 @@ def _loop(raw: dict[str, Any], path: Path, prefix: str) -> LinearLoop | PointLoo
 
 
 def _convert(raw: dict[str, Any], struct: type[_S], path: Path, prefix: str) -> _S:
-    """``raw`` as ``struct``; every refusal names file, key, value and what was wanted."""
+    """Convert ``raw`` to ``struct``; every error message names the file, the key, the value and what was wanted."""
     try:
         return msgspec.convert(raw, struct)
     except msgspec.ValidationError as problem:
@@ -190,7 +194,7 @@ def _convert(raw: dict[str, Any], struct: type[_S], path: Path, prefix: str) -> 
 def _refusal(
     raw: Any, struct: type[msgspec.Struct], keys: list[str], field: tuple[str, ...] | None, prefix: str
 ) -> str:
-    """Sentence on the value under ``keys``, or on a ``field`` of it that is unknown or missing."""
+    """Error message for the value under ``keys``, or for its ``field`` that is unknown or missing."""
     if field is not None:
         kind, name = field
         full = prefix + ".".join([*keys, name])
@@ -212,14 +216,14 @@ def _fields(struct: type[msgspec.Struct], keys: list[str]) -> tuple[str, ...]:
 
 
 def _alternatives(annotation: Any) -> tuple[Any, ...]:
-    """Members of a union without None; anything else alone."""
+    """Members of a union without None; any other type alone."""
     if get_origin(annotation) in (Union, types.UnionType):
         return tuple(member for member in get_args(annotation) if member is not type(None))
     return (annotation,)
 
 
 def wanted_value(struct: type[msgspec.Struct], keys: list[str]) -> str:
-    """Values that the key path ``keys`` of ``struct`` takes, in words."""
+    """Describe in words which values the key path ``keys`` of ``struct`` takes."""
     annotation: Any = struct
     for key in keys:
         if not (isinstance(annotation, type) and issubclass(annotation, msgspec.Struct)):

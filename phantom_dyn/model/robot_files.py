@@ -1,4 +1,4 @@
-"""Finding the file of a robot by path, built-in name or ``example:NAME``; nothing is parsed here."""
+"""Find the file of a robot by its path, its built-in name or ``example:NAME``."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def builtin_robots() -> dict[str, Path]:
 
 def examples_folder() -> Path | None:
     """Folder of the robots of example-robot-data, or None where it is not installed."""
-    from importlib import metadata  # loads the standard library's mail and network, longer than all of this module
+    from importlib import metadata  # slow to import: it loads the standard library's mail modules
 
     try:
         located = metadata.distribution("example-robot-data").locate_file(_EXAMPLES_IN_PACKAGE)
@@ -41,13 +41,13 @@ def examples_folder() -> Path | None:
 
 
 def find_example(name: str, folder: Path | None) -> Path:
-    """URDF of example-robot-data by its stem, with or without ``_robot``.
+    """Find a URDF of example-robot-data by its file name without the ending, with or without ``_robot``.
 
-    An exact stem goes first. Where folders share a stem, ``FOLDER/STEM`` says which.
+    An exact name takes precedence. Where several folders have a file of this name, ``FOLDER/NAME`` distinguishes them.
 
     Args:
-        name: What stands behind ``example:``.
-        folder: The robots of example-robot-data, None where it is not installed.
+        name: The text after ``example:``.
+        folder: The robots of example-robot-data, None if it is not installed.
 
     Raises:
         RobotError: If the package is not installed, or the name is unknown or ambiguous.
@@ -80,21 +80,18 @@ def _ambiguous(name: str, matches: list[Path], folder: Path) -> str:
 
 
 def looks_like_robot(word: str) -> bool:
-    """True for a word that names a robot: an example, a built-in name, or a file that ends as robot files do."""
+    """Whether a word names a robot: an example, a built-in robot, or a file with the ending of a robot file."""
     return word.startswith(_EXAMPLE) or word.lower().endswith(_SUFFIXES) or word in builtin_robots()
 
 
 def find_robot(source: str | Path) -> Path:
-    """File of a robot.
+    """Find the existing file of a robot.
 
     Args:
         source: A URDF or MJCF file, ``example:NAME``, or a built-in name.
 
-    Returns:
-        An existing file.
-
     Raises:
-        RobotError: If there is no such robot; the sentence lists the names and suggests the nearest.
+        RobotError: If there is no such robot; the message lists the names and suggests the most similar one.
     """
     text = str(source)
     if text.startswith(_EXAMPLE):
@@ -112,7 +109,7 @@ def find_robot(source: str | Path) -> Path:
 
 
 def _example_named(name: str, folder: Path | None) -> str | None:
-    """``example:NAME`` if that is one robot of example-robot-data, as for somebody who left out the ``example:``."""
+    """``example:NAME`` if ``name`` is a robot of example-robot-data: the user left out ``example:``."""
     try:
         find_example(name, folder)
     except RobotError:

@@ -1,4 +1,4 @@
-"""Facts that are read from a robot file itself, because Pinocchio drops them or ignores them without a message."""
+"""Read from the XML of a robot file what Pinocchio ignores without a message."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 Element = ElementTree.Element
 
 LARGEST = 1e9
-"""Larger than any number of a robot in SI units; small enough that squares of such numbers do not overflow."""
+"""Largest allowed number: larger than any of a robot in SI units, and its square does not overflow."""
+# Largest number of characters of a name: names are printed in sentences, tables and figures.
 _LONGEST_NAME = 200
-"""Largest length of a name, because names are printed in sentences, tables and figures."""
+# Deepest allowed nesting of elements, because the parsers recurse.
 _DEEPEST = 200
-"""Deepest nesting of elements: twice that of the longest chain of bodies; the parsers recurse, which limits it."""
+# Attributes that must be finite; ranges of MJCF may be infinite.
 _PHYSICAL = frozenset(
     "xyz rpy pos quat euler axis axisangle xyaxes zaxis fromto value mass ixx iyy izz ixy ixz iyz inertia diaginertia "
     "fullinertia armature damping friction frictionloss lower upper effort velocity".split()
 )
-"""Attributes that must be finite; ranges of MJCF may be infinite."""
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
 
@@ -44,13 +44,13 @@ class Body:
 
 @dataclass(frozen=True)
 class MjcfLoop:
-    """One equality that keeps two bodies or sites together.
+    """An equality of an MJCF file that keeps two bodies or sites together.
 
     Attributes:
         label: For messages, such as ``<connect> of coupler and rocker``.
         kind: ``point``, or ``frame`` for a weld that holds rotation too.
         frame_a, frame_b: Names of bodies or sites; ``universe`` is the world.
-        in_a, in_b: The point or frame that coincides, in the axes of each: position [m], quaternion w x y z.
+        in_a, in_b: Pose in each frame of the point or frame that coincides: position [m], quaternion w x y z.
     """
 
     label: str
@@ -72,7 +72,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class Drive:
-    """Properties of a joint's drive, on the joint's side; None for those that the file does not state."""
+    """Properties of a joint's drive, on the joint side of the gear; None where the file does not state them."""
 
     kp: float | None = None
     kd: float | None = None
@@ -99,21 +99,22 @@ class SoftFriction:
 
 @dataclass(frozen=True)
 class RobotXml:
-    """Facts of a robot file.
+    """What the XML of a robot file states.
 
     Attributes:
         name: Name of the robot, empty where the file has none.
         sha256: SHA-256 of the file.
         bodies: Links with an inertia.
-        followers: Joints that follow another one.
-        gravity: [m/s^2] where the file states it.
-        warnings: Sentences on what will be left out.
+        followers: Joints that follow another joint.
+        gravity: Gravity [m/s^2], or None if the file does not state it.
+        warnings: Sentences about parts of the file that are ignored.
         loops: Closed chains that the file states.
         driven: Joints that an actuator of the file acts on.
-        soft_friction: Dry friction of each joint in the simulator that the file is for; empty for a URDF.
+        soft_friction: Dry friction of each joint in the file's simulator; empty for a URDF.
         drives: Drive of each joint with an actuator.
         base_joints: Joints between the world and a body that has several joints.
-        play: For each joint that models the play of another joint of its body: that joint, and the range [rad or m].
+        play: For each joint that models the play of another joint of its body: the other joint, and the range [rad or
+            m].
     """
 
     name: str
@@ -131,10 +132,10 @@ class RobotXml:
 
 
 def read_root(path: Path) -> tuple[Element, str]:
-    """Root element of a robot file, and the file's SHA-256.
+    """Read the root element of a robot file, and compute the file's SHA-256.
 
     Raises:
-        RobotError: If the file cannot be read, is no XML, or describes no robot in URDF or MJCF.
+        RobotError: If the file cannot be read, is not XML, or is neither URDF nor MJCF.
     """
     require_plain_file(path, RobotError, "a URDF or MJCF file")
     try:
@@ -156,7 +157,7 @@ def read_root(path: Path) -> tuple[Element, str]:
         raise RobotError(f"{path} defines entities, which no robot file needs: write out what they stand for.")
     if _depth(root) > _DEEPEST:
         raise RobotError(f"{path} has elements nested more than {_DEEPEST} deep: give the file of one robot.")
-    # Files that xacro has made keep its namespace, and hold no ${...} any more.
+    # A file that xacro generated still declares its namespace, but has no xacro elements and no ${...}.
     if any("xacro" in str(one.tag) or any("${" in text for text in one.attrib.values()) for one in root.iter()):
         raise RobotError(f"{path} is a xacro source: expand it with `xacro FILE > robot.urdf` and give the result.")
     if root.tag == "sdf":
@@ -171,7 +172,7 @@ def read_root(path: Path) -> tuple[Element, str]:
 
 
 def _depth(root: Element) -> int:
-    """Deepest nesting of elements, found without recursion."""
+    """Depth of the deepest element."""
     depth, row = 0, [root]
     while row:
         depth, row = depth + 1, [child for element in row for child in element]
@@ -179,7 +180,7 @@ def _depth(root: Element) -> int:
 
 
 def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
-    """Refuse a name that is empty, given twice, too long, or has control characters, which terminals do not show."""
+    """Refuse a name that is empty, occurs twice, is too long, or has control characters."""
     seen: set[str] = set()
     for element in elements:
         name = element.get("name")
@@ -187,7 +188,7 @@ def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
             continue
         if not name:
             raise RobotError(f"{path}: a {what} has an empty name: give it one, or leave the attribute out.")
-        if not printable(name) == name:
+        if printable(name) != name:
             raise RobotError(
                 f"{path}: the name {name[:80]!r} of a {what} holds control characters: write it with letters, digits "
                 "and _."
@@ -205,26 +206,26 @@ def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
 def numbers(
     element: Element, attribute: str, owner: str, path: Path, *, count: int | None = None, most: float = LARGEST
 ) -> list[float]:
-    """Finite numbers of an attribute, empty where it is missing.
+    """Finite numbers of an attribute; an empty list if it is missing.
 
-    The parsers of URDF and MJCF read text as zero without a message, so numbers are checked here.
+    The parsers of URDF and MJCF read invalid numbers as zero without a message, so they are checked here.
 
     Args:
         element: The element with the attribute.
         attribute: Name of the attribute.
-        owner: What the element belongs to, for messages.
+        owner: The link or joint that the element belongs to, for messages.
         path: The file, for messages.
         count: How many numbers it must have; None for one or more.
         most: The largest allowed magnitude.
 
     Raises:
-        RobotError: If one of them is not finite or too large, or there are more or fewer than ``count``.
+        RobotError: If a number is not finite or too large, or there are more or fewer than ``count``.
     """
     text = element.get(attribute)
     if text is None:
         return []
     try:
-        # Python reads 1_000 and digits of other scripts; the parsers do not.
+        # Python accepts 1_000 and digits of other scripts; the parsers do not.
         values = [float(word) for word in text.split()] if text.isascii() and "_" not in text else []
     except ValueError:
         values = []
@@ -241,10 +242,10 @@ def numbers(
 def require_finite(root: Element, path: Path) -> None:
     """Refuse poses, inertias and friction that are not finite, also in elements that this project does not use.
 
-    Corrected models start from the file as it is, so they would contain such numbers too.
+    A corrected model is a copy of the file with changes, so it would contain these numbers too.
 
     Raises:
-        RobotError: If one is NaN or infinite.
+        RobotError: If a number is NaN or infinite.
     """
     for element in root.iter():
         for attribute in sorted(_PHYSICAL.intersection(element.attrib)):
@@ -259,7 +260,7 @@ def require_finite(root: Element, path: Path) -> None:
 
 
 def require_once(parent: Element, tags: tuple[str, ...], owner: str, path: Path) -> None:
-    """Refuse an element that is given twice, of which the parsers take the first or the last without a message."""
+    """Refuse an element that occurs twice: the parsers would take the first or the last without a message."""
     for tag in tags:
         found = len(parent.findall(tag))
         if found > 1:
@@ -267,7 +268,7 @@ def require_once(parent: Element, tags: tuple[str, ...], owner: str, path: Path)
 
 
 def require_order(low: float, high: float, what: str, owner: str, path: Path) -> None:
-    """Refuse limits whose lower one is above the upper one."""
+    """Refuse a lower limit above the upper limit."""
     if low > high:
         raise RobotError(f"{path}: {what} of {owner} goes from {low:g} to {high:g}: turn the two round.")
 

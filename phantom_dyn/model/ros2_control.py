@@ -1,4 +1,4 @@
-"""Gains of a ros2_control file (the YAML of a controller manager), as a robot.yaml would state them."""
+"""Read controller gains from a ros2_control file, the YAML of a controller manager."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ _LARGEST = 1e12
 
 
 class Ros2Config(RobotConfig, frozen=True):
-    """Controllers of a ros2_control file, and sentences on what of them is left out."""
+    """Controllers of a ros2_control file, and sentences about the parts of them that are ignored."""
 
     sentences: tuple[str, ...] = ()
 
 
 def is_ros2_control(content: Mapping[str, Any]) -> bool:
-    """True for the content of a file of ROS 2 parameters."""
+    """Whether this is the content of a file of ROS 2 parameters."""
     return any(isinstance(value, dict) and PARAMETERS in value for value in content.values())
 
 
 def ros2_config(content: Mapping[str, Any], path: Path) -> Ros2Config:
-    """Drives in a ros2_control file: ``gains.<joint>.p`` and ``.d`` of controllers that command effort.
+    """Controllers of a ros2_control file: ``gains.<joint>.p`` and ``.d`` of controllers that command effort.
 
     Args:
-        content: Text of the file.
+        content: Parsed content of the file.
         path: The file, for messages.
 
     Raises:
-        RobotError: If no controller in it has gains, two have gains of one joint, or a gain is no number of 0 or more.
+        RobotError: If no controller has gains, two controllers have gains for one joint, or a gain is negative or not
+            a number.
     """
     joints: dict[str, JointConfig] = {}
     integral: list[str] = []

@@ -1,4 +1,4 @@
-"""Drives of joints, from ``robot.yaml`` or, for what it does not state, from the URDF or MJCF of the robot."""
+"""Drives of the joints: ``robot.yaml`` takes precedence over the URDF or MJCF of the robot."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def actuator_of(stated: JointConfig, armature: float, from_file: Drive) -> Actua
 
 
 def _controller(drive: JointConfig, stated: ControllerConfig) -> Controller:
-    r"""The controller of a joint, with gains from position error and velocity to joint torque.
+    r"""The controller of a joint, with gains that give joint torque.
 
     A ``duty`` controller applies the share :math:`g\,(q_r - q)` of the supply voltage U to the motor. With torque
     constant k, gear ratio n and resistance R this gives :math:`\tau = (k n U / R)\,g\,(q_r - q) - ((k n)^2 / R)\,v`.
     """
     if stated.kind == "pd":
         return Controller("pd", stated.kp or 0.0, stated.kd or 0.0, stated.delay, stated.reference_delay)
-    # The reader of robot.yaml has refused a ``duty`` controller without these numbers.
+    # Reading robot.yaml refuses a ``duty`` controller without these numbers.
     assert drive.torque_constant is not None
     assert drive.resistance is not None
     assert drive.voltage_limit is not None

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""From the loops that robot.yaml or the robot file state to a `ClosedChain`.
+"""Make a `ClosedChain` from the loops that robot.yaml or the robot file state.
 
-Which joints are passive: those with an expression in a linear loop; and of the joints between the two frames of a
-point or frame loop those that its list ``active`` leaves out, or, without that list, those that have no drive
-(``actuated: false``; in MJCF also those without an actuator). Every other joint is active, with a drive or without.
+A joint is passive if a linear loop has an expression for it. Between the two frames of a point or frame loop, the
+joints that are not in its list ``active`` are passive; without this list, those without a drive (``actuated: false``;
+in MJCF also those without an actuator). Every other joint is active, with a drive or without.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ def closed_chain(
     """The closed chain of a tree, or None if no loop is stated.
 
     Args:
-        model: The tree, without the joints that are held fixed; its friction is that of the joints.
+        model: The tree, without the joints that are held fixed, with the friction of the joints.
         stated: Content of robot.yaml.
         config: The file, for messages.
-        carried: Loops of the robot file itself, by their labels; one around a joint that a linear loop gives is not
-            solved, the linear loop stands for it.
-        without_drive: Joints that the robot file gives no actuator.
+        carried: Loops of the robot file itself, by their labels. A loop is ignored if a linear loop already gives one
+            of its joints.
+        without_drive: Joints without an actuator in the robot file.
 
     Raises:
         RobotError: If the loops contradict each other, cannot be closed, or do not say what every passive joint does.
@@ -88,7 +88,7 @@ def closed_chain(
 
 
 def frame_index(model: pin.Model, name: str) -> int:
-    """Index of a frame; of a link and a joint of the same name the link."""
+    """Index of a frame; where a link and a joint have the same name, the link's."""
     found = [k for k, frame in enumerate(model.frames) if frame.name == name]
     links = [k for k in found if model.frames[k].type == pin.FrameType.BODY]
     return (links or found)[0]
@@ -136,7 +136,7 @@ def _around(model: pin.Model, loop: PointLoop | FrameLoop) -> tuple[str, ...]:
 
 
 def _linear_map(names: list[str], followed: dict[str, LinearExpression], free: list[str]) -> tuple[Array, Array]:
-    """``S`` and ``o`` of `ClosedChain`, with the columns ``free``."""
+    """Matrix ``S`` and vector ``o`` of `ClosedChain`; the columns of ``S`` are the joints ``free``."""
     linear_map, offset = np.zeros((len(names), len(free))), np.zeros(len(names))
     for row, name in enumerate(names):
         expression = followed.get(name, LinearExpression(0.0, {name: 1.0}))

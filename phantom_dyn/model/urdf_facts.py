@@ -1,4 +1,4 @@
-"""Facts of a URDF file: its joints with their limits, what they follow, and its bodies."""
+"""Check a URDF file, and read its bodies and mimic joints."""
 
 from __future__ import annotations
 
@@ -20,28 +20,27 @@ from phantom_dyn.model.robot_xml import (
     symmetric,
 )
 
-_SHORTEST = 1e-6
-"""An axis this short has lost the digits of its direction."""
+# A shorter axis counts as zero.
+_SHORTEST_AXIS = 1e-6
 _ONCE_IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic")
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-"""Types of joints that URDF has."""
 
 
 def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
-    """Facts of a URDF.
+    """Check a URDF, and read its bodies and mimic joints.
 
     Raises:
-        RobotError: If a number is none, an axis is zero, friction is negative, limits are swapped, an element that
-            there can be one of is there twice, or a joint mimics one that is not there.
+        RobotError: If a number is invalid, an axis is zero, friction is negative, limits are swapped, an element
+            occurs twice that may occur once, or a joint mimics a joint that does not exist.
     """
     require_names(root.findall("link"), "link", path)
     require_names(root.findall("joint"), "joint", path)
     for link in root.findall("link"):
         require_once(link, ("inertial",), f"link {link.get('name')}", path)
     joints = root.findall("joint")
-    still = _links_at_rest(root, joints)
+    fixed_links = _fixed_links(root, joints)
     bodies = [
-        _urdf_body(link, path, moves=link.get("name") not in still)
+        _urdf_body(link, path, moves=link.get("name") not in fixed_links)
         for link in root.findall("link")
         if link.find("inertial") is not None
     ]
@@ -52,13 +51,13 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
     followers = {}
     for joint in joints:
         mimic = joint.find("mimic")
-        if mimic is not None and joint.get("type") != "fixed":  # a fixed joint does not follow: Talos' files have such
+        if mimic is not None and joint.get("type") != "fixed":  # Talos' files have fixed joints with <mimic>
             followers[joint.get("name", "")] = _followed(joint, mimic, names, path)
     return RobotXml(root.get("name", ""), sha256, tuple(bodies), followers)
 
 
 def _require_tree(joints: list[Element], path: Path) -> None:
-    """Refuse links that hang on one another in a circle: no parser reaches them, and all of their joints are lost."""
+    """Refuse links that are each other's parents in a circle: parsers would drop all of their joints."""
     above = {_link_of(joint, "child"): _link_of(joint, "parent") for joint in joints}
     for first in above:
         seen, link = [first], above[first]
@@ -73,17 +72,17 @@ def _require_tree(joints: list[Element], path: Path) -> None:
             )
 
 
-def _links_at_rest(root: Element, joints: list[Element]) -> set[str | None]:
-    """Links that fixed joints alone hold on the root of the tree."""
+def _fixed_links(root: Element, joints: list[Element]) -> set[str | None]:
+    """Roots of the tree, and the links that only fixed joints connect to them."""
     ends = [(_link_of(joint, "parent"), _link_of(joint, "child"), joint.get("type") == "fixed") for joint in joints]
     children = {child for _, child, _ in ends}
-    still = {link.get("name") for link in root.findall("link")} - children
+    found = {link.get("name") for link in root.findall("link")} - children
     for _ in ends:
-        more = {child for parent, child, fixed in ends if fixed and parent in still} - still
+        more = {child for parent, child, fixed in ends if fixed and parent in found} - found
         if not more:
             break
-        still |= more
-    return still
+        found |= more
+    return found
 
 
 def _link_of(joint: Element, end: str) -> str | None:
@@ -108,7 +107,7 @@ def _check_urdf_joint(joint: Element, path: Path) -> None:
     axis = joint.find("axis")
     if axis is not None:
         along = numbers(axis, "xyz", owner, path, count=3) or [1.0]
-        if kind not in ("fixed", "floating") and float(np.linalg.norm(along)) < _SHORTEST:
+        if kind not in ("fixed", "floating") and float(np.linalg.norm(along)) < _SHORTEST_AXIS:
             raise RobotError(f"{path}: the axis of {owner} is zero: give its direction.")
     limit = joint.find("limit")
     if limit is not None:
@@ -123,7 +122,7 @@ def _check_urdf_joint(joint: Element, path: Path) -> None:
 
 
 def _followed(joint: Element, mimic: Element, names: list[str], path: Path) -> Follower:
-    """How a joint follows the one that it mimics."""
+    """How a joint follows the joint that it mimics."""
     name, leader = joint.get("name", ""), mimic.get("joint", "")
     if leader not in names:
         raise RobotError(

@@ -1,1 +1,1 @@
-"""Files of robots and settings, read strictly: plain files, YAML without surprises, checked settings."""
+"""Strict reading of files: ordinary files only, strict YAML, and checked settings."""

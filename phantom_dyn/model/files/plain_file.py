@@ -1,6 +1,7 @@
-"""Ordinary files: a check that a user gave one, and temporary ones for libraries that read from a path only.
+"""Checks that a path is an ordinary file, and makes temporary files for libraries that can only read from a path.
 
-Pipes and devices are refused, because reading them may never end. A temporary file disappears however the process ends.
+Pipes and devices are refused, because reading them may never end. A temporary file is removed even if the process is
+killed.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def require_plain_file(path: Path, error: type[PhantomDynError], wanted: str) ->
     Args:
         path: The path that was given. A missing file passes: opening it raises the error.
         error: Type of the error to raise.
-        wanted: Kind of file that is wanted, with its article, for the message.
+        wanted: Kind of file that is wanted, with an article, for the message.
 
     Raises:
         PhantomDynError: Of the type ``error``.
@@ -49,11 +50,11 @@ _OPEN_FILES = Path("/proc/self/fd")
 
 @contextmanager
 def unnamed_file(content: bytes, *, suffix: str) -> Iterator[Path]:
-    """Path of a temporary file while the context is open; on Linux, the file has no name in any folder.
+    """Path of a temporary file while the context is open; on Linux the file has no name in any folder.
 
     Args:
         content: Content of the file.
-        suffix: Ending of its name on systems where it has one.
+        suffix: End of the name on other systems.
     """
     make = tempfile.TemporaryFile if _OPEN_FILES.is_dir() else tempfile.NamedTemporaryFile
     with make(suffix=suffix) as file:

@@ -1,4 +1,4 @@
-"""YAML files that users write, read strictly: no key twice, no empty value, no infinite number, no wrong kind."""
+"""Reads YAML files of users and refuses repeated keys, empty values, infinite numbers and values of a wrong kind."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 from phantom_dyn.model.files.strict_yaml import load_yaml
 
 LARGEST = 1e12
-"""Largest number in SI units: far beyond any robot, and its square does not overflow."""
+"""Largest number in SI units, far beyond any robot; its square does not overflow."""
+# Largest size of a settings file [bytes], which takes half a minute to read; real files have a hundredth of it.
 _LARGEST = 5_000_000
-"""Largest size of a settings file [bytes]: a hundred times that of the largest robot; half a minute of reading."""
 
 
 def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
-    """The mapping that a YAML file holds; an empty file is an empty mapping.
+    """The mapping in a YAML file; an empty file gives an empty mapping.
 
     Args:
         path: The file.
         error: Type of the error to raise.
 
     Raises:
-        PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, holds no mapping, or a
-            value is empty, infinite or not a number.
+        PhantomDynError: An error of type ``error``, if the file cannot be read, is broken, is no mapping, or a value is
+            empty, infinite or NaN.
     """
     content = load_mapping(path, error)
     _require_values(content, "", path, error)
@@ -37,10 +37,10 @@ def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
 
 def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
-    """As `read_settings`, for files whose values may be null; values are not checked.
+    """As `read_settings`, without a check of values, which may be null.
 
     Raises:
-        PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, or holds no mapping.
+        PhantomDynError: An error of type ``error``, if the file cannot be read, is broken, or is no mapping.
     """
     require_plain_file(path, error, "a YAML file")
     try:
@@ -64,7 +64,7 @@ def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
 
 def describe(value: Any) -> str:
-    """A value for a message, with the word for its kind where that helps, shortened if it is long."""
+    """A value for a message, with its kind if it is a text or a list, shortened if it is long."""
     if isinstance(value, str):
         return f"the text {shortened(value)!r}"
     if isinstance(value, bool):
@@ -97,10 +97,10 @@ def _require_values(value: Any, key: str, path: Path, error: type[PhantomDynErro
 
 
 def mapping_at(value: Any, file: str, key: str, wanted: tuple[str, ...] | None) -> Mapping[str, Any]:
-    """The value, checked to be a mapping with exactly the `wanted` keys, or for None with any keys that are text.
+    """The value, if it is a mapping with exactly the ``wanted`` keys; if these are None, with any keys that are text.
 
     Raises:
-        ParameterError: If it is no mapping, or a key is missing or unknown.
+        ParameterError: If the value is no mapping, or a key is missing or unknown.
     """
     if not isinstance(value, Mapping):
         known = f" with the keys {', '.join(wanted)}" if wanted else ""
@@ -128,10 +128,10 @@ def _check_keys(value: Mapping[str, Any], file: str, key: str, wanted: tuple[str
 
 
 def list_at(value: Any, file: str, key: str) -> list[Any]:
-    """The value, checked to be a list.
+    """The value, if it is a list.
 
     Raises:
-        ParameterError: If the value is something else.
+        ParameterError: If the value is no list.
     """
     if not isinstance(value, list):
         raise ParameterError(f"{file}: {key} is {describe(value)}, wanted a list (an empty one is []).")
@@ -139,10 +139,10 @@ def list_at(value: Any, file: str, key: str) -> list[Any]:
 
 
 def text_at(value: Any, file: str, key: str) -> str:
-    """The value, checked to be a text.
+    """The value, if it is a text.
 
     Raises:
-        ParameterError: If the value is something else.
+        ParameterError: If the value is no text.
     """
     if not isinstance(value, str):
         raise ParameterError(f"{file}: {key} is {describe(value)}, wanted a text: put it in quotes.")
@@ -150,10 +150,10 @@ def text_at(value: Any, file: str, key: str) -> str:
 
 
 def number_at(value: Any, file: str, key: str, *, unknown: bool = False, most: float = math.inf) -> float:
-    """The value, checked to be a finite number of at most `most` in size; with `unknown` null is read as NaN.
+    """The value, if it is a finite number whose size is at most ``most``; NaN for null if ``unknown`` is True.
 
     Raises:
-        ParameterError: If the value is something else.
+        ParameterError: If the value is anything else.
     """
     if value is None and unknown:
         return math.nan

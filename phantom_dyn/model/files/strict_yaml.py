@@ -1,8 +1,8 @@
-"""YAML as users mean it: plain values only, and no short file that expands to a very large content.
+"""Reads YAML with plain values only, and refuses short files that expand to a very large content.
 
-``1e-3`` is a number and ``2024-01-31`` a text. Refused are a key that is given twice, other tags, a value that its tag
-does not allow, a number too large for a float, deep nesting, and aliases that contain themselves or expand to very many
-values.
+Other than for PyYAML, ``1e-3`` is a number and ``2024-01-31`` a text. Repeated keys, other tags, values that do not fit
+their tag, numbers that are too large for a float, deep nesting, and aliases that contain themselves or expand to very
+many values are refused.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Any
 
 import yaml
 
+# Deepest nesting of lists and mappings; files of this project need six, and Python allows a thousand calls.
 _DEEPEST = 100
-"""Deepest nesting of lists and mappings: the files of this project need six, and Python allows a thousand calls."""
 _TOO_DEEP = f"lists and mappings nested more than {_DEEPEST} deep"
+# Largest number of values after aliases are expanded; files of robots have a hundredth of it.
 _MOST_VALUES = 1_000_000
-"""Largest number of values once aliases are expanded: a hundred times those of the largest robot."""
 _TAG = "tag:yaml.org,2002:"
 _NUMBERS = (_TAG + "int", _TAG + "float")
 _PLAIN = tuple(_TAG + kind for kind in ("null", "bool", "int", "float", "str", "seq", "map"))
@@ -26,7 +26,7 @@ def load_yaml(text: str) -> Any:
     """Content of a YAML text: mappings, lists, texts, numbers, true and false, None.
 
     Raises:
-        yaml.YAMLError: If it is not valid YAML, or is refused as described above; with the place where it is known.
+        yaml.YAMLError: If the text is no valid YAML or is refused; with the line if it is known.
     """
     return yaml.load(text, Loader=_Loader)
 
@@ -63,7 +63,7 @@ class _Loader(yaml.SafeLoader):
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             value = super().construct_object(node, deep)
-        # Raised by int(), float() and the table of true and false.
+        # int(), float() and the table of true and false raise these errors.
         except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             kind = node.tag.removeprefix(_TAG)
             raise _error_at(f"{_cut(node)} cannot be read as !!{kind}", node) from error
@@ -101,7 +101,7 @@ def _cut(node: yaml.Node) -> str:
 
 
 def _require_small(root: yaml.Node) -> None:
-    """Refuse a node that contains itself, or that has very many values or levels once its aliases are expanded."""
+    """Refuse a node that contains itself, or that has very many values or levels after aliases are expanded."""
     known: dict[int, tuple[int, int]] = {}
     open_nodes: set[int] = set()
 
@@ -132,7 +132,7 @@ def _parts(node: yaml.Node) -> list[yaml.Node]:
 
 _Loader.yaml_constructors = {tag: make for tag, make in _Loader.yaml_constructors.items() if tag in _PLAIN}
 _Loader.yaml_constructors[None] = _Loader.no_such_tag
-# Dates stay text: no key takes a date, and PyYAML would refuse impossible ones with a message of its own.
+# Dates stay text, because no key takes a date and PyYAML has its own message for impossible dates.
 _Loader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag != _TAG + "timestamp"]
     for first, resolvers in _Loader.yaml_implicit_resolvers.items()
@@ -140,11 +140,11 @@ _Loader.yaml_implicit_resolvers = {
 
 
 class _Dumper(yaml.SafeDumper):
-    """Dumper that quotes a text which the loader would read as a number, or whose line breaks it would fold."""
+    """Dumper that quotes a text if the loader would read it as a number or change its line breaks."""
 
 
 def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    # PyYAML writes the rarer line breaks as they are, and reads them back as spaces or more breaks.
+    # PyYAML does not quote rare line breaks, and reads them back as spaces or as several line breaks.
     return dumper.represent_scalar(_TAG + "str", text, style='"' if _RARE_BREAKS & set(text) else None)
 
 

@@ -1,1 +1,1 @@
-"""A robot read from MJCF: its tree, drives, followers and loops."""
+"""Reading of MJCF: tree, drives, following joints and loops of a robot."""

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""Facts of a MJCF file beside its tree of joints: gravity, loops, followers, drives, and what the model leaves out.
+"""Reads from a MJCF file what its tree of joints lacks: gravity, loops, following joints, drives, and warnings.
 
-All is read from MuJoCo's compiled model, so that classes, frames and units of angles are MuJoCo's own.
+Everything is read from MuJoCo's compiled model, so that MuJoCo resolves classes, frames and units of angles.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.model.from_mjcf.mjcf_drives import driven_joints, drives_of
 from phantom_dyn.model.from_mjcf.mjcf_followers import followers_of, play_of
+from phantom_dyn.model.from_mjcf.mjcf_tree import pose_of
 from phantom_dyn.model.robot_config import FrameLoop, PointLoop
 from phantom_dyn.model.robot_xml import (
     Body,
@@ -35,18 +36,18 @@ from phantom_dyn.model.stated_loops import frame_index
 if TYPE_CHECKING:
     import mujoco
 
+# Largest mass of a body [kg], above which numbers are not in SI units.
 _LARGEST_MASS = 1e9
-"""In kg; more is no robot in SI units."""
+# Kinds of equalities, by MuJoCo's mjtEq.
 _CONNECT, _WELD = 0, 1
-"""Of mjtEq."""
 _NO_GRAVITY, _NO_EQUALITY = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY"
 
 
 def check_mjcf(root: Element, path: Path) -> None:
-    """Refuse names and numbers that MuJoCo takes, or refuses without a place; keyframes and contacts are not looked at.
+    """Refuse names and numbers that MuJoCo accepts, or refuses without saying where; not of keyframes and contacts.
 
     Raises:
-        RobotError: If a name is there twice or is empty, or a number is impossible.
+        RobotError: If a name is repeated or empty, or a number is impossible.
     """
     require_names(root.iter("body"), "body", path)
     require_names((joint for body in root.iter("body") for joint in body.findall("joint")), "joint", path)
@@ -78,11 +79,11 @@ def mjcf_facts(root: Element, sha256: str, path: Path, compiled: mujoco.MjModel)
     Args:
         root: Root element of the file.
         sha256: SHA-256 of the file.
-        path: The file, for messages.
-        compiled: MuJoCo's model of it.
+        path: Path of the file for messages.
+        compiled: MuJoCo's model of the file.
 
     Raises:
-        RobotError: If a joint follows others in a way that is no straight line.
+        RobotError: If a joint follows another one by a curve.
     """
     gravity, remarks = _gravity(compiled, path)
     x, y, z = gravity
@@ -104,7 +105,7 @@ def mjcf_facts(root: Element, sha256: str, path: Path, compiled: mujoco.MjModel)
 
 
 def _base_joints(compiled: mujoco.MjModel) -> frozenset[str]:
-    """Joints of a body on the world that has several: how a file writes a base that slides and turns."""
+    """Joints of bodies on the world with several joints, by which a file describes a base that slides and turns."""
     on_world = np.flatnonzero(compiled.body_weldid[compiled.body_parentid] == 0)
     bases = [body for body in on_world if compiled.body_jntnum[body] > 1]
     return frozenset(compiled.joint(k).name for k in range(compiled.njnt) if compiled.jnt_bodyid[k] in bases)
@@ -117,7 +118,7 @@ def _switched_off(compiled: mujoco.MjModel, flag: str) -> bool:
 
 
 def _gravity(compiled: mujoco.MjModel, path: Path) -> tuple[Array, tuple[str, ...]]:
-    """Gravity [m/s^2], less what the file lifts of every body, and a sentence on that."""
+    """Gravity [m/s^2], reduced by the gravity compensation of the bodies (gravcomp), and a sentence on the latter."""
     gravity = np.array(compiled.opt.gravity) * (not _switched_off(compiled, _NO_GRAVITY))
     moving = (compiled.body_weldid[1:] > 0) & (compiled.body_mass[1:] > 0)
     lifted = compiled.body_gravcomp[1:][moving]
@@ -133,9 +134,9 @@ def _gravity(compiled: mujoco.MjModel, path: Path) -> tuple[Array, tuple[str, ..
 
 
 def _soft_frictions(compiled: mujoco.MjModel) -> dict[str, SoftFriction]:
-    """Dry friction of each joint in MuJoCo, from ``solreffriction`` and ``solimpfriction``.
+    """Softness of MuJoCo's dry friction for each joint, from ``solreffriction`` and ``solimpfriction``.
 
-    The constraint has the reference acceleration ``-b v`` and gives way by what its impedance ``d`` leaves. Source:
+    The constraint has the reference acceleration ``-b v``, and its impedance ``d`` below one makes it soft. Source:
     MuJoCo's documentation, "Computation" (constraint model) and "Modeling" (solver parameters).
     """
     out = {}
@@ -149,10 +150,10 @@ def _soft_frictions(compiled: mujoco.MjModel) -> dict[str, SoftFriction]:
 
 
 def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...]) -> dict[str, PointLoop | FrameLoop]:
-    """The loops as robot.yaml would state them, by label; their frames are added to the model.
+    """The loops by label, in the form of robot.yaml; their frames are added to the model.
 
     Args:
-        model: The whole model of the file; changed.
+        model: Model with all joints of the file, to which frames are added.
         loops: Loops that `mjcf_facts` found.
     """
     home = drawn_configuration(model)
@@ -167,17 +168,12 @@ def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...]) -> dict[str, 
         for name, owner, placement in zip(ends, (loop.frame_a, loop.frame_b), (loop.in_a, loop.in_b), strict=True):
             frame = frame_index(model, owner)
             parent = model.frames[frame]
-            full = parent.placement * _pose(placement)
+            full = parent.placement * pose_of(np.array(placement[:3]), np.array(placement[3:]))
             model.addFrame(pin.Frame(name, parent.parentJoint, frame, full, pin.FrameType.OP_FRAME), False)
         stated = FrameLoop if loop.kind == "frame" else PointLoop
         label = loop.label if loop.label not in out else f"{loop.label} ({index})"
         out[label] = stated(frame_a=ends[0], frame_b=ends[1], start=start)
     return out
-
-
-def _pose(placement: tuple[float, ...]) -> pin.SE3:
-    w, x, y, z = np.array(placement[3:]) / np.linalg.norm(placement[3:])
-    return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), np.array(placement[:3]))
 
 
 def _check_body(element: Element, path: Path) -> None:
@@ -211,7 +207,7 @@ def _body(compiled: mujoco.MjModel, body: int, path: Path) -> Body:
 
 
 def _loops(compiled: mujoco.MjModel) -> tuple[MjcfLoop, ...]:
-    """The equalities that close chains and are active."""
+    """The active equalities that close loops."""
     kinds = np.array(compiled.eq_type)
     closed = np.flatnonzero(np.isin(kinds, (_CONNECT, _WELD)) & np.array(compiled.eq_active0).astype(bool))
     return tuple(_loop(compiled, int(k)) for k in closed)
@@ -238,7 +234,7 @@ def _loop(compiled: mujoco.MjModel, k: int) -> MjcfLoop:
 
 
 def _warnings(compiled: mujoco.MjModel, path: Path) -> tuple[str, ...]:
-    """One sentence on what acts on the torques of MuJoCo and is not in the model."""
+    """A sentence on forces that MuJoCo simulates and the model leaves out."""
     fixed = "<fixed>, <spatial>"
     acting = (
         ("stiffness of <joint>", ("jnt_stiffness", "jnt_stiffnesspoly")),
@@ -258,6 +254,6 @@ def _warnings(compiled: mujoco.MjModel, path: Path) -> tuple[str, ...]:
 
 
 def drawn_configuration(model: pin.Model) -> Array:
-    """Configuration in which a file draws the robot; not zero where MJCF joints have a ``ref`` or are free."""
+    """Configuration in which a file draws the robot; in MJCF it is not zero for joints with ``ref`` or free joints."""
     drawn = {entry.key(): entry.data() for entry in model.referenceConfigurations}
     return drawn.get("qpos0", pin.neutral(model))

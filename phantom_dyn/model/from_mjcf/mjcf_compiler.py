@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A MJCF file as MuJoCo compiles it: defaults, frames, includes and inertias of geoms are MuJoCo's own.
+"""Compiles a MJCF file with MuJoCo, which resolves defaults, frames, includes and inertias of geoms.
 
-Names are given to bodies and joints that have none. What has no part in the dynamics (pictures, sensors, keyframes,
-meshes that are only seen) is taken away before the file is compiled, so that it may be missing.
+Bodies and joints without a name get one. Elements that do not change the dynamics (pictures, sensors, keyframes, meshes
+that are only drawn) are removed before the file is compiled, so that their files may be missing.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from phantom_dyn.model.robot_xml import Element
 if TYPE_CHECKING:
     import mujoco
 
+# Largest number of bodies that <replicate> may make; the largest robots have some hundred.
 _MOST_COPIES = 1000
-"""Bodies that <replicate> may make: the longest robots have some hundred."""
+# Largest size of an included file [bytes].
 _LARGEST_PART = 64 * 2**20
-"""Bytes of a file that an MJCF includes."""
+# Largest number of files that include one another.
 _DEEPEST = 20
-"""Files that include one another."""
+# Elements of soft bodies.
 _SOFT = ("composite", "flexcomp", "flex")
-"""Elements of soft bodies."""
-_UNSEEN = ("keys", "sensors", "skins", "pairs", "excludes", "cameras", "lights", "tuples", "numerics", "texts")
-"""Elements of a file that move nothing."""
+# Elements of a file that do not change its dynamics.
+_NOT_DYNAMIC = ("keys", "sensors", "skins", "pairs", "excludes", "cameras", "lights", "tuples", "numerics", "texts")
 
 
 def compiled_mjcf(path: Path, root: Element) -> mujoco.MjModel:
-    """MuJoCo's model of a file; bodies and joints without a name have one.
+    """MuJoCo's model of a file, in which all bodies and joints have names.
 
     Args:
-        path: The file.
+        path: Path of the file.
         root: Root element of the file.
 
     Raises:
-        RobotError: If MuJoCo refuses it, or it holds soft bodies, thousands of copies or files that are none.
+        RobotError: If MuJoCo refuses the file, or it has soft bodies, too many copies or unusable included files.
     """
     _require_rigid(path, root)
     with unheard_warnings():
@@ -49,9 +49,9 @@ def compiled_mjcf(path: Path, root: Element) -> mujoco.MjModel:
         try:
             _take_away(spec, (geom for geom in spec.geoms if _shaped(geom) and not _weighs(spec, geom)))
             return spec.compile()
-        except Exception as error:  # the bindings raise ValueError, and others for files that are missing
+        except Exception as error:  # the bindings raise ValueError, and other errors for missing files
             first = error
-        # Meshes of what never moves may be missing, too.
+        # Meshes of bodies that never move may be missing, too.
         spec = _named(path)
         if not any(_shaped(geom) and _never_moves(geom.parent) for geom in spec.geoms):
             raise _refused(path, first) from first
@@ -63,15 +63,15 @@ def compiled_mjcf(path: Path, root: Element) -> mujoco.MjModel:
 
 
 def _shaped(geom: Any) -> bool:
-    """True for a geom whose shape comes from a mesh or a table of heights."""
+    """True for a geom whose shape is a mesh or a height field."""
     return bool(geom.meshname or geom.hfieldname)
 
 
 def mjcf_with_shapes(path: Path) -> mujoco.MjModel:
-    """As `compiled_mjcf`, with all its shapes: their meshes have to be there.
+    """As `compiled_mjcf`, with all shapes, whose meshes must exist.
 
     Raises:
-        RobotError: If MuJoCo refuses it.
+        RobotError: If MuJoCo refuses the file.
     """
     with unheard_warnings():
         spec = _named(path)
@@ -83,10 +83,10 @@ def mjcf_with_shapes(path: Path) -> mujoco.MjModel:
 
 
 def whole_mjcf(path: Path) -> str:
-    """The text of a file with all that it includes, copies and leaves without a name written out.
+    """Text of a file in which includes and copies are written out and all bodies and joints have names.
 
     Raises:
-        RobotError: If MuJoCo refuses it.
+        RobotError: If MuJoCo refuses the file.
     """
     with unheard_warnings():
         spec = _named(path)
@@ -99,16 +99,16 @@ def whole_mjcf(path: Path) -> str:
 
 @contextmanager
 def unheard_warnings() -> Iterator[None]:
-    """Keep MuJoCo's warnings from the terminal, and from the MUJOCO_LOG.TXT that it writes into the working folder.
+    """Suppress MuJoCo's warnings, which would appear in the terminal and in MUJOCO_LOG.TXT of the working folder.
 
-    What they warn of, a simulation that runs away, shows in what comes out of it.
+    They warn of simulations that run away, which their results show, too.
     """
     import mujoco
 
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:
-        # The compiler warns in Python, of words that a later version will not know.
+        # The compiler warns in Python of words that a later version will not accept.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
@@ -117,7 +117,7 @@ def unheard_warnings() -> Iterator[None]:
 
 
 def _named(path: Path) -> mujoco.MjSpec:
-    """The file as MuJoCo parses it, every body and joint with a name."""
+    """The parsed file, in which all bodies and joints have names."""
     import mujoco
 
     try:
@@ -144,7 +144,7 @@ def _give_names(elements: Iterable[Any], what: str) -> None:
 
 
 def _weighs(spec: mujoco.MjSpec, geom: Any) -> bool:
-    """True if a geom counts in the inertia of its body."""
+    """True if the inertia of a body includes that of a geom."""
     import mujoco
 
     rule = spec.compiler.inertiafromgeom
@@ -167,10 +167,10 @@ def _never_moves(body: Any) -> bool:
 
 
 def _take_away(spec: mujoco.MjSpec, geoms: Iterable[Any], *, keep_meshes: bool = False) -> None:
-    """Remove geoms, all that moves nothing, and the meshes and pictures that are then without a use."""
+    """Remove geoms, elements that do not change the dynamics, and meshes and pictures that are not used any more."""
     for geom in list(geoms):
         spec.delete(geom)
-    for group in _UNSEEN:
+    for group in _NOT_DYNAMIC:
         for element in list(getattr(spec, group)):
             spec.delete(element)
     for element in (*spec.geoms, *spec.sites, *spec.tendons):
@@ -180,7 +180,7 @@ def _take_away(spec: mujoco.MjSpec, geoms: Iterable[Any], *, keep_meshes: bool =
     unused = [] if keep_meshes else [mesh for mesh, name in kept if name not in used]
     for element in [*spec.materials, *spec.textures, *unused]:
         spec.delete(element)
-    # Friends of a body lose nothing by being written one by one, and their names are needed.
+    # MuJoCo would merge bodies without joints into their parents, but their names are needed.
     if hasattr(spec.compiler, "fusestatic"):
         spec.compiler.fusestatic = False
 
@@ -191,7 +191,7 @@ def _refused(path: Path, error: Exception) -> RobotError:
 
 
 def _require_rigid(path: Path, root: Element) -> None:
-    """Refuse soft bodies, endless copies, and included files that are none; MuJoCo would take time and memory first."""
+    """Refuse soft bodies, too many copies and unusable included files before MuJoCo spends time and memory on them."""
     copies = 1
     for element in _whole(path, root, ()):
         if element.tag in _SOFT:
@@ -206,7 +206,7 @@ def _require_rigid(path: Path, root: Element) -> None:
 
 
 def _whole(path: Path, root: Element, above: tuple[Path, ...]) -> Iterator[Element]:
-    """Elements of a file and of those that it includes."""
+    """Elements of a file and of the files that it includes."""
     if path in above or len(above) > _DEEPEST:
         raise RobotError(f"{path} includes itself: take the <include> out.")
     for element in root.iter():

@@ -12,16 +12,16 @@ from phantom_dyn.model.robot_xml import Drive
 if TYPE_CHECKING:
     import mujoco
 
+# Kinds of transmissions, by MuJoCo's mjtTrn.
 _JOINT, _IN_PARENT, _TENDON = 0, 1, 3
-"""Of mjtTrn."""
+# Kinds of gains, biases and dynamics, by MuJoCo's mjtGain, mjtBias and mjtDyn.
 _FIXED_GAIN, _NO_BIAS, _AFFINE_BIAS, _NO_DYNAMICS = 0, 0, 1, 0
-"""Of mjtGain, mjtBias and mjtDyn."""
+# Relative difference up to which a gain and a bias count as the same number.
 _SAME = 1e-9
-"""Relative difference of a gain and a bias that are one number of a file."""
 
 
 def driven_joints(compiled: mujoco.MjModel) -> frozenset[str]:
-    """Joints that an actuator acts on, by itself or through a tendon of joints."""
+    """Joints on which an actuator acts, directly or through a tendon of joints."""
     names: set[str] = set()
     for k in range(compiled.nu):
         kind, target = int(compiled.actuator_trntype[k]), int(compiled.actuator_trnid[k, 0])
@@ -33,7 +33,7 @@ def driven_joints(compiled: mujoco.MjModel) -> frozenset[str]:
 
 
 def tendon_joints(compiled: mujoco.MjModel, tendon: int) -> dict[str, float]:
-    """Joints of a tendon that is a sum of joints, and the factor of each; empty for one that runs over sites."""
+    """Joints of a tendon that is a sum of joints, with their factors; empty for a tendon that runs over sites."""
     import mujoco
 
     first = int(compiled.tendon_adr[tendon])
@@ -44,7 +44,7 @@ def tendon_joints(compiled: mujoco.MjModel, tendon: int) -> dict[str, float]:
 
 
 def drives_of(compiled: mujoco.MjModel) -> dict[str, Drive]:
-    """By joint, what its only actuator says; a joint of several actuators, or of a muscle, has none."""
+    """Properties of drives by joint, for joints with exactly one actuator."""
     own: dict[str, list[int]] = {}
     for k in range(compiled.nu):
         if int(compiled.actuator_trntype[k]) in (_JOINT, _IN_PARENT):

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Joints of a MJCF that follow another one by an equality of joints or tendons, and joints that model play."""
+"""Finds joints of a MJCF that follow another joint by an equality of joints or tendons, and joints that model play."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from phantom_dyn.model.robot_xml import Follower
 if TYPE_CHECKING:
     import mujoco
 
+# Kinds of equalities, by MuJoCo's mjtEq.
 _OF_JOINTS, _OF_TENDONS = 2, 3
-"""Kinds of equalities, by MuJoCo's mjtEq."""
+# Largest range of a joint that models play, by MuJoCo's mjtJoint: of a slide [m] and of a hinge [rad].
 _NARROW = {2: 0.02, 3: 0.25}
-"""Largest range of a joint that models play, by MuJoCo's mjtJoint: of a slide [m] and of a hinge [rad]."""
+# Largest sine of the angle between two axes that count as parallel.
 _PARALLEL = 1e-3
-"""Largest sine of the angle between two axes that count as parallel: those of a joint and of its play."""
 
 
 def followers_of(compiled: mujoco.MjModel, driven: frozenset[str], path: Path) -> dict[str, Follower]:
-    """Joints that follow another by an equality of the file; of two joints the one without a drive follows.
+    """Joints that follow another one by an equality; of two joints, that without a drive follows.
 
     Args:
         compiled: MuJoCo's model.
         driven: Joints with an actuator.
-        path: The file, for messages.
+        path: Path of the file for messages.
 
     Raises:
-        RobotError: If a joint follows by a curve.
+        RobotError: If a joint follows another one by a curve.
     """
     out: dict[str, Follower] = {}
     active = np.array(compiled.eq_active0).astype(bool)
@@ -74,7 +74,7 @@ def _joint_factors(compiled: mujoco.MjModel, kind: int, which: int) -> dict[str,
 def _linear_equality(
     compiled: mujoco.MjModel, sides: list[dict[str, float] | None], curve: list[float]
 ) -> tuple[dict[str, float], float] | None:
-    """Factors and constant of ``sum(factors q) = constant``; None where a side is no sum of joints."""
+    """Factors and constant of ``sum(factors q) = constant``; None if a side is no sum of joints."""
     first, second = sides
     if first is None or second is None:
         return None
@@ -88,14 +88,14 @@ def _linear_equality(
 
 
 def play_of(compiled: mujoco.MjModel, driven: frozenset[str]) -> dict[str, tuple[str, float]]:
-    """Joints that model play: on the body of another joint along the same axis, in a narrow range, without a drive.
+    """Joints that model play: they have a narrow range and no drive, and share body and axis with another joint.
 
     Args:
         compiled: MuJoCo's model.
         driven: Joints with an actuator.
 
     Returns:
-        By the name of such a joint: the joint whose play it models, and the width of the play [rad or m].
+        For the name of each such joint, the joint whose play it models, and the width of the play [rad or m].
     """
     out = {}
     for k in range(1, compiled.njnt):

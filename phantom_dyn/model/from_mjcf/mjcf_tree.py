@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Pinocchio's model of what MuJoCo has compiled: the same joints, masses, rotors, friction and places.
+"""Makes Pinocchio's model from MuJoCo's compiled model: the same joints, masses, rotors, friction and placements.
 
-Several joints on one body become joints in a row, with bodies of no mass between them. A joint whose ``ref`` is not
-zero reads that number where the file draws it, as in MuJoCo.
+Several joints of one body become a series of joints with massless bodies between them. The position of a joint with
+``ref`` is ``ref`` in the drawn posture, as in MuJoCo.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     import mujoco
 
 _AXES = {"RX": (1.0, 0.0, 0.0), "RY": (0.0, 1.0, 0.0), "RZ": (0.0, 0.0, 1.0)}
+# Kinds of joints, by MuJoCo's mjtJoint; a hinge is 3.
 _FREE, _BALL, _SLIDE = 0, 1, 2
-"""Of mjtJoint; a hinge is 3."""
 
 
 def tree_of_mjcf(compiled: mujoco.MjModel) -> pin.Model:
     """Tree of joints with frames of its bodies and sites.
 
-    ``referenceConfigurations["qpos0"]`` is the posture that the file draws.
+    ``referenceConfigurations["qpos0"]`` is the drawn posture.
 
     Args:
         compiled: MuJoCo's model, whose bodies and joints have names.
@@ -63,7 +63,7 @@ def tree_of_mjcf(compiled: mujoco.MjModel) -> pin.Model:
 
 
 def _add_joint(model: pin.Model, compiled: mujoco.MjModel, k: int, parent: int, place: pin.SE3) -> tuple[int, pin.SE3]:
-    """Add a joint, and say which one it is and where the body is in its frame."""
+    """Add a joint; returns its index, and the pose of the body in its frame."""
     kind, axis, position = int(compiled.jnt_type[k]), np.array(compiled.jnt_axis[k]), np.array(compiled.jnt_pos[k])
     address = int(compiled.jnt_qposadr[k])
     name = compiled.joint(k).name
@@ -88,7 +88,7 @@ def _add_joint(model: pin.Model, compiled: mujoco.MjModel, k: int, parent: int, 
 
 
 def _drawn(compiled: mujoco.MjModel, k: int) -> Array:
-    """Pinocchio's configuration of a joint where the file draws it."""
+    """Pinocchio's configuration of a joint in the drawn posture."""
     address, kind = int(compiled.jnt_qposadr[k]), int(compiled.jnt_type[k])
     if kind == _FREE:
         w, x, y, z = compiled.qpos0[address + 3 : address + 7]
@@ -99,7 +99,7 @@ def _drawn(compiled: mujoco.MjModel, k: int) -> Array:
 
 
 def _set_drives(model: pin.Model, compiled: mujoco.MjModel) -> None:
-    """Rotors, damping and dry friction, in the order of the velocities, which is the same in both."""
+    """Set rotors, damping and dry friction; both models have the same order of velocities."""
     model.armature = np.array(compiled.dof_armature)
     model.damping = np.array(compiled.dof_damping)
     model.upperDryFrictionLimit = np.array(compiled.dof_frictionloss)
@@ -114,6 +114,6 @@ def _inertia(compiled: mujoco.MjModel, body: int) -> pin.Inertia:
 
 
 def pose_of(position: Array, quaternion: Array) -> pin.SE3:
-    """A place from a position [m] and MuJoCo's quaternion w x y z."""
+    """Pose from a position [m] and MuJoCo's quaternion w x y z."""
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
     return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), np.array(position))
