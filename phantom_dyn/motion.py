@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Motion of the joints of a robot, and Pinocchio's configurations for it."""
+"""Motion of a robot's joints and of its base, and Pinocchio's configurations for it."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 
 Rows = slice | np.ndarray
 
-_PIECE = 4096
-"""Samples that `side_by_side` copies at a time."""
+# Samples that `side_by_side` copies at a time.
+_BLOCK = 4096
 
 
 @dataclass(frozen=True)
 class BaseMotion(ReadOnlyArrays):
-    """Motion of the root of a robot that is not bolted down, in the root's own axes; its pose has no influence.
+    """Motion of the root of a robot that is not bolted down, in the root's own axes.
+
+    The pose of the root is not needed: given these, it does not change the torques.
 
     Attributes:
         w: Angular velocity [rad/s], shape ``(N, 3)``.
         dw: Angular acceleration [rad/s^2], shape ``(N, 3)``.
-        f: Specific force at the origin of the root [m/s^2], shape ``(N, 3)``: acceleration less gravity, the reading of
-            an accelerometer there.
+        f: Specific force at the origin of the root [m/s^2], shape ``(N, 3)``: the acceleration minus gravity, which an
+            accelerometer measures.
     """
 
     w: Float[Array, "N 3"]
@@ -38,7 +40,7 @@ class BaseMotion(ReadOnlyArrays):
         return np.hstack([self.w, self.dw, self.f])
 
     def at(self, rows: Rows) -> BaseMotion:
-        """Some of the samples."""
+        """The motion at some of the samples."""
         return BaseMotion(self.w[rows], self.dw[rows], self.f[rows])
 
 
@@ -51,7 +53,7 @@ class Motion(ReadOnlyArrays):
         q: Joint positions [rad or m], shape ``(N, nv)``: one scalar per joint, also for continuous joints.
         v: Velocities [rad/s or m/s], shape ``(N, nv)``.
         a: Accelerations [rad/s^2 or m/s^2], shape ``(N, nv)``.
-        base: Motion of the root; None for a robot that is bolted down.
+        base: Motion of the root; None if the robot is bolted down.
     """
 
     t: Float[Array, " N"]
@@ -61,17 +63,17 @@ class Motion(ReadOnlyArrays):
     base: BaseMotion | None = field(default=None, kw_only=True)
 
     def at(self, rows: Rows) -> Motion:
-        """Some of the samples."""
+        """The motion at some of the samples."""
         base = None if self.base is None else self.base.at(rows)
         return Motion(self.t[rows], self.q[rows], self.v[rows], self.a[rows], base=base)
 
     def with_joints(self, q: Float[Array, "N nv"], v: Float[Array, "N nv"], a: Float[Array, "N nv"]) -> Motion:
-        """Another motion of the joints at the same times, on the same root."""
+        """Another motion of the joints, with the same times and the same motion of the root."""
         return Motion(self.t, q, v, a, base=self.base)
 
 
 def joined_bases(bases: Sequence[BaseMotion | None]) -> BaseMotion | None:
-    """Motions of a base one after the other; None where one of them is bolted down."""
+    """Concatenate motions of the base; None if the robot is bolted down."""
     known = [base for base in bases if base is not None]
     if len(known) < len(bases):
         return None
@@ -79,7 +81,7 @@ def joined_bases(bases: Sequence[BaseMotion | None]) -> BaseMotion | None:
 
 
 def configurations(model: pin.Model, positions: Float[Array, "N nt"]) -> Float[Array, "N nq"]:
-    """Configurations of a model at the positions of its joints [rad or m]; a continuous joint becomes cos, sin."""
+    """Configurations of a model at the positions of its joints [rad or m]; a continuous joint gives cos and sin."""
     if model.nq == model.nv:
         return positions
     out = np.empty((len(positions), model.nq))
@@ -93,16 +95,16 @@ def configurations(model: pin.Model, positions: Float[Array, "N nt"]) -> Float[A
 
 
 def linear_joints(model: pin.Model) -> np.ndarray:
-    """True where a joint slides, False where it turns; joints of one velocity each, shape ``(nt,)``."""
+    """True where a joint slides, False where it turns, shape ``(nt,)``; each joint has one velocity."""
     return np.array([joint.shortname().startswith("JointModelP") for joint in list(model.joints)[1:]], dtype=bool)
 
 
 def side_by_side(columns: Sequence[Float[Array, " N"]]) -> Float[Array, "N k"]:
-    """Columns as one array that cannot be written to."""
+    """Join columns to one read-only array."""
     out = np.empty((len(columns[0]), len(columns)))
-    # Some samples of all columns at a time: the part of ``out`` that they fill stays in the processor's cache.
-    for start in range(0, len(out), _PIECE):
-        rows = slice(start, start + _PIECE)
+    # Copying in blocks is faster: the block of ``out`` stays in the processor's cache.
+    for start in range(0, len(out), _BLOCK):
+        rows = slice(start, start + _BLOCK)
         for k, column in enumerate(columns):
             out[rows, k] = column[rows]
     out.flags.writeable = False

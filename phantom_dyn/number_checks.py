@@ -1,4 +1,4 @@
-"""Checks of numbers that a caller gives; each refusal is a sentence with the name of the argument."""
+"""Check numbers that a caller gives; each error message names the argument."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import ParameterError
 
+# Largest number of samples of one experiment: almost a gigabyte for each column.
 _MOST_SAMPLES = 10**8
-"""Largest number of samples of one experiment; they fill a gigabyte for each column."""
 
 
 def require_numbers(**values: float) -> None:
-    """Refuse numbers that are not finite. The message has the names of the arguments, with blanks for underscores.
+    """Refuse numbers that are not finite. The message names the argument, with blanks for underscores.
 
     Raises:
         ParameterError: If a value is NaN or infinite.
@@ -28,8 +28,8 @@ def require_positive(owner: str = "", /, **values: float) -> None:
     """Refuse numbers that are not finite and above 0.
 
     Args:
-        owner: Whose numbers they are, as in ``the loop``, for the message.
-        values: Numbers by their names.
+        owner: What the numbers belong to, such as ``the loop``, for the message.
+        values: Numbers by the names of their arguments.
 
     Raises:
         ParameterError: If a value is 0 or less, or not finite.
@@ -55,7 +55,7 @@ def _named(name: str, owner: str) -> str:
 
 
 def require_whole(least: int, **values: float) -> None:
-    """Refuse numbers that are not whole numbers of ``least`` or more.
+    """Refuse numbers that are not integers of at least ``least``.
 
     Raises:
         ParameterError: If a value has a fraction, is too small or not finite.
@@ -66,10 +66,10 @@ def require_whole(least: int, **values: float) -> None:
 
 
 def require_columns(count: int, **values: Array) -> None:
-    """Refuse columns that are not arrays of ``count`` finite numbers.
+    """Refuse arrays that do not have ``count`` finite numbers.
 
     Raises:
-        ParameterError: If an array has another shape, or holds NaN or infinity.
+        ParameterError: If an array has another shape, or contains NaN or infinity.
     """
     for name, value in values.items():
         shape = np.shape(value)
@@ -85,7 +85,7 @@ def require_columns(count: int, **values: Array) -> None:
 
 
 def sample_count(duration: float, period: float) -> int:
-    """Number of samples of an experiment of this duration [s] at this sampling period [s], at least one.
+    """Number of samples in an experiment of a duration [s] with a sampling period [s], at least one.
 
     Raises:
         ParameterError: If either is not above 0, or the number of samples is below one or above a hundred million.
@@ -95,6 +95,6 @@ def sample_count(duration: float, period: float) -> int:
     if not 1 <= count <= _MOST_SAMPLES:
         raise ParameterError(
             f"A duration of {duration:g} s at a sampling period of {period:g} s was given: give a duration of at least "
-            f"one period and at most {_MOST_SAMPLES} of them."
+            f"one period and at most {_MOST_SAMPLES} periods."
         )
     return count

@@ -1,4 +1,4 @@
-"""Random numbers by use: every draw of the project has a stream of its own, the same in every run."""
+"""Random number generators: each use in the project has a stream of its own, the same in every run."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _PROJECT = 20260101
 
 
 def random_stream(use: str) -> np.random.Generator:
-    """Random numbers for one use, independent of those of every other use.
+    """Random number generator for one use, independent of the generators for other uses.
 
     Args:
-        use: Its name, such as ``"bootstrap of rivals"``.
+        use: Name of the use, such as ``"bootstrap of rivals"``.
     """
     return np.random.default_rng(np.random.SeedSequence(_PROJECT, spawn_key=(zlib.crc32(use.encode()),)))

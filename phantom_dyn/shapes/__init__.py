@@ -1,1 +1,1 @@
-"""Shape of a robot as triangles, for drawings and for where its mass can be."""
+"""Shape of a robot as triangles, for drawings and to bound where its mass can be."""

@@ -1,4 +1,4 @@
-"""Triangle meshes for drawing: simple solids, and meshes of robots reduced to a budget of faces."""
+"""Make simple solids as triangle meshes, and simplify meshes to a number of faces."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float, Int
 
 SIDES = 14
-"""Corners of a drawn circle."""
+"""Number of corners of a circle."""
+# Number of faces that a small part keeps, so that its shape stays visible.
 _LEAST_FACES = 24
-"""Faces that a small part keeps, so that it still has a shape."""
-_FINEST = 300.0
-"""Cells along the longest side of a mesh at most."""
+# Largest number of cells along the longest side of a mesh.
+_MOST_CELLS = 300.0
+# Halvings of the range of cell sizes: the number of faces is then right to one per cent.
 _HALVINGS = 12
-"""Of the range of cell sizes: enough for one per cent of the faces."""
-_ODD = (0x1E3779B97F4A7C15, 0x3F58476D1CE4E5B9, 0x14D049BB133111EB)
-"""Odd factors that spread over all bits of a number."""
-_FLAT = 1e-3
-"""Share of the largest singular value below which a direction says nothing about where a corner lies."""
+# Odd factors of a hash of three numbers.
+_HASH_FACTORS = (0x1E3779B97F4A7C15, 0x3F58476D1CE4E5B9, 0x14D049BB133111EB)
+# Share of the largest singular value below which the planes do not fix a corner in a direction.
+_SMALLEST_SINGULAR_VALUE = 1e-3
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles.
+    """Triangle mesh.
 
     Attributes:
         points: Corners [m], ``(P, 3)``.
@@ -37,7 +37,7 @@ class Mesh:
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All the triangles in one mesh."""
+    """Join the triangles of all meshes in one mesh."""
     if not meshes:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
     starts = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
@@ -46,18 +46,18 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def moved(mesh: Mesh, rotation: Float[Array, "3 3"], translation: Float[Array, "3"]) -> Mesh:
-    """The mesh turned, then shifted."""
+    """Rotate the mesh, then translate it."""
     return Mesh(mesh.points @ np.asarray(rotation).T + np.asarray(translation), mesh.faces)
 
 
 def capsule(start: Float[Array, "3"], end: Float[Array, "3"], radius: float) -> Mesh:
-    """A cylinder with round ends from one point to another, hollow nowhere."""
+    """A cylinder with round ends from one point to another."""
     axis = end - start
     length = float(np.linalg.norm(axis))
-    round_ = np.array([0.0, 0.5, 0.87])  # sine of 0, 30 and 60 degrees
-    heights = np.concatenate([-round_[::-1] * radius, length + round_ * radius])
-    radii = np.sqrt(1 - np.concatenate([round_[::-1], round_]) ** 2) * radius
-    mesh = _turned(heights, radii, -radius, length + radius)
+    sines = np.array([0.0, 0.5, 0.87])  # of 0, 30 and 60 degrees
+    heights = np.concatenate([-sines[::-1] * radius, length + sines * radius])
+    radii = np.sqrt(1 - np.concatenate([sines[::-1], sines]) ** 2) * radius
+    mesh = _solid_of_revolution(heights, radii, -radius, length + radius)
     return moved(mesh, _frame(axis), start)
 
 
@@ -67,13 +67,13 @@ def ball(centre: Float[Array, "3"], radius: float) -> Mesh:
 
 
 def cylinder(axis: Float[Array, "3"], length: float, radius: float) -> Mesh:
-    """A cylinder along an axis, its middle in the origin."""
-    mesh = _turned(np.array([-length / 2, length / 2]), np.full(2, radius), -length / 2, length / 2)
+    """A cylinder along an axis, centred at the origin."""
+    mesh = _solid_of_revolution(np.array([-length / 2, length / 2]), np.full(2, radius), -length / 2, length / 2)
     return moved(mesh, _frame(axis), np.zeros(3))
 
 
 def box(axis: Float[Array, "3"], length: float, width: float, depth: float | None = None) -> Mesh:
-    """A box along an axis, its middle in the origin; as deep as wide unless said otherwise."""
+    """A box along an axis, centred at the origin; without ``depth`` it is as deep as it is wide."""
     z, x, y = length, width, width if depth is None else depth
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -82,11 +82,11 @@ def box(axis: Float[Array, "3"], length: float, width: float, depth: float | Non
 
 
 def reduced(mesh: Mesh, faces: int) -> Mesh:
-    """The mesh with at most ``faces`` triangles, its corners where they keep planes and edges best.
+    """Simplify the mesh to at most ``faces`` triangles.
 
-    Corners in one cell of a grid become the point nearest to the planes of their faces; the size of the cells follows
-    from the number of faces. Unlike collapsing edges this takes any set of triangles: visual meshes are often neither
-    closed nor connected, and collapsing them stops early.
+    All corners in one cell of a grid become one point, the nearest to the planes of their faces. The size of the cells
+    follows from the number of faces. Collapsing edges would need a closed, connected mesh, which visual meshes often
+    are not.
 
     References:
         P. Lindstrom, Out-of-core simplification of large polygonal models, SIGGRAPH 2000: cells with quadrics.
@@ -94,14 +94,12 @@ def reduced(mesh: Mesh, faces: int) -> Mesh:
     side = float(np.ptp(mesh.points, axis=0).max()) if len(mesh.points) else 0.0
     if len(mesh.faces) <= faces or side == 0.0:
         return mesh
-    fine, coarse = side / _FINEST, 1.01 * side
-    points, corners = (
-        np.ascontiguousarray((mesh.points - mesh.points.min(axis=0)).T),
-        np.ascontiguousarray(mesh.faces.T),
-    )
+    fine, coarse = side / _MOST_CELLS, 1.01 * side
+    points = np.ascontiguousarray((mesh.points - mesh.points.min(axis=0)).T)
+    corners = np.ascontiguousarray(mesh.faces.T)
     for _ in range(_HALVINGS):
         cell = float(np.sqrt(fine * coarse))
-        if _left(points, corners, cell) > faces:
+        if _remaining_faces(points, corners, cell) > faces:
             fine = cell
         else:
             coarse = cell
@@ -111,16 +109,16 @@ def reduced(mesh: Mesh, faces: int) -> Mesh:
 
 
 def face_budgets(areas: list[float], counts: list[int], faces: int) -> list[int]:
-    """How many faces each part may have: by the root of its surface, never more than it has, ``faces`` in all."""
+    """Distribute ``faces`` over parts in proportion to the root of their area; no part gets more than it has."""
     own, weight = np.array(counts, dtype=int), np.sqrt(np.array(areas, dtype=float)) + 1e-12
     given = np.minimum(own, min(_LEAST_FACES, faces // max(len(own), 1)))
     for _ in own:
-        # What a small part does not need goes to the others.
-        open_ = given < own
+        # The other parts get what a small part does not need.
+        incomplete = given < own
         left = faces - int(given.sum())
-        if left <= 0 or not open_.any():
+        if left <= 0 or not incomplete.any():
             break
-        share = np.where(open_, weight, 0.0)
+        share = np.where(incomplete, weight, 0.0)
         given = np.minimum(own, given + np.floor(left * share / share.sum()).astype(int))
     return given.tolist()
 
@@ -130,8 +128,8 @@ def surface(mesh: Mesh) -> float:
     return float(0.5 * np.linalg.norm(_normals(mesh), axis=1).sum())
 
 
-def _turned(heights: Float[Array, " R"], radii: Float[Array, " R"], bottom: float, top: float) -> Mesh:
-    """A solid of revolution about z: rings of corners, closed by a point at either end."""
+def _solid_of_revolution(heights: Float[Array, " R"], radii: Float[Array, " R"], bottom: float, top: float) -> Mesh:
+    """A solid of revolution about z: rings of corners, and a point at each end."""
     angle = np.arange(SIDES) * 2 * np.pi / SIDES
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)])
     rings = [circle * radius + [0, 0, height] for height, radius in zip(heights, radii, strict=True)]
@@ -149,7 +147,7 @@ def _turned(heights: Float[Array, " R"], radii: Float[Array, " R"], bottom: floa
 
 
 def _frame(axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """A rotation whose z is the axis; for the z axis itself, the identity."""
+    """A rotation matrix whose third column is the direction of the axis."""
     length = np.linalg.norm(axis)
     z = axis / length if length > 1e-8 else np.array([0, 0, 1.0])
     helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.9 else np.array([0, 1.0, 0])
@@ -159,37 +157,37 @@ def _frame(axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
 
 
 def _clustered(mesh: Mesh, cell: float) -> tuple[Int[Array, " P"], Int[Array, "F 3"]]:
-    """Cell of each corner, and the triangles between three different cells, each once."""
+    """Cell of each corner, and the triangles between three different cells without repetition."""
     grid = np.floor((mesh.points - mesh.points.min(axis=0)) / cell).astype(np.int64)
     wide = int(grid.max()) + 1
-    cells = np.unique(_numbered(grid, wide), return_inverse=True)[1].reshape(-1)
+    cells = np.unique(_triple_number(grid, wide), return_inverse=True)[1].reshape(-1)
     triangles = cells[mesh.faces]
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(_numbered(np.sort(triangles, axis=1), int(cells.max()) + 1), return_index=True)
+    _, first = np.unique(_triple_number(np.sort(triangles, axis=1), int(cells.max()) + 1), return_index=True)
     return cells, triangles[np.sort(first)]
 
 
-def _left(points: Float[Array, "3 P"], corners: Int[Array, "3 F"], cell: float) -> int:
-    """How many triangles `_clustered` leaves, from points above the lowest coordinates [m]: counted, and not made."""
+def _remaining_faces(points: Float[Array, "3 P"], corners: Int[Array, "3 F"], cell: float) -> int:
+    """Number of triangles that `_clustered` leaves; no coordinate of ``points`` [m] is negative."""
     x, y, z = np.floor(points / cell).astype(np.int64)
     wide = int(points.max() / cell) + 1
     a, b, c = ((x * wide + y) * wide + z)[corners]
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     middle = a + b + c - low - high
-    # Three cells as one number, which sorts many times as fast; that two triangles share one is as good as impossible.
-    number = low * _ODD[0] + middle * _ODD[1] + high * _ODD[2]
+    # One hash for three cells sorts many times as fast. Two triangles practically never have the same hash.
+    number = low * _HASH_FACTORS[0] + middle * _HASH_FACTORS[1] + high * _HASH_FACTORS[2]
     number = np.sort(number[(low < middle) & (middle < high)])
     return int(np.count_nonzero(np.diff(number))) + min(len(number), 1)
 
 
-def _numbered(triples: Int[Array, "N 3"], base: int) -> Int[Array, " N"]:
-    """One number for three: sorting rows as such takes many times as long."""
+def _triple_number(triples: Int[Array, "N 3"], base: int) -> Int[Array, " N"]:
+    """A distinct number for each triple: sorting numbers is many times as fast as sorting rows."""
     return (triples[:, 0] * base + triples[:, 1]) * base + triples[:, 2]
 
 
 def _corners(mesh: Mesh, cells: Int[Array, " P"], cell: float) -> Float[Array, "C 3"]:
-    """For each cell the point with the least squared distance to the planes of its faces, weighted by their areas."""
+    """For each cell, the point that minimizes the area-weighted sum of squared distances to the planes of its faces."""
     count = int(cells.max()) + 1
     inside = np.bincount(cells, minlength=count)
     mean = np.column_stack([np.bincount(cells, mesh.points[:, k], count) / inside for k in range(3)])
@@ -206,9 +204,9 @@ def _corners(mesh: Mesh, cells: Int[Array, " P"], cell: float) -> Float[Array, "
         for k in range(j + 1):
             left[:, j, k] = left[:, k, j] = summed(np.tile(normals[:, j] * normals[:, k], (3, 1)))
     u, s, vt = np.linalg.svd(left)
-    inverse = np.where(s > _FLAT * s[:, :1], 1 / np.maximum(s, 1e-300), 0.0)
+    inverse = np.where(s > _SMALLEST_SINGULAR_VALUE * s[:, :1], 1 / np.maximum(s, 1e-300), 0.0)
     shift = np.einsum("nji,nj,nkj,nk->ni", vt, inverse, u, right)
-    # Planes that are nearly parallel meet far away: a corner stays near its cell.
+    # Almost parallel planes intersect far away, so the distance to the cell's mean is limited.
     length = np.linalg.norm(shift, axis=1, keepdims=True)
     return mean + shift * np.minimum(1.0, cell / np.maximum(length, 1e-300))
 

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""The shape of a robot as triangles: its visual meshes reduced to a budget of faces, or capsules along its links.
+"""The shape of a robot as triangles: its simplified visual meshes, or capsules along its links.
 
-Visual shapes are read from a URDF with yourdfpy and trimesh, from an MJCF with MuJoCo and coal. Loading and reducing
-meshes takes a second, so reduced ones are kept from run to run in the user's cache. The name of a file there is a hash
-of all that its content follows from: the robot's file, its meshes, the libraries that read and reduce them. So it is
-never out of date; what cannot be read, or written, is computed again.
+Visual shapes are read from a URDF with yourdfpy and trimesh, from an MJCF with MuJoCo and coal. Loading and simplifying
+meshes takes a second, so the result is written to the user's cache. The name of the file there is a hash of the robot's
+file, its meshes, this code and the libraries that read meshes, so a cached file is never out of date. If it cannot be
+read, the shapes are computed again.
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_b
 if TYPE_CHECKING:
     import mujoco
 
+# Values of MuJoCo's mjtGeom.
 _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = 2, 3, 4, 5, 6, 7
-"""Of mjtGeom."""
-_SEEN = 2
-"""Groups that MuJoCo's viewer shows at first are 0 to this one."""
+# MuJoCo's viewer shows the groups from 0 to this one when it starts.
+_LAST_VISIBLE_GROUP = 2
 
 
 def shapes_of_mjcf(path: Path, use: Literal["visual", "collision"]) -> tuple[pin.Model, pin.GeometryModel]:
-    """The whole model of a MJCF and its shapes; planes and tables of heights are left out.
+    """Pinocchio's model of an MJCF and its shapes, without planes and height fields.
 
     Args:
         path: The file.
-        use: What is seen, or what touches.
+        use: Whether to return the visual shapes or the collision shapes.
 
     Raises:
-        RobotError: If MuJoCo refuses the file, as where a mesh is missing.
+        RobotError: If MuJoCo refuses the file, for example because a mesh is missing.
     """
     compiled = mjcf_with_shapes(path)
     model, shapes = tree_of_mjcf(compiled), pin.GeometryModel()
     for k in range(compiled.ngeom):
-        touches = bool(compiled.geom_contype[k] or compiled.geom_conaffinity[k])
-        wanted = touches if use == "collision" else int(compiled.geom_group[k]) <= _SEEN
+        collides = bool(compiled.geom_contype[k] or compiled.geom_conaffinity[k])
+        wanted = collides if use == "collision" else int(compiled.geom_group[k]) <= _LAST_VISIBLE_GROUP
         geometry = _geometry(compiled, k) if wanted else None
         if geometry is None:
             continue
@@ -95,24 +95,24 @@ def _mesh(compiled: mujoco.MjModel, mesh: int) -> coal.CollisionGeometry:
     return out
 
 
-# Joint of the whole model that moves a shape, where the shape stands in that joint's frame, and its triangles.
+# For each shape: the joint of the file's model that moves it, its pose in that joint's frame, and its triangles.
 _Shapes = list[tuple[int, pin.SE3, Mesh]]
 
 
 def visuals(robot: Robot) -> list[tuple[int, Mesh]]:
-    """Visual shapes of the robot's file: index of the joint that moves each, triangles in that joint's frame.
+    """Visual shapes of the robot's file: the index of the joint that moves each, and triangles in that joint's frame.
 
-    Empty where the file has none, and where a mesh is missing or cannot be read: half a robot misleads.
+    The list is empty if the file has no visual shapes, or one mesh cannot be read: half a robot would mislead.
     """
     try:
         path = find_robot(robot.source)
         full, shapes = _of_urdf(path) if path.suffix == ".urdf" else _of_mjcf(path)
-    except Exception:  # readers of meshes raise whatever a broken file makes them; a picture refuses no diagnosis
+    except Exception:  # mesh readers raise all kinds of errors, and a diagnosis must not fail because of a picture
         return []
     names = list(robot.model.names)
     out = []
     for joint, place, mesh in shapes:
-        # Joints that are held fixed are no joints of the robot: their links move with the joint before.
+        # A joint that is held fixed is not in the robot's model: its link moves with the parent joint.
         while joint and full.names[joint] not in names:
             place, joint = full.jointPlacements[joint] * place, full.parents[joint]
         if len(mesh.faces):
@@ -136,14 +136,14 @@ def _of_urdf(path: Path) -> tuple[pin.Model, _Shapes]:
         if not len(shape.faces):
             raise RobotError(f"{path.name}: the mesh of {link} holds no triangles.")
         mesh = Mesh(np.array(shape.vertices, dtype=float), np.array(shape.faces, dtype=int))
-        # A file may hold a link in dozens of parts, and reduced one by one each of them keeps its least faces.
+        # Parts of a link are joined first: each part would keep a least number of faces, and there may be dozens.
         parts.setdefault(link, []).append(moved(mesh, place[:3, :3], place[:3, 3]))
     frames = {link: full.frames[full.getFrameId(link, pin.BODY)] for link in parts}
     return full, [(frames[link].parentJoint, frames[link].placement, joined(one)) for link, one in parts.items()]
 
 
 def mesh_finder(file: Path) -> Callable[[str], str]:
-    """Path of a mesh that a URDF names, from the folders above the file and those that ROS's variables name."""
+    """A function that returns the path of a mesh file for its name in a URDF, see `package_folders`."""
 
     def found(fname: str) -> str:
         scheme, there, rest = fname.partition("://")
@@ -160,7 +160,7 @@ def mesh_finder(file: Path) -> Callable[[str], str]:
 
 
 def package_folders(file: Path) -> list[Path]:
-    """Where ``package://`` may lead: the folders above the file, and those that ROS's variables name."""
+    """Folders in which ``package://`` is looked up: those above the file, and those that ROS's variables name."""
     named = [
         Path(folder) / below
         for variable, below in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"))
@@ -197,27 +197,27 @@ def _faces(geometry: coal.BVHModelBase) -> Int[Array, "F 3"]:
 
 
 FACES = 2000
-"""Triangles of a whole robot by default: a drawing in a report stays small."""
-_WIDTH = 0.018
-"""Radius of a capsule, relative to the reach of the robot."""
-_SHORT = 1e-3
-"""Length [m] below which a link has no direction to draw a capsule along."""
-_POINT = 0.05
-"""Radius [m] of a robot that has no length at all."""
+"""Default number of triangles of a whole robot, which keeps a drawing in a report small."""
+# Radius of a capsule as a share of the robot's reach.
+_CAPSULE_RADIUS = 0.018
+# A link shorter than this [m] has no capsule, because it has no direction.
+_SHORTEST_LINK = 1e-3
+# Radius [m] of the capsules of a robot without length.
+_RADIUS_WITHOUT_LENGTH = 0.05
 KEPT = 50
-"""Files that are kept, of a tenth of a megabyte each: the last ones written."""
-_WHOLE = (".dae", ".obj", ".stl")
-"""Endings of meshes that are one file; others may name further files, which no hash would see."""
+"""Number of cached files; each has about a tenth of a megabyte."""
+# Formats whose meshes are one file; others may refer to further files, which the hash would not contain.
+_SINGLE_FILES = (".dae", ".obj", ".stl")
 _READERS = ("trimesh", "yourdfpy")
 _NAMES = ("points", "faces", "last_points", "last_faces")
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """Triangles of a robot, each in the frame of the joint that moves them.
+    """Triangles of a robot, in the frame of the joint that moves them.
 
     Attributes:
-        links: One mesh per joint of Pinocchio's model, the first that of the fixed base; empty where there is none.
+        links: One mesh for each joint of Pinocchio's model, the first for the fixed base; a mesh may be empty.
         from_meshes: True if they are the visual shapes of the robot's file, False for capsules.
     """
 
@@ -226,10 +226,10 @@ class Shapes:
 
 
 def robot_shapes(robot: Robot, faces: int = FACES) -> Shapes:
-    """Visual shapes of the robot's file with at most ``faces`` triangles in all; capsules where there are none.
+    """Visual shapes of the robot's file with at most ``faces`` triangles in all, or capsules if it has none.
 
-    A mesh file that is missing, or that cannot be read, takes capsules for the whole robot: half a robot misleads.
-    Reduced meshes are kept for the next time.
+    If one mesh is missing or cannot be read, the whole robot has capsules: half a robot would mislead. Simplified
+    meshes are written to the cache.
     """
     place = place_of(robot, faces)
     links = kept(place)
@@ -254,17 +254,17 @@ def _reduced_shapes(robot: Robot, faces: int) -> Shapes:
 
 
 def capsules(model: pin.Model) -> tuple[Mesh, ...]:
-    """A capsule from each joint to those that it carries, and to the tip or centre of mass of the last ones."""
+    """Capsules from each joint to its child joints; from a last joint, to its tip or beyond its centre of mass."""
     ends = [_ends(model, joint) for joint in range(model.njoints)]
     reach = np.zeros(model.njoints)
     for joint in range(1, model.njoints):
         reach[joint] = reach[model.parents[joint]] + np.linalg.norm(model.jointPlacements[joint].translation)
     longest = max(far + float(np.linalg.norm(end)) for far, link in zip(reach, ends, strict=True) for end in link)
-    radius = _WIDTH * longest if longest > _SHORT else _POINT
+    radius = _CAPSULE_RADIUS * longest if longest > _SHORTEST_LINK else _RADIUS_WITHOUT_LENGTH
     links = []
     for joint, link in enumerate(ends):
-        solids = [capsule(np.zeros(3), end, radius) for end in link if np.linalg.norm(end) > _SHORT]
-        # A linear joint without length is its own carriage, see `joint_solid`.
+        solids = [capsule(np.zeros(3), end, radius) for end in link if np.linalg.norm(end) > _SHORTEST_LINK]
+        # A linear joint without length needs no ball: `joint_solid` draws it as a bar.
         if joint and not solids and not joint_axis(model, joint)[1]:
             solids = [ball(np.zeros(3), radius)]
         links.append(joined(solids))
@@ -279,11 +279,11 @@ def joint_axis(model: pin.Model, joint: int) -> tuple[Float[Array, "3"], bool]:
 
 
 def joint_solid(model: pin.Model, joint: int, size: float) -> Mesh:
-    """Shape that marks a joint: a drum along the axis of a revolute one, a bar along that of a linear one.
+    """Shape that marks a joint: a cylinder along a revolute axis, a bar along a linear axis.
 
     Args:
         model: Pinocchio's model.
-        joint: Its index, from 1 on.
+        joint: Index of the joint, from 1.
         size: Size of the robot [m].
 
     Returns:
@@ -294,21 +294,21 @@ def joint_solid(model: pin.Model, joint: int, size: float) -> Mesh:
 
 
 def _ends(model: pin.Model, joint: int) -> list[Float[Array, "3"]]:
-    """Where the link of a joint leads, in the joint's frame."""
+    """End points of the link that a joint moves, in the joint's frame."""
     children = [k for k in range(1, model.njoints) if model.parents[k] == joint]
     if children or joint == 0:
         return [np.array(model.jointPlacements[k].translation) for k in children]
     frames = [np.array(f.placement.translation) for f in model.frames if f.parentJoint == joint]
     far = max(frames, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
-    # Many files end with the last joint: the mass then says where the link goes.
+    # Many files have no frame beyond the last joint: the centre of mass then shows where the link extends.
     centre = 2 * np.array(model.inertias[joint].lever)
     return [far if np.linalg.norm(far) >= np.linalg.norm(centre) else centre]
 
 
 def place_of(robot: Robot, faces: int) -> Path | None:
-    """Where the shapes of a robot with a budget of faces are kept, whether they are there or not.
+    """Path of the cached shapes of a robot with at most ``faces`` triangles, whether the file exists or not.
 
-    None where the files that they follow from are not all known: a model that is no URDF, a mesh that is missing.
+    None if not all files are known that the shapes depend on: the robot is not a URDF, or a mesh is missing.
     """
     from importlib.metadata import version
 
@@ -320,7 +320,7 @@ def place_of(robot: Robot, faces: int) -> Path | None:
         content, find = file.read_bytes(), mesh_finder(file)
         named = [mesh for visual in ElementTree.fromstring(content).iter("visual") for mesh in visual.iter("mesh")]
         meshes = [Path(find(mesh.get("filename", ""))) for mesh in named]
-        if any(mesh.suffix.lower() not in _WHOLE for mesh in meshes):
+        if any(mesh.suffix.lower() not in _SINGLE_FILES for mesh in meshes):
             return None
         code = sorted(Path(__file__).parent.glob("*.py"))
         parts = [content, *(one.read_bytes() for one in (*code, *meshes))]
@@ -332,7 +332,7 @@ def place_of(robot: Robot, faces: int) -> Path | None:
 
 
 def kept(place: Path | None) -> tuple[Mesh, ...] | None:
-    """Meshes that `keep` has written; None where there are none that can be read."""
+    """Read the meshes that `keep` wrote; None if there are none, or they cannot be read."""
     if place is None:
         return None
     try:
@@ -345,7 +345,7 @@ def kept(place: Path | None) -> tuple[Mesh, ...] | None:
 
 
 def keep(place: Path | None, meshes: Sequence[Mesh]) -> None:
-    """Write meshes where `kept` finds them; a cache that cannot be written to is left as it is."""
+    """Write meshes to the cache, and delete its oldest files; errors are ignored."""
     if place is None:
         return
     points, faces = ([getattr(mesh, name) for mesh in meshes] for name in _NAMES[:2])
@@ -356,7 +356,7 @@ def keep(place: Path | None, meshes: Sequence[Mesh]) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
-        # Another run sees the whole file or none.
+        # The rename makes sure that another process never reads half a file.
         temporary.replace(place)
         for old in sorted(place.parent.iterdir(), key=lambda one: one.stat().st_mtime)[:-KEPT]:
             old.unlink()

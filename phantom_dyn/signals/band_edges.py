@@ -1,4 +1,4 @@
-"""Frequencies up to which motion and torque are more than noise, by their power spectra."""
+"""Find the frequency up to which a motion or a torque exceeds its noise, from power spectra."""
 
 from __future__ import annotations
 
@@ -10,28 +10,27 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import Window, power_density
 
 _BINS_PER_OCTAVE = 6
-# White noise of a position rises with the fourth power of frequency in the acceleration's spectrum; motion does not.
-_RISE = 2.5
-# Power of the peak of an acceleration's spectrum over that of its floor: five times the amplitude that its edge has.
-_PEAK = 250.0
-# Power of noise over that of a slow motion, at most: an inertia comes out a hundredth too small.
-_QUIET = 0.01
-# Below this share of the modelled torque's power, what moves a joint is not its drive.
-_DRIVEN = 0.5
+# Least exponent of frequency in an acceleration spectrum of noise: white noise of the position has 4, motion has less.
+_LEAST_NOISE_EXPONENT = 2.5
+# Least ratio of the power at the peak of an acceleration spectrum and at its floor.
+_LEAST_PEAK = 250.0
+# Largest ratio of the power of noise and of a slow motion: an identified inertia is then one per cent too small.
+_LARGEST_NOISE = 0.01
+# If the measured torque has less than this share of the modelled torque's power, the drive does not move the joint.
+_LEAST_DRIVE = 0.5
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float, window: Window = "blackman") -> tuple[Array, Array, int]:
-    """Frequencies [Hz] and power of a series, and how many samples a segment has: 4 s, a fifth of it, or 256."""
+    """Frequencies [Hz], power, and samples in a segment: 4 s, at most a fifth of the series, but at least 256."""
     length = min(len(x), max(256, min(int(4 * rate_hz), len(x) // 5)))
     f, power = power_density(x, rate_hz, length, window=window)
     return f, power, length
 
 
 def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
-    """Frequency [Hz] up to which the acceleration of ``q`` stands 10 dB above its noise floor; None if it never does.
+    """Frequency [Hz] up to which the acceleration of ``q`` is 10 dB above its noise floor; None if it never is.
 
-    A joint whose acceleration peak is not five times its floor is at rest, unless it moves in ramps, see
-    `_edge_above_encoder_noise`.
+    A joint without a clear peak in the spectrum is at rest, unless it moves in ramps, see `_edge_above_encoder_noise`.
     """
     f, power, length = _acceleration_spectrum(q, rate_hz)
     low, high = 3 * rate_hz / length, 0.4 * rate_hz
@@ -47,7 +46,7 @@ def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
 def _acceleration_spectrum(
     q: Float[Array, " N"], rate_hz: float, window: Window = "blackman"
 ) -> tuple[Array, Array, int]:
-    """Spectrum of the second derivative of ``q``, by second differences less what these take off near half the rate."""
+    """Spectrum of second differences of ``q``, corrected for their smaller gain at high frequencies."""
     f, power, length = _welch(np.diff(q, 2) * rate_hz**2, rate_hz, window)
     w = np.pi * f / rate_hz
     return f, power * np.where(f > 0, (w / np.maximum(np.sin(w), 1e-12)) ** 4, 1.0), length
@@ -56,7 +55,7 @@ def _acceleration_spectrum(
 def _sixth_octaves(
     f: Float[Array, " n"], power: Float[Array, " n"], low: float, high: float
 ) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
-    """Middles [Hz] of the sixth-octave bins from ``low`` up to ``high`` that hold a line, and their mean power."""
+    """Centres [Hz] and mean power of the sixth-octave bins from ``low`` to ``high``, without empty bins."""
     edges = low * 2.0 ** (np.arange(int(np.log2(high / low) * _BINS_PER_OCTAVE) + 1) / _BINS_PER_OCTAVE)
     bins = [(np.sqrt(a * b), (f >= a) & (f < b)) for a, b in itertools.pairwise(edges)]
     kept = [(centre, power[inside].mean()) for centre, inside in bins if inside.any()]
@@ -65,11 +64,11 @@ def _sixth_octaves(
 
 
 def _edge_above_floor(centre: Float[Array, " b"], level: Float[Array, " b"]) -> float | None:
-    """Frequency [Hz] up to which a spectrum stands 10 dB above its floor; None where its peak is not 24 dB above it.
+    """Frequency [Hz] up to which a spectrum is 10 dB above its floor; None if its peak is not 24 dB above the floor.
 
-    The spectrum, under an envelope of a third of an octave to either side, is followed upwards from the peak of the
-    velocity's; the floor is its minimum before it rises by 13 dB for good, as the noise of a differentiated encoder
-    does.
+    The search starts at the peak of the velocity's spectrum and goes to higher frequencies. It uses the maximum over a
+    third of an octave to either side. The floor is the minimum before this envelope rises by 13 dB, as the noise of a
+    differentiated encoder does.
     """
     reach = 2.0 ** (1 / 3)
     envelope = np.array([level[(centre >= c / reach) & (centre <= c * reach)].max() for c in centre])
@@ -80,33 +79,36 @@ def _edge_above_floor(centre: Float[Array, " b"], level: Float[Array, " b"]) -> 
             lowest = k
         elif envelope[k] > 20 * envelope[lowest]:
             break
-    if level[start : lowest + 1].max() < _PEAK * envelope[lowest]:
+    if level[start : lowest + 1].max() < _LEAST_PEAK * envelope[lowest]:
         return None
     edge = next(k for k in range(start, lowest + 1) if envelope[k] <= 10 * envelope[lowest])
     return float(centre[edge])
 
 
 def _edge_above_encoder_noise(centre: Float[Array, " b"], level: Float[Array, " b"], rate_hz: float) -> float | None:
-    """Frequency up to which an acceleration spectrum stands 10 dB above white noise of the position; None if nowhere.
+    """Frequency [Hz] up to which an acceleration spectrum is 10 dB above white noise of the position, or None.
 
-    Ramps leave steps of velocity, whose acceleration is too flat to show a peak and a floor. The noise of the encoder
-    is then read where nothing else can be, above a tenth of the rate: there are three bins at least, or no slope.
+    Ramps have steps of velocity, so their acceleration spectrum is flat and has no clear peak. The level of the encoder
+    noise is then taken above a tenth of the rate, if there are at least three bins and their slope is that of noise.
     """
     high = centre > 0.1 * rate_hz
-    if high.sum() < 3 or np.polyfit(np.log(centre[high]), np.log(np.maximum(level[high], 1e-300)), 1)[0] < _RISE:
+    if high.sum() < 3:
+        return None
+    exponent = np.polyfit(np.log(centre[high]), np.log(np.maximum(level[high], 1e-300)), 1)[0]
+    if exponent < _LEAST_NOISE_EXPONENT:
         return None
     noise = float(np.median(level[high] / centre[high] ** 4)) * centre**4
-    # Half of the bins above a tenth of the rate are no more than noise, so that there is a first one.
+    # The noise is a median, so at least one bin is below 10 times the noise.
     last = int(np.argmax(level < 10 * noise))
-    # Three bins are half an octave: less is a line or a chance peak, not motion.
+    # Three bins are half an octave; a narrower peak is not motion.
     return float(centre[last - 1]) if last >= 3 else None
 
 
 def slow_motion_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
-    """Frequency [Hz] up to which noise is a hundredth of the power of a slow motion's acceleration; None without one.
+    """Frequency [Hz] up to which noise has one per cent of the power of a slow motion's acceleration, or None.
 
-    A slow motion lies below the frequencies that the spectrum of a recording of some seconds resolves, so that
-    `acceleration_edge` does not see it. Where the spectrum is least, the motion ends and noise begins.
+    The frequencies of a slow motion are below those that the spectrum of a short recording resolves, so
+    `acceleration_edge` does not find it. Above the minimum of the spectrum there is only noise.
     """
     f, power, length = _acceleration_spectrum(q, rate_hz, "blackmanharris")
     resolved = f >= 4 * rate_hz / length
@@ -114,14 +116,14 @@ def slow_motion_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
     if not len(rest):
         return None
     least = int(np.argmin(rest))
-    quiet = np.cumsum(rest[least:]) <= _QUIET * motion
+    quiet = np.cumsum(rest[least:]) <= _LARGEST_NOISE * motion
     if quiet.all() or not quiet[0]:
         return None
     return float(f[resolved][least + int(np.argmin(quiet)) - 1])
 
 
 def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:
-    """Frequency [Hz] above which ``tau`` carries less than 1 % of its amplitude; half the rate if it always does."""
+    """Frequency [Hz] above which ``tau`` has less than 1 % of its amplitude; half the rate if there is none."""
     f, power, _ = _welch(tau, rate_hz)
     total = power.sum()
     if total == 0:
@@ -132,9 +134,10 @@ def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:
 
 
 def driven_edge(tau: Float[Array, " N"], model: Float[Array, " N"], rate_hz: float, highest_hz: float) -> float:
-    """Frequency [Hz] above which the modelled torque of a motion is more than twice as strong as the measured one.
+    """Frequency [Hz] above which the modelled torque of a motion has more than twice the power of the measured torque.
 
-    Followed downwards from ``highest_hz`` in third-octave bins, at least 2 Hz; infinite if it never is at the top.
+    The search goes from ``highest_hz`` down to 2 Hz in third-octave bins. The result is infinite if the modelled torque
+    is not stronger in the highest bin.
     """
     f, drive, _ = _welch(tau, rate_hz)
     _, needed, _ = _welch(model, rate_hz)
@@ -142,7 +145,7 @@ def driven_edge(tau: Float[Array, " N"], model: Float[Array, " N"], rate_hz: flo
     top = highest_hz
     while top > 2.0:
         inside = (f > top / 2 ** (1 / 3)) & (f <= top)
-        if inside.any() and drive[inside].sum() > _DRIVEN * needed[inside].sum():
+        if inside.any() and drive[inside].sum() > _LEAST_DRIVE * needed[inside].sum():
             break
         if inside.any():
             edge = top / 2 ** (1 / 3)

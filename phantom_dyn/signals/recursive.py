@@ -1,6 +1,6 @@
-"""Recursive filters of samples: low passes with their delay, or without delay (forwards and backwards).
+"""Recursive filters: low passes with delay, or without delay (forwards and backwards).
 
-`scipy.signal` has the same filters, and is the oracle of the tests. It is not used here, as importing it loads all of
+`scipy.signal` has the same filters, and tests compare with it. It is not used here, because its import loads all of
 `scipy.stats` and takes half a second, as long as all other imports of a command.
 """
 
@@ -12,13 +12,15 @@ from phantom_dyn.array_types import Array, Float
 
 
 def recursive_filter(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]) -> Float[Array, "N k"]:
-    r"""Output of a recursive filter of unit gain at zero frequency, whose input before the first sample is constant.
+    r"""Output of a recursive filter with unit gain at zero frequency.
+
+    The input before the first sample counts as constant.
 
     .. math:: y_n = \sum_i b_i x_{n-i} - \sum_{i>0} a_i y_{n-i}, \qquad \sum_i b_i = \sum_i a_i
 
     Args:
         b: Numerator in powers of 1/z.
-        a: Denominator in powers of 1/z; the first is 1.
+        a: Denominator in powers of 1/z; its first coefficient is 1.
         x: Samples, one series in each column.
     """
     from scipy.linalg import get_lapack_funcs
@@ -27,7 +29,7 @@ def recursive_filter(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array,
     driven = b[0] * beyond
     for lag in range(1, min(len(b), len(x))):
         driven[lag:] += b[lag] * beyond[:-lag]
-    # The recursion is a triangular system of a few diagonals.
+    # The recursion is a triangular system of equations with a few diagonals.
     diagonals = np.tile(np.array(a)[:, None], (1, len(x)))
     (solve,) = get_lapack_funcs(("tbtrs",), (driven,))
     y, _ = solve(diagonals, np.asfortranarray(driven), uplo="L", diag="U")
@@ -45,8 +47,7 @@ def low_passed(x: Array, cutoff_hz: float, rate_hz: float, *, order: int, paddin
         cutoff_hz: Cut-off frequency [Hz], below half of ``rate_hz``.
         rate_hz: Samples per second.
         order: Order of the filter, which is applied twice; even.
-        padding: Number of samples of the extension at each end, fewer than ``N``; by default three for each
-            coefficient.
+        padding: Number of samples of the extension at each end, fewer than ``N``; by default ``3 * (order + 1)``.
     """
     columns = np.asarray(x, dtype=float).reshape(len(x), -1)
     ends = min(3 * (order + 1) if padding is None else padding, len(x) - 1)
@@ -72,12 +73,12 @@ def _butterworth(order: int, cutoff: float) -> list[tuple[tuple[float, ...], tup
 
 
 def lagging(x: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
-    """Output of a first-order lag for an input that is held between samples; at rest at the first sample."""
+    """Output of a first-order lag whose input is held between samples; it starts in the steady state."""
     step = float(-np.expm1(-dt / time_constant))
     return recursive_filter((step,), (1.0, step - 1.0), x[:, None])[:, 0]
 
 
 def low_pass_kernel(half: int, cutoff_hz: float, rate_hz: float) -> Float[Array, " 2*half+1"]:
-    """Symmetric low pass of ``2 * half + 1`` samples: a sinc with a Hamming window, of unit gain at zero frequency."""
+    """Symmetric low pass with ``2 * half + 1`` coefficients: a sinc with a Hamming window, unit gain at 0 Hz."""
     kernel = np.sinc(2 * cutoff_hz / rate_hz * np.arange(-half, half + 1)) * np.hamming(2 * half + 1)
     return kernel / kernel.sum()

@@ -1,4 +1,4 @@
-"""Power density of sampled signals by Welch's method: the mean spectrum of segments that overlap by a half.
+"""Power density of sampled signals by Welch's method: the mean spectrum of segments that overlap by one half.
 
 `scipy.signal` has the same function, and tests compare with it. It is not used here: its import loads all of
 `scipy.stats` and takes half a second, as long as all other imports of a command. Source: Welch, IEEE Transactions on
@@ -22,7 +22,7 @@ _COSINES: dict[Window, tuple[float, ...]] = {
     "blackman": (0.42, 0.5, 0.08),
     "blackmanharris": (0.35875, 0.48829, 0.14128, 0.01168),
 }
-_AT_ONCE = 1 << 18  # samples that are transformed together, 2 MB
+_BLOCK = 1 << 18  # samples that are transformed together, 2 MB
 
 
 def power_density(
@@ -66,9 +66,9 @@ def _density(x: Array, y: Array, rate_hz: float, length: int, window: Window, li
 
 def _pieces(x: Float[Array, " N"], length: int) -> Iterator[Float[Array, "s length"]]:
     segments = sliding_window_view(x, length)[:: length - length // 2]
-    at_once = max(_AT_ONCE // length, 1)
-    for start in range(0, len(segments), at_once):
-        yield segments[start : start + at_once]
+    count = max(_BLOCK // length, 1)
+    for start in range(0, len(segments), count):
+        yield segments[start : start + count]
 
 
 def _transformed(segments: Float[Array, "s length"], shape: Float[Array, " length"], linear: bool) -> Array:
@@ -80,6 +80,6 @@ def _transformed(segments: Float[Array, "s length"], shape: Float[Array, " lengt
 
 
 def _window(name: Window, length: int) -> Float[Array, " length"]:
-    """A window of cosines that is periodic: the sample after the last one would equal the first."""
+    """A periodic sum of cosines as a window: the sample after the last would equal the first."""
     phase = 2 * np.pi * np.arange(length) / length
     return np.sum([(-1) ** k * a * np.cos(k * phase) for k, a in enumerate(_COSINES[name])], axis=0)

@@ -1,1 +1,1 @@
-"""Simulation of a robot that differs from its model, moved by its drives under a controller."""
+"""Simulate a robot that differs from its model and whose drives follow a controller."""

@@ -1,4 +1,4 @@
-"""A simulated machine and its effects as arrays for compiled steps, if each effect has a compiled law."""
+"""Write a simulated machine and its effects as arrays for compiled steps, if each effect has a compiled law."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from phantom_dyn.simulation.stepping import Machine
 def compiled(
     machine: Machine, effects: tuple[Simulated, ...], t: Array, counts: Array
 ) -> tuple[Arm, EffectLaws] | None:
-    """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``.
+    """Arrays of machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``.
 
-    None if some effect has a law in Python only, so that the steps cannot be compiled.
+    None if an effect has a law in Python only, so that the steps cannot be compiled.
     """
     laws = [law for effect in effects for law in effect.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
@@ -35,15 +35,15 @@ def compiled(
 
 
 def require_closed_loops(arm: Arm, t: float, robot: Robot) -> None:
-    """Raise an error that names the loop which could not be closed, if compiled steps ended for that reason.
+    """Raise an error with the name of the loop if compiled steps ended because a loop could not be closed.
 
     Args:
         arm: The simulated machine.
         t: Time of the last sample before the end [s].
-        robot: Gives the loops.
+        robot: Robot with the loops.
 
     Raises:
-        ChainError: If the loops cannot be closed or are singular at the state that was tried last.
+        ChainError: If the loops cannot be closed or are singular at the last state.
     """
     loops = arm.chain.loops
     if loops is None or robot.chain is None or not np.isfinite(loops.wanted).all():
@@ -55,7 +55,7 @@ def require_closed_loops(arm: Arm, t: float, robot: Robot) -> None:
 
 
 def control_of(controller: Callable, robot: Robot) -> Control:
-    """A tracking controller as arrays; empty arrays for any other controller."""
+    """Write a tracking controller as arrays; for any other controller they are zero."""
     if not isinstance(controller, Tracking):
         return Control(GIVEN, np.zeros(2), np.zeros((2, robot.nv, 6)), np.zeros(robot.nv), np.zeros(1, np.int64))
     law = controller
@@ -90,7 +90,7 @@ def _arm(machine: Machine) -> Arm:
 
 
 def _chain(robot: Robot) -> Chain:
-    """Motion of the tree for that of the active joints, with friction and rotors of the passive joints."""
+    """How the tree follows the active joints, with friction and rotor inertias of the passive joints."""
     chain = robot.chain
     if chain is None:
         empty = np.zeros(0)

@@ -1,6 +1,6 @@
 """Controllers that interpolate tables over time.
 
-`Tracking` is the one kind of controller that compiled simulations evaluate without Python.
+`Tracking` is the only controller that compiled simulations evaluate without Python.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from phantom_dyn.errors import ParameterError
 class Tracking(ReadOnlyArrays):
     r"""Drive torque :math:`\mathrm{clip}(f + k_p (q_r - q) + k_d (v_r - v)) + e` from tables over time.
 
-    Linear between the times, held before the first and behind the last.
+    The tables are interpolated linearly, and are constant before the first and after the last time.
 
     Attributes:
         t: Times [s], increasing, at least two, shape ``(N,)``.
         feedforward: Torque f [N m or N], shape ``(N, nv)``.
-        q_ref: Wanted positions [rad or m], shape ``(N, nv)``.
-        v_ref: Wanted velocities, shape ``(N, nv)``.
+        q_ref: Reference positions [rad or m], shape ``(N, nv)``.
+        v_ref: Reference velocities, shape ``(N, nv)``.
         kp: Gains [N m/rad or N/m], shape ``(N, nv)``.
         kd: Gains [N m s/rad or N s/m], shape ``(N, nv)``.
-        extra: Torque e behind the limit, shape ``(N, nv)``.
-        limits: Torque limits of the part in brackets, shape ``(nv,)``; infinite where there is none.
+        extra: Torque e, which is added after the limit, shape ``(N, nv)``.
+        limits: Torque limits of the part in brackets, shape ``(nv,)``; infinite without a limit.
     """
 
     t: Float[Array, " N"]
@@ -67,11 +67,11 @@ class Tracking(ReadOnlyArrays):
 
 
 def with_late_references(law: Tracking, delays: Float[Array, " nv"]) -> Tracking:
-    """The same law with references that arrive later, each joint's by its own time [s]; before the first, it holds.
+    """The law with delayed references; before the first reference arrives, its value applies.
 
     Args:
-        law: Of references as they are sent.
-        delays: Delays of each joint, shape ``(nv,)``.
+        law: Law with the references at the times at which they are sent.
+        delays: Delay of each joint [s], shape ``(nv,)``.
     """
 
     def late(table: Array) -> Array:
@@ -82,7 +82,7 @@ def with_late_references(law: Tracking, delays: Float[Array, " nv"]) -> Tracking
 
 
 def torque_over_time(t: Float[Array, " N"], torque: Float[Array, "N nv"]) -> Tracking:
-    """A controller that plays torques [N m or N] whatever the motion."""
+    """A controller that commands given torques [N m or N] for any motion."""
     torque = np.asarray(torque, dtype=float)
     if torque.ndim != 2:
         raise ParameterError(f"The torque has shape {torque.shape}, wanted a row a time and a column a joint.")
@@ -98,7 +98,7 @@ def position_control(
     kp: Float[Array, " nv"],
     kd: Float[Array, " nv"],
 ) -> Tracking:
-    """A controller of position with constant gains, without a limit."""
+    """A position controller with constant gains and without a limit."""
     q_ref = np.asarray(q_ref, dtype=float)
     none = np.zeros_like(q_ref)
     gains = np.broadcast_to(kp, q_ref.shape), np.broadcast_to(kd, q_ref.shape)

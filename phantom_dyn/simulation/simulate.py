@@ -1,12 +1,12 @@
-"""Simulation of a robot that differs from its model, moved by its drives: what a recording of it would hold.
+"""Simulate what would be recorded of a robot that differs from its model and whose drives follow a controller.
 
-Effects enter through their `phantom_dyn.effects.simulated.Simulated` channels, in the order in which they are given:
-command -> drive -> transmission -> links -> reading. Friction, rotor and the effects' torques act on the motor's side
-of a transmission that is not rigid.
+Effects enter through the channels of `phantom_dyn.effects.simulated.Simulated`: command -> drive -> transmission ->
+links -> reading. Within a channel they act in the order in which they are given. Friction, rotor and the effects'
+torques act on the motor's side of an elastic transmission.
 
-Steps are compiled and free of the GIL where machine and effects are such as `phantom_dyn.simulation.compiled_machine`
-knows; with a `phantom_dyn.simulation.control.Tracking` as controller there is no Python between first and last sample.
-Otherwise Python steps the machine, and `Channels` evaluates the effects' laws with their states.
+If each effect has a compiled law, the steps are compiled and do not hold the GIL. If the controller is also a
+`phantom_dyn.simulation.control.Tracking`, no Python runs between the first and the last sample. Otherwise the steps are
+computed in Python, and `Channels` evaluates the effects' laws.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_
 
 Controller = Callable[[float, Array, Array], Array]
 """Commanded torque of the drives [N m or N], (nv,), from time, position readings and velocities at the encoders."""
+# Speed [rad/s or m/s] that no robot reaches: a higher one means that the simulation diverged.
 _TOO_FAST = 1e6
-"""Speed [rad/s or m/s] that no robot reaches: the integration has blown up, or the drives push without end."""
+# Name of the motors' initial positions in messages.
 _MOTORS = ("motors[0]", "motors[1]")
-"""Name of the motors' initial positions in messages."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect in its place with the effect's parameters in order."""
+    """An effect, its joint (or None), and its parameters in the effect's order."""
 
     effect: Effect
     joint: str | None
@@ -47,12 +47,12 @@ class Cause:
 
 @dataclass(frozen=True)
 class Given:
-    """Initial conditions of a simulation besides those of its links.
+    """Initial state of the motors, and motion of the base.
 
     Attributes:
-        motors: Positions and velocities at the start of the motors that are not rigidly tied to their links, one a
-            joint; those of other joints do not count. None: where they carry what the links need to go on.
-        base: How the root of a robot that is not bolted down moves at the times of the samples, linear between them.
+        motors: Initial positions and velocities of the motors on elastic transmissions, one for each joint; those of
+            other joints are ignored. None: each transmission carries the load of its link at constant speed.
+        base: Motion of the root of a floating robot at the times of the samples, interpolated linearly.
     """
 
     motors: tuple[Float[Array, " nv"], Float[Array, " nv"]] | None = None
@@ -61,14 +61,14 @@ class Given:
 
 @dataclass(frozen=True)
 class Simulation(ReadOnlyArrays):
-    """Recorded signals of the robot, and the true motion.
+    """Recorded signals of the robot, and its true motion.
 
     Attributes:
         t: Time [s], shape ``(N,)``.
         q: Position readings [rad or m], shape ``(N, nv)``.
-        tau: Torque columns, shape ``(N, nv)``: what was asked of the drives, or what they gave if ``torque_source``
+        tau: Torque columns, shape ``(N, nv)``: the commanded torque, or the torque of the drives if ``torque_source``
             is ``sensor``.
-        encoders: True motion where the encoders sit (motor or link), without what readings add.
+        encoders: True motion where the encoders are (motor or link), without the effects on readings.
         links: True motion of the links.
     """
 
@@ -90,26 +90,26 @@ def simulate(
     max_step: float = 5e-4,
     given: Given = Given(),
 ) -> Simulation:
-    """Motion of ``robot`` with ``causes`` in it, from ``q0``, ``v0`` at ``t[0]``.
+    """Simulate ``robot`` with the effects ``causes``, from ``q0``, ``v0`` at ``t[0]``.
 
-    The torque is held from ``t[k]`` to ``t[k+1]`` if ``robot.torque_hold`` is ``zoh``, else it follows the controller
-    at every step. Accelerations are means over one step before and one after a sample.
+    The torque is held from ``t[k]`` to ``t[k+1]`` if ``robot.torque_hold`` is ``zoh``. Otherwise the controller is
+    evaluated at every step. Accelerations are means over one step before and one step after a sample.
 
     Args:
         robot: The given model.
         causes: Effects that the real robot has in addition.
-        controller: Torque from time, readings and velocities; a plain function, without memory.
-        t: Sample times [s], increasing, of any spacing.
+        controller: Torque from time, readings and velocities; a function without memory.
+        t: Sample times [s], increasing, with any spacing.
         q0: True link positions at the start [rad or m].
         v0: True link velocities at the start; 0 by default.
-        max_step: Longest step [s]; transmissions take shorter ones by themselves.
-        given: Start of the motors and motion of the base, where they are known.
+        max_step: Longest step [s]; elastic transmissions may need shorter steps.
+        given: Initial state of the motors and motion of the base.
 
     Raises:
-        ParameterError: If times do not increase, an array has the wrong length, a motor without inertia would have to
-            move by itself, or the motion leaves all bounds.
-        RobotError: If the robot is not bolted down and nobody says how its base moves.
-        ChainError: If the motion leads where a loop of a closed chain cannot be closed or is singular.
+        ParameterError: If times do not increase, an array has the wrong length, a motor on an elastic transmission has
+            no inertia, or the simulation diverges.
+        RobotError: If the base is not bolted down and its motion is missing.
+        ChainError: If a loop of a closed chain cannot be closed, or is singular, at a position of the motion.
     """
     v0 = np.zeros(robot.nv) if v0 is None else v0
     starts = {"q0": q0, "v0": v0} | ({} if given.motors is None else dict(zip(_MOTORS, given.motors, strict=True)))
@@ -161,7 +161,7 @@ def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Arr
 
 
 def _with_late_references(controller: Controller, parts: tuple[Simulated, ...]) -> Controller:
-    """The controller with the references that arrive late in it; only one of tables has any that are known."""
+    """The controller with delayed references, if effects delay them; it has to be a `Tracking` then."""
     delays = [part.reference_delay for part in parts if part.reference_delay is not None]
     if not delays:
         return controller
@@ -176,7 +176,7 @@ def _with_late_references(controller: Controller, parts: tuple[Simulated, ...]) 
 def _compiled(
     arm: Arm, laws: EffectLaws, moving: Moving, channels: Channels, plan: Plan, controller: Controller, robot: Robot
 ) -> Rows:
-    """Compiled steps: all at once under a tracking law, else from one call of the controller to the next."""
+    """Make compiled steps: all in one call for a tracking law, else one call after each call of the controller."""
     rows = rows_for(len(plan.t), robot.nv, len(moving.x))
     control = control_of(controller, robot)
 
@@ -209,7 +209,7 @@ def _compiled(
 
 
 def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -> Rows:
-    """Steps in Python, for any machine with any effects."""
+    """Make steps in Python, for any machine with any effects."""
     rows = rows_for(len(plan.t), machine.nv, len(state.x))
     for k, (t, h, count) in enumerate(zip(plan.t.tolist(), plan.steps.tolist(), plan.counts.tolist(), strict=True)):
         rows.asked[k], rows.given[k] = channels.sample(t, state)
@@ -227,12 +227,12 @@ def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -
 
 
 def _within(ends: Float[Array, "n 9"], *shares: float) -> Float[Array, "m 9"]:
-    """Motion of a base at some shares of the way between two samples; nothing of a robot that is bolted down."""
+    """Motion of the base between two samples, at shares of their distance; empty if the base is fixed."""
     return np.array([(1.0 - share) * ends[0] + share * ends[1] for share in shares]) if len(ends) else ends
 
 
 class Channels:
-    """The effects' channels with their states, which move on with every step."""
+    """The channels of the effects, with their states."""
 
     def __init__(self, machine: Machine, parts: tuple[Simulated, ...], controller: Controller, *, held: bool):
         self._controller, self._held = controller, held
@@ -255,12 +255,12 @@ class Channels:
         return q
 
     def sample(self, t: float, state: State) -> tuple[Array, Array]:
-        """Commanded torque at a sample, and torque of the drives in the step before it."""
+        """Commanded torque at a sample, and torque of the drives in the previous step."""
         self._asked = self.ask(t, state.x, state.v)
         return self._asked, self._asked if self._given is None else self._given
 
     def ask(self, t: float, x: Array, v: Array) -> Array:
-        """Torque that the controller commands in a state."""
+        """Torque that the controller commands at a state."""
         tau = np.asarray(self._controller(t, self._read(x[self._seen]), v[self._seen]), dtype=float)
         if tau.shape != (len(self._drives),):
             wanted = f"wanted {len(self._drives)} numbers, one a joint"
@@ -268,7 +268,7 @@ class Channels:
         return tau
 
     def torques(self, h: float) -> Callable[[float, Array, Array, Array], tuple[Array, Array]]:
-        """Drive torque and the effects' torques for one step of ``h`` seconds."""
+        """A function that returns the drive torque and the effects' torques in a step of ``h`` seconds."""
 
         def at(t: float, x: Array, v: Array, transmitted: Array) -> tuple[Array, Array]:
             tau = self._asked if self._held else self.ask(t, x, v)
@@ -289,7 +289,7 @@ class Channels:
 
 def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simulation:
     nv, seen = machine.nv, list(machine.encoders)
-    # The mean over the steps before and after a sample; at both ends there is one of them.
+    # The mean over the steps before and after a sample; the first and the last sample have one step each.
     a = 0.5 * (rows.before + rows.after)
     a[0], a[-1] = rows.after[0], rows.before[-1]
     x, v = rows.x, rows.v

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-r"""One step of a machine with dry friction that truly sticks, and with motors that may move apart from their links.
+r"""One simulation step of a robot with dry friction and elastic transmissions.
 
-The step is the midpoint rule on velocity level: with :math:`x` the joints and, behind them, the motors that are not
-rigidly tied, :math:`(A + \tfrac{h}{2} D)\,(v^+ - v) = h\,(f - D v) + \lambda`, where :math:`A`, :math:`f` are taken
-half a step ahead, :math:`D` is viscous friction and :math:`|\lambda_j| \le h T_j` opposes :math:`v^+_j` (Coulomb
-friction as an impulse, so that a joint at rest stays at rest). It is of second order where the motion is smooth.
+The step is the midpoint rule for velocities. The positions :math:`x` are those of the joints, followed by those of the
+motors on elastic transmissions: :math:`(A + \tfrac{h}{2} D)\,(v^+ - v) = h\,(f - D v) + \lambda`. Here :math:`A` and
+:math:`f` are evaluated half a step ahead, and :math:`D` is viscous friction. The impulse :math:`|\lambda_j| \le h T_j`
+of Coulomb friction opposes :math:`v^+_j`, so a joint at rest sticks. The rule is of second order for smooth motion.
 """
 
 from __future__ import annotations
@@ -29,20 +29,22 @@ from phantom_dyn.simulation.compiled.arm_steps import spring_torque
 
 Torques = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 """Drive torque and the effects' torques, shape (nv,) each, from time, positions and velocities, transmitted torque."""
+# Phase of the fastest transmission in one step [rad]: the error of its frequency is then 0.1 %.
 _PHASE_PER_STEP = 0.15
-"""Phase of the fastest transmission in one step [rad]: the midpoint rule then has its frequency right to 0.1 %."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A robot whose joints in ``loose`` have a motor of their own.
+    """A robot whose joints in ``loose`` have elastic transmissions.
 
     Attributes:
         robot: True rigid-body model with true friction.
-        loose: Rows of the joints whose motor and link may move apart.
-        stiffness, damping, gap: Of their transmissions, shape ``(m,)``.
-        coupled: Inertia on the motors' side besides the rotors, shape ``(nv, nv)``.
-        workspace: Pinocchio's working memory, written at every step: one simulation at a time.
+        loose: Rows of the joints with elastic transmissions.
+        stiffness: Stiffness of these transmissions, shape ``(m,)``.
+        damping: Damping of these transmissions, shape ``(m,)``.
+        gap: Backlash of these transmissions, shape ``(m,)``.
+        coupled: Inertia on the motors' side in addition to the rotors, shape ``(nv, nv)``.
+        workspace: Pinocchio's working memory. Each step writes to it, so a machine takes one simulation at a time.
     """
 
     robot: Robot
@@ -66,33 +68,33 @@ class Machine:
 
     @cached_property
     def drives(self) -> tuple[int, ...]:
-        """Place of each joint's motor in ``x``: the joint's own, or one behind the joints."""
+        """Index of each joint's motor in ``x``: that of the joint, or one after all joints."""
         nv = self.robot.nv
         return tuple(nv + self.loose.index(j) if j in self.loose else j for j in range(nv))
 
     @cached_property
     def friction_places(self) -> FrictionPlaces:
-        """The motors, where dry friction acts."""
+        """Places of dry friction: it acts on the motors."""
         return friction_on_motors(np.array(self.drives), self.nv + len(self.loose))
 
     @cached_property
     def encoders(self) -> tuple[int, ...]:
-        """Place in ``x`` of what each joint's encoder sits on: its motor or its link."""
+        """Index in ``x`` of the position that each joint's encoder measures, motor or link."""
         sides = [actuator.encoder_side for actuator in self.robot.actuators]
         return tuple(self.drives[j] if side == "motor" else j for j, side in enumerate(sides))
 
 
 @dataclass(frozen=True)
 class State:
-    """Positions and velocities of the joints and then of the motors that are not rigidly tied, ``(nv + m,)`` each.
+    """State of the joints, followed by the motors on elastic transmissions.
 
     Attributes:
-        x: Positions.
-        v: Velocities.
-        a: Mean acceleration of the last step.
+        x: Positions, shape ``(nv + m,)``.
+        v: Velocities, shape ``(nv + m,)``.
+        a: Mean accelerations of the last step, shape ``(nv + m,)``.
         transmitted: Torque that the transmissions pass to the links, shape ``(nv,)``.
-        tree: Positions of the tree of a closed chain in the last step, from which the search for the next ones begins;
-            None before the first step and for a plain robot.
+        tree: Positions of the tree of a closed chain in the last step, near which the next positions are searched.
+            None before the first step and without a closed chain.
     """
 
     x: Float[Array, " n"]
@@ -105,12 +107,12 @@ class State:
 def machine_of(
     robot: Robot, transmissions: tuple[Transmission, ...], inertias: tuple[Float[Array, "nv nv"], ...] = ()
 ) -> Machine:
-    """``robot`` with these transmissions and, on the motors' side, these inertias.
+    """Machine with elastic transmissions and with additional inertias on the motors' side.
 
-    Several transmissions on one joint are in series: gaps add, the softest spring counts.
+    Several transmissions on one joint are in series: the sum of their gaps and the softest spring apply.
 
     Raises:
-        ParameterError: If a motor without inertia would have to move by itself.
+        ParameterError: If a motor on an elastic transmission has no inertia.
     """
     rows = tuple(sorted({row_of(robot, part.joint) for part in transmissions}))
     parts = [[part for part in transmissions if row_of(robot, part.joint) == row] for row in rows]
@@ -133,7 +135,7 @@ def machine_of(
 
 
 def longest_step(machine: Machine, q: Float[Array, " nv"]) -> float:
-    """Longest step [s] that follows the transmissions; infinite where all are rigid."""
+    """Longest step [s] that resolves the oscillation of elastic transmissions; infinite if all are rigid."""
     if not machine.loose:
         return np.inf
     rows = list(machine.loose)
@@ -145,7 +147,7 @@ def longest_step(machine: Machine, q: Float[Array, " nv"]) -> float:
 def in_balance(
     machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"], base: BaseMotion | None = None
 ) -> State:
-    """State whose transmissions carry what the links need to go on at this speed, on a base that moves so."""
+    """State at link positions ``q`` and velocities ``v`` whose transmissions carry the load of unaccelerated links."""
     rows = list(machine.loose)
     links = Motion(np.zeros(1), q[None], v[None], np.zeros((1, len(q))), base=base)
     load = link_torque(machine.robot, links)[0]
@@ -155,7 +157,7 @@ def in_balance(
 
 
 def with_motors(machine: Machine, state: State, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> State:
-    """The same state of the joints with the motors that are not rigidly tied at ``q``, ``v``, ``(nv,)`` each."""
+    """The state with the motors on elastic transmissions at positions ``q`` and velocities ``v``, ``(nv,)`` each."""
     nv, rows = machine.nv, list(machine.loose)
     x, speed = np.concatenate([state.x[:nv], q[rows]]), np.concatenate([state.v[:nv], v[rows]])
     transmitted = state.transmitted.copy()
@@ -166,7 +168,7 @@ def with_motors(machine: Machine, state: State, q: Float[Array, " nv"], v: Float
 def stepped(
     machine: Machine, state: State, t: float, h: float, torques: Torques, base: BaseMotion | None = None
 ) -> State:
-    """The state after one step of ``h`` seconds from time ``t``, on a base that moves so half a step ahead."""
+    """The state after one step of ``h`` seconds from time ``t``; ``base`` is the base's motion half a step ahead."""
     robot, nv, drives = machine.robot, machine.nv, list(machine.drives)
     x, v = state.x + 0.5 * h * state.v, state.v + 0.5 * h * state.a
     inertia, bias, tree = _links(machine, x[:nv], v[:nv], state.tree, base)
@@ -198,10 +200,10 @@ def _links(
     near: Float[Array, " nt"] | None,
     base: BaseMotion | None,
 ) -> tuple[Float[Array, "n n"], Float[Array, " nv"], Float[Array, " nt"] | None]:
-    """Mass matrix of joints and motors, the torque that the links need to go on at their speed, and ``State.tree``."""
+    """Mass matrix of joints and motors, link torque at zero acceleration, and ``State.tree``."""
     robot, nv, rows = machine.robot, machine.nv, list(machine.loose)
     if robot.chain is None and base is None:
-        # Pinocchio itself, as a simulation asks for one state at a time.
+        # Pinocchio is the fastest for one state at a time.
         configuration = q if robot.model.nq == nv else robot.configuration(q[None])[0]
         upper = pin.crba(robot.model, machine.workspace, configuration)
         mass = np.where(np.tri(nv, dtype=bool).T, upper, upper.T)
@@ -214,7 +216,7 @@ def _links(
     out = np.zeros((nv + len(rows), nv + len(rows)))
     out[:nv, :nv] = mass
     rotor = machine.rotor[rows]
-    # The rotor of a motor that may move apart is its own.
+    # On an elastic transmission, the rotor belongs to the motor and not to the joint.
     out[rows, rows] -= rotor
     motors = np.arange(nv, len(out))
     out[motors, motors] = rotor
@@ -223,7 +225,7 @@ def _links(
 
 
 def _spring_torque(machine: Machine, x: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " m"]:
-    """Torque on the links behind their transmissions: none inside the play, and contact never pulls."""
+    """Torque of elastic transmissions on their links, see `spring_torque`."""
     nv, rows = machine.nv, list(machine.loose)
     numbers = machine.stiffness, machine.damping, machine.gap
     each = zip(x[nv:] - x[rows], v[nv:] - v[rows], *numbers, strict=True)

@@ -1,1 +1,1 @@
-"""Walking under a joystick: zero moment point, support polygon, a walking reference, and a haptic signal of margin."""
+"""Biped walking: zero moment point, support polygon, a walking reference, and a haptic signal of the margin."""

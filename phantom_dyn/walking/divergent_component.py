@@ -1,9 +1,10 @@
-r"""Closed form of the linear inverted pendulum under a zero moment point that ramps and then holds.
+r"""Closed-form motion of the linear inverted pendulum whose zero moment point ramps and then holds.
 
-With :math:`\omega = \sqrt{g/z}` the pendulum :math:`\ddot x = \omega^2 (x - p)` splits into two parts. The divergent
-component :math:`\xi = x + \dot x / \omega` (the capture point) diverges, :math:`\dot \xi = \omega (\xi - p)`. The
-centre of mass follows it, :math:`\dot x = \omega (\xi - x)`. To walk is to choose :math:`p` so that :math:`\xi` stays
-bounded. All equations are linear in points on the ground, so that the same scalar weights hold for x and y.
+Let :math:`p` be the zero moment point, :math:`z` the height of the centre of mass, and :math:`\omega = \sqrt{g/z}`. The
+pendulum :math:`\ddot x = \omega^2 (x - p)` has two parts. Its divergent component :math:`\xi = x + \dot x / \omega`
+(the capture point) moves away from p, :math:`\dot \xi = \omega (\xi - p)`. The centre of mass follows it,
+:math:`\dot x = \omega (\xi - x)`. A walking plan chooses :math:`p` so that :math:`\xi` stays bounded. All equations are
+linear in points on the ground, so the same scalar weights apply to x and y.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class Profile:
-    """Timing of a phase: the zero moment point goes to its next point in ``ramp`` and holds until ``duration`` [s]."""
+    """Timing of a phase [s]: the zero moment point moves during ``ramp`` and then stays until ``duration``."""
 
     ramp: float
     duration: float
 
 
 def forward_weights(profile: Profile, omega: float) -> tuple[float, float, float]:
-    r"""Weights of :math:`\xi(T) = E \xi(0) + F_0 p_0 + F_1 p_1`; they sum to one."""
+    r"""Weights E, F0, F1 of :math:`\xi(T) = E \xi(0) + F_0 p_0 + F_1 p_1` for a ramp from p0 to p1; their sum is 1."""
     k = 1.0 / (omega * profile.ramp)
     grown = np.exp(omega * profile.ramp)
     held = np.exp(omega * (profile.duration - profile.ramp))
@@ -34,15 +35,15 @@ def forward_weights(profile: Profile, omega: float) -> tuple[float, float, float
 
 
 def entry(points: Float[Array, "n 2"], profiles: tuple[Profile, ...], omega: float) -> tuple[float, Float[Array, " 2"]]:
-    r"""Divergent component at the start of a sequence of phases that ends at rest over its last point.
+    r"""Divergent component at the start of a sequence of phases after which the pendulum rests over the last point.
 
     Args:
-        points: Where the zero moment point holds in each phase [m], shape ``(n, 2)``.
+        points: Zero moment point after the ramp of each phase [m], shape ``(n, 2)``.
         profiles: Timing of each phase.
         omega: :math:`\omega` [1/s].
 
     Returns:
-        ``alpha`` and ``beta``: the component is ``alpha p + beta`` if the first phase ramps away from the point ``p``.
+        ``alpha`` and ``beta``: the component is ``alpha p + beta`` if the first ramp starts at the point ``p``.
     """
     xi = points[-1]
     for k in range(len(points) - 1, 0, -1):
@@ -59,11 +60,11 @@ def holding_point(
     onward: tuple[float, Float[Array, " 2"]],
     omega: float,
 ) -> Float[Array, " 2"]:
-    r"""Point at which the zero moment point must hold in this phase, so that the next phases can be entered.
+    r"""Point to which the zero moment point must move in a phase, so that the next phases begin as `entry` requires.
 
     Args:
         xi: Divergent component at the start of the phase [m].
-        start: Point that the phase ramps away from [m].
+        start: Zero moment point at the start of the phase [m].
         profile: Timing of the phase.
         onward: Result of `entry` for the phases after it.
         omega: :math:`\omega` [1/s].
@@ -75,7 +76,7 @@ def holding_point(
 
 @dataclass(frozen=True)
 class PendulumState:
-    """Samples of a pendulum: all horizontal, in metres and seconds, shape ``(N, 2)``."""
+    """Horizontal motion of a pendulum in metres and seconds; ``dcm`` is the divergent component, ``com`` the mass."""
 
     zmp: Float[Array, "N 2"]
     dcm: Float[Array, "N 2"]
@@ -92,12 +93,12 @@ def pendulum(
     com: Float[Array, " 2"],
     omega: float,
 ) -> PendulumState:
-    r"""Samples of the pendulum within one phase.
+    r"""Motion of the pendulum within one phase.
 
     Args:
         t: Times since the start of the phase [s], shape ``(N,)``.
         profile: Timing of the phase.
-        points: Where the zero moment point starts and where it holds [m].
+        points: Zero moment point at the start and after the ramp [m].
         xi: Divergent component at the start [m].
         com: Centre of mass at the start [m].
         omega: :math:`\omega` [1/s].
@@ -113,7 +114,7 @@ def pendulum(
 
 
 def _linear(t: Array, p: Array, slope: Array, xi: Array, com: Array, omega: float) -> PendulumState:
-    """Samples while the zero moment point moves at constant speed: x = p + A exp(omega t) + B exp(-omega t)."""
+    """Motion while the zero moment point p has constant speed: x = p + A exp(omega t) + B exp(-omega t)."""
     t = t[:, None]
     grow, decay = np.exp(omega * t), np.exp(-omega * t)
     a = (xi - p - slope / omega) / 2

@@ -1,4 +1,4 @@
-"""Joystick and footsteps: the user's commands over time, and the next step, which is decided at each landing."""
+"""Joystick commands over time, and the footsteps that follow from them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Command:
 
 @dataclass(frozen=True)
 class Joystick(ReadOnlyArrays):
-    """Settings of a joystick over time: each holds until the next one, and before the first one the robot stands still.
+    """Settings of a joystick over time: each applies until the next; before the first the robot stands still.
 
     Attributes:
         t: Times of changes [s], increasing, shape ``(K,)``.
-        speed: Forward speed from the stick [m/s], negative backwards, shape ``(K,)``.
-        turn: Turning rate from the stick [rad/s], positive to the left, shape ``(K,)``.
-        walking: True after the start button was pressed, False after the stop button was, shape ``(K,)``.
+        speed: Commanded forward speed [m/s], negative backwards, shape ``(K,)``.
+        turn: Commanded turning rate [rad/s], positive to the left, shape ``(K,)``.
+        walking: True after the start button, False after the stop button, shape ``(K,)``.
     """
 
     t: Float[Array, " K"]
@@ -67,7 +67,7 @@ class Gait:
     """Lengths and times of the steps; times in s, lengths in m, angles in rad.
 
     Attributes:
-        foot_distance: Sideways distance between the middles of the soles, as in `Walker.foot_distance`.
+        foot_distance: Lateral distance between the middles of the soles, as in `Walker.foot_distance`.
         single_support: Time on one foot in each step.
         double_support: Time on both feet in each step, before the time on one foot.
         settle: Time in which the weight moves to the middle between the feet after the last step.
@@ -109,7 +109,7 @@ class Footstep:
 
 @dataclass(frozen=True)
 class Stance:
-    """Positions of both soles, and position and heading of the body between them, from which the next step starts."""
+    """Positions of both soles and of the body between them, from which the next step starts."""
 
     left: Footstep
     right: Footstep
@@ -163,7 +163,7 @@ def stepped(stance: Stance, swing: Side, command: Command, gait: Gait) -> Stance
 
 
 def closed(stance: Stance, swing: Side, gait: Gait) -> Stance:
-    """Stance after the foot ``swing`` was put next to the other one."""
+    """Stance after the foot ``swing`` was put next to the other foot."""
     fixed = stance.foot(other(swing))
     aside = gait.foot_distance / 2 * (1 if swing == "left" else -1)
     body = Footstep(fixed.x - aside * np.sin(fixed.heading), fixed.y + aside * np.cos(fixed.heading), fixed.heading)
@@ -171,12 +171,12 @@ def closed(stance: Stance, swing: Side, gait: Gait) -> Stance:
 
 
 def _with_foot(stance: Stance, side: Side, foot: Footstep, body: Footstep) -> Stance:
-    """The stance with the foot of one side, and the body, at new positions."""
+    """The stance with new positions of one foot and of the body."""
     return replace(stance, left=foot, body=body) if side == "left" else replace(stance, right=foot, body=body)
 
 
 def _beside(body: Footstep, side: Side, gait: Gait) -> Footstep:
-    """Position of the foot of a side if the body stands in the middle between both feet."""
+    """Position of the foot of a side if the body is in the middle between both feet."""
     aside = gait.foot_distance / 2 * (1 if side == "left" else -1)
     return Footstep(
         float(body.x - aside * np.sin(body.heading)), float(body.y + aside * np.cos(body.heading)), body.heading

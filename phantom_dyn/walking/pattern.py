@@ -1,8 +1,8 @@
-"""The plan of a walk, phase by phase, and its samples: the pendulum and both feet with their derivatives.
+"""Plan a walk in phases, and compute the motion of the pendulum and of both feet.
 
-The plan is causal: each step is decided at the landing before it, from the setting of the joystick at that time, which
-is assumed to stay. If it changes, the zero moment point leaves the middle of the sole for one step: by two centimetres
-if the stick is moved from full forward to full backward.
+The plan is causal: each step follows from the joystick's setting at the previous landing, and the plan assumes that
+this setting stays. If it changes, the zero moment point leaves the middle of the sole for one step, by up to two
+centimetres (from full forward to full backward).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from phantom_dyn.walking.footsteps import (
 )
 
 PREVIEW = 6
-"""Number of steps planned ahead. Later ones have the weight exp(-omega T PREVIEW), less than 1e-5 at usual gaits."""
+"""Number of steps planned ahead. Later steps have the weight exp(-omega T PREVIEW), below 1e-5 for usual gaits."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class Phase:
     """One phase of the walk, between two landings.
 
     Attributes:
-        start: Time at which it starts [s].
+        start: Start of the phase [s].
         profile: Timing of the zero moment point.
-        points: Zero moment point at the start and where it stays after the ramp [m].
+        points: Zero moment point at the start and after the ramp [m].
         dcm: Divergent component at the start [m].
         com: Centre of mass at the start [m].
         stance: Feet at the start.
-        landing: Feet at the end, the same as at the start in a phase on both feet.
+        landing: Feet at the end; the same as at the start if no foot swings.
         swing: Foot that is in the air after the ramp, or None.
     """
 
@@ -57,13 +57,13 @@ class Phase:
 
     @property
     def end(self) -> float:
-        """Time at which it ends [s]."""
+        """End of the phase [s]."""
         return self.start + self.profile.duration
 
 
 @dataclass(frozen=True)
 class FootMotion(ReadOnlyArrays):
-    """A sole over time: x, y, z of its middle [m] and heading [rad]; shapes ``(N, 4)``, contact ``(N,)``."""
+    """Motion of a sole: x, y, z of its middle [m] and heading [rad]; ``contact`` is True on the ground."""
 
     position: Float[Array, "N 4"]
     velocity: Float[Array, "N 4"]
@@ -101,7 +101,7 @@ def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> 
 
 
 def pendulum_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], omega: float) -> PendulumState:
-    """Samples of the pendulum at times ``t`` [s] that the phases cover."""
+    """Motion of the pendulum at times ``t`` [s] within the phases."""
     parts = []
     for phase, own in _by_phase(phases, t):
         parts.append(pendulum(own, phase.profile, phase.points, phase.dcm, phase.com, omega))
@@ -109,9 +109,9 @@ def pendulum_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], omega: flo
 
 
 def foot_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], side: Side, step_height: float) -> FootMotion:
-    """Samples of one sole at times ``t`` [s] that the phases cover.
+    """Motion of one sole at times ``t`` [s] within the phases.
 
-    It follows a polynomial of fifth order along the ground and one of sixth order in height, so that velocity and
+    The sole follows a polynomial of fifth order along the ground and of sixth order in height, so velocity and
     acceleration are zero at lift-off and landing.
     """
     parts = []
@@ -142,15 +142,15 @@ def _walk_until_stop(
         dcm, com = _end(phases[-1], omega)
         time, point, stance = phases[-1].end, hold, landing
 
-    # From rest the weight first moves onto the foot that lifts next, so that the body falls towards the other one.
+    # From rest, the zero moment point first moves to the foot that lifts next, so the body moves to the other foot.
     add(step, stance, None, _onward(stance, swing, joystick.at(time), gait, omega))
     while True:
         command = joystick.at(time)
         if not command.walking:
             landing = closed(stance, swing, gait)
             add(step, landing, swing, entry(landing.middle[None], (settle,), omega))
-            # The point of the phase before was chosen so that this one ends at rest over the middle of the feet. The
-            # middle is set exactly, as rounding errors would grow.
+            # The previous phase was planned so that this phase ends at rest over the middle of the feet. The middle is
+            # used instead of the computed point, because rounding errors would grow.
             phases.append(Phase(time, settle, (point, landing.middle), dcm, com, landing, landing, None))
             return phases
         landing = stepped(stance, swing, command, gait)
@@ -161,7 +161,7 @@ def _walk_until_stop(
 
 
 def _onward(stance: Stance, swing: Side, command: Command, gait: Gait, omega: float) -> tuple[float, Array]:
-    """Divergent component at which the step of ``swing`` has to begin (see `entry`), if the command does not change."""
+    """Divergent component at the start of the step with ``swing``, as in `entry`, if the command does not change."""
     points = []
     for _ in range(PREVIEW):
         points.append(stance.foot(other(swing)).point)
@@ -182,7 +182,7 @@ def _end(phase: Phase, omega: float) -> tuple[Array, Array]:
 
 
 def _by_phase(phases: tuple[Phase, ...], t: Array) -> list[tuple[Phase, Array]]:
-    """Each phase that holds samples, with their times since its start."""
+    """Each phase with samples, and the times of its samples since its start."""
     index = np.clip(np.searchsorted([phase.start for phase in phases], t, side="right") - 1, 0, None)
     return [(phases[k], t[index == k] - phases[k].start) for k in np.unique(index)]
 
@@ -192,6 +192,6 @@ def _pose(foot: Footstep) -> Array:
 
 
 def _bump(s: Array) -> tuple[Array, Array, Array]:
-    """64 s^3 (1 - s)^3, and its first two derivatives: one in the middle, zero with both derivatives at both ends."""
+    """64 s^3 (1 - s)^3 and its first two derivatives: 1 in the middle; all three are zero at both ends."""
     c = s * (1 - s)
     return 64 * c**3, 192 * c**2 * (1 - 2 * s), 384 * c * ((1 - 2 * s) ** 2 - c)

@@ -1,20 +1,21 @@
-r"""Walking up or down stairs: the plan for level ground applied on a slope, and the margin with soles at two heights.
+r"""Walk up or down stairs with the plan for level ground, and compute the stability margin for soles at two heights.
 
-Let the centre of mass keep to a plane :math:`z = k x + h` and the zero moment point to the plane :math:`z = k x` of the
-footholds, where k is the rise over the tread. The moment balance of a point mass,
+The centre of mass moves in a plane :math:`z = k x + h`, and the zero moment point p in the plane :math:`z = k x` of the
+footholds, where k is the rise divided by the tread. The moment balance of a point mass is
 
-.. math:: (x - p)(\ddot z + g) = \ddot x\,(z - z_p), \qquad \ddot z = k \ddot x, \quad z - z_p = k (x - p) + h,
+.. math:: (x - p)(\ddot z + g) = \ddot x\,(z - z_p), \qquad \ddot z = k \ddot x, \quad z - z_p = k (x - p) + h.
 
-loses its products: :math:`\ddot x = \frac{g}{h} (x - p)`, the law of level ground with the same :math:`\omega`. So
-the plan of `phantom_dyn.walking.pattern` holds unchanged if the slope begins and ends where the robot stands, that is,
-from both feet on one tread to both feet on another. It holds straight ahead only, as a turn leaves the slope.
+The products cancel, and :math:`\ddot x = \frac{g}{h} (x - p)` remains, as on level ground with the same :math:`\omega`.
+So the plan of `phantom_dyn.walking.pattern` applies unchanged, from both feet on one tread to both feet on another. It
+applies straight ahead only, because a turn leaves the slope.
 
-In double support the soles are level at two heights. Their support polygon is that of their contact points seen along
-the contact force, `phantom_dyn.walking.zmp.support_polygon_along`; on one foot it is that of its sole.
+In double support the soles are at two heights. Their contact points are then projected along the contact force, see
+`phantom_dyn.walking.zmp.support_polygon_along`.
 
 References:
-    S. Kajita et al., The 3D linear inverted pendulum mode, IROS 2001 (recalled, not read): linear on any plane of
-    constraint. The fragment of the source names upstairs walking (Kim and Kim, 2009) without an equation.
+    S. Kajita et al., The 3D linear inverted pendulum mode, IROS 2001 (cited from memory): the pendulum is linear on any
+    constraint plane. The incomplete source of this package names walking upstairs (Kim and Kim, 2009) without an
+    equation.
 """
 
 from __future__ import annotations
@@ -35,15 +36,15 @@ from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, com_above
 from phantom_dyn.walking.zmp import contact_wrench, support_polygon_along, zmp_of_wrench
 
 _SIDES: tuple[Side, Side] = ("left", "right")
+# Time on both feet before the first step [s].
 _START = 0.2
-"""Time on both feet before the first step [s]."""
+# Shares of a swing in which a sole rises, and in which it moves forward, when it goes up: it must clear the edge.
 _UP, _FORWARD = (0.0, 0.6), (0.25, 1.0)
-"""Shares of a swing in which a sole rises and moves forward when it goes up: it must clear the edge in front of it."""
 
 
 @dataclass(frozen=True)
 class Stairs:
-    """A straight flight; tread n is level at n times the rise, around n times the tread.
+    """A straight flight of stairs. Tread n has its middle at x = n times the tread, at the height n times the rise.
 
     Attributes:
         tread: Length of a tread [m].
@@ -65,7 +66,7 @@ class Stairs:
 
     @property
     def slope(self) -> float:
-        """Rise over tread."""
+        """Rise divided by tread."""
         return self.rise / self.tread
 
     def height(self, x: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -80,15 +81,15 @@ class StairReference(ReadOnlyArrays):
     Attributes:
         t: Time [s], shape ``(N,)``.
         stairs: The stairs.
-        phases: The plan along the ground.
+        phases: The horizontal plan.
         pendulum: Planned zero moment point, divergent component and centre of mass, horizontal.
         com: Motion of the centre of mass, in its plane above the slope.
         left: Motion of the left sole.
         right: Motion of the right sole.
         motion: Motion of the whole robot.
-        zmp: Zero moment point of all bodies on the slope of the footholds [m], shape ``(N, 3)``.
+        zmp: Zero moment point of the whole robot in the plane of the footholds [m], shape ``(N, 3)``.
         margin: Distance of the zero moment point to the edge of the support polygon [m], shape ``(N,)``.
-        clearance: Least height of both soles above the stairs below them [m], shape ``(N,)``.
+        clearance: Smallest height of the soles above the stairs [m], shape ``(N,)``.
     """
 
     t: Float[Array, " N"]
@@ -105,7 +106,7 @@ class StairReference(ReadOnlyArrays):
 
 
 def stair_gait(walker: Walker, stairs: Stairs) -> Gait:
-    """A slow gait of one tread per step that lifts the swinging sole by 6 cm and half the rise."""
+    """A slow gait with one tread per step that lifts the sole by 6 cm plus half the rise."""
     return Gait(
         foot_distance=walker.foot_distance,
         single_support=1.0,
@@ -117,7 +118,7 @@ def stair_gait(walker: Walker, stairs: Stairs) -> Gait:
 
 
 def zmp_on_slope(force: Float[Array, "N 3"], moment: Float[Array, "N 3"], slope: float) -> Float[Array, "N 3"]:
-    """Point [m] of the plane z = slope x about which a wrench has no horizontal moment, shape ``(N, 3)``.
+    """Point [m] in the plane z = slope x about which a wrench has no horizontal moment, shape ``(N, 3)``.
 
     Args:
         force: Contact force [N], upwards in every sample, shape ``(N, 3)``.
@@ -126,7 +127,7 @@ def zmp_on_slope(force: Float[Array, "N 3"], moment: Float[Array, "N 3"], slope:
     """
     level = zmp_of_wrench(force, moment)
     along = force[:, :2] / force[:, 2:]
-    # From z = 0 up the line of the force to the plane: x = x0 + z fx/fz, z = slope x.
+    # Along the force from z = 0 to the plane: x = x0 + z fx/fz with z = slope x.
     x = level[:, 0] / (1.0 - slope * along[:, 0])
     z = slope * x
     return np.column_stack([x, level[:, 1] + z * along[:, 1], z])
@@ -135,13 +136,13 @@ def zmp_on_slope(force: Float[Array, "N 3"], moment: Float[Array, "N 3"], slope:
 def climb(
     walker: Walker, stairs: Stairs, steps: int, *, gait: Gait | None = None, rate: float = 100.0
 ) -> StairReference:
-    """Walk over stairs from both feet on the tread at the origin, one tread per step, to both feet on the last one.
+    """Walk over stairs, one tread per step, from both feet on the tread at the origin to both feet on the last tread.
 
     Args:
         walker: The biped.
         stairs: The stairs.
         steps: Number of treads, two or more.
-        gait: How to step; by default slowly, as a foot passes two treads and their edges in a step.
+        gait: Lengths and times of the steps; by default `stair_gait`, because a foot passes two treads in a step.
         rate: Sample rate [Hz].
 
     Raises:
@@ -156,7 +157,7 @@ def climb(
         )
     gait = gait or stair_gait(walker, stairs)
     speed = stairs.tread / gait.step_time
-    # The first step of a walk only leans; the last one closes the feet on the tread of the one before.
+    # The first step of a walk only shifts the weight; the last step puts both feet on the same tread.
     stop = _START + (steps + 0.5) * gait.step_time
     joystick = Joystick(
         t=np.array([_START, stop]), speed=np.array([speed, 0.0]), turn=np.zeros(2), walking=np.array([True, False])
@@ -190,7 +191,7 @@ def climb(
 
 
 def _raised(foot: FootMotion, side: Side, phases: tuple[Phase, ...], stairs: Stairs, t: Array) -> FootMotion:
-    """A sole's motion on level ground put onto the stairs: first up, then forward; downstairs first forward."""
+    """Motion of a sole on stairs from its motion on level ground: first up, then forward; downstairs first forward."""
     position, velocity, acceleration = foot.position.copy(), foot.velocity.copy(), foot.acceleration.copy()
     for phase in phases:
         within = (t >= phase.start) & (t < phase.end)
@@ -221,7 +222,7 @@ def _eased(s: Array, begin: float, end: float) -> tuple[Array, Array, Array]:
 
 
 def _clearance(stairs: Stairs, feet: tuple[FootMotion, FootMotion], sole: float) -> Float[Array, " N"]:
-    """Least height of the soles above the stairs below them, at points a twentieth of a sole apart."""
+    """Smallest height of the soles above the stairs, at points that are a twentieth of a sole apart."""
     along = sole * np.linspace(-0.5, 0.5, 21)
     heights = []
     for foot in feet:

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot on two legs: a floating-base model, its soles, and a standing posture."""
+"""A biped robot: a floating-base model, its soles, and a standing posture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from phantom_dyn.model.robot_files import find_robot
 
 @dataclass(frozen=True)
 class Sole:
-    """Contact area of a foot, a rectangle or trapezium [m], in the axes of a frame of the robot, x forward and z up.
+    """Contact area of a foot, a rectangle or trapezium [m] in a frame of the robot with x forward and z up.
 
     Attributes:
         frame: Name of the frame.
@@ -52,11 +52,11 @@ class Sole:
 
 @dataclass(frozen=True)
 class Walker:
-    """A biped ready to walk.
+    """A biped with its soles and its posture.
 
     Attributes:
         model: Private copy with a free-flyer and the added frames ``left_sole`` and ``right_sole``.
-        corners: Corners of either sole about its middle [m], shape ``(4, 2)``.
+        corners: Corners of each sole relative to its middle [m], shape ``(4, 2)``.
         posture: Configuration with bent legs and both soles level on the ground, shape ``(nq,)``.
         leg_columns: Indices of the velocities of the base and both legs, 18 of them.
         foot_distance: Distance between the middles of the soles in the posture [m].
@@ -83,17 +83,17 @@ class Walker:
 
 
 def load_walker(source: str | Path, *, left: Sole, right: Sole, posture: Mapping[str, float]) -> Walker:
-    """Biped from a URDF whose base floats.
+    """Load a biped from a URDF.
 
     Args:
         source: File, or ``example:NAME``.
         left: Sole of the left foot.
         right: Sole of the right foot, of the same shape.
-        posture: Joint positions [rad] that bend the legs and keep the soles level; other joints are at zero.
+        posture: Joint positions [rad] with bent legs and level soles; other joints are at zero.
 
     Raises:
-        RobotError: If the file cannot be used, a frame or joint is not in it, the soles are not level side by side in
-            the posture, or a leg does not have six joints.
+        RobotError: If the file cannot be used or lacks a frame or joint, the soles are not level side by side in the
+            posture, or a leg does not have six joints.
     """
     path = find_robot(source)
     parsed_urdf(path)  # raises a clear error if the file is faulty
@@ -112,7 +112,7 @@ def load_walker(source: str | Path, *, left: Sole, right: Sole, posture: Mapping
     left_at, right_at = (data.oMf[model.getFrameId(f"{side}_sole")] for side in ("left", "right"))
     between = left_at.translation - right_at.translation
     tilt = max(abs(pose.rotation - np.eye(3)).max() for pose in (left_at, right_at))
-    # A rounded posture leaves a tenth of a degree and half a millimetre.
+    # The limits allow for a rounded posture: a tenth of a degree and half a millimetre.
     if tilt > 2e-3 or abs(between[[0, 2]]).max() > 5e-4 or between[1] <= 0:
         raise RobotError(
             f"{path}: in the posture the soles are not level side by side: the left one is at "
@@ -145,7 +145,7 @@ def _mirrored(joints: dict[str, float]) -> Mapping[str, float]:
 
 
 TALOS_SOLE = Sole("left_sole_link", 0.10, -0.10, 0.06, 0.06, 0.0)
-"""TALOS: a rectangle inside the flat of the collision mesh of its foot."""
+"""TALOS: a rectangle inside the flat part of its foot's collision mesh."""
 TALOS_POSTURE = _mirrored(
     {"leg_left_3_joint": -0.411354, "leg_left_4_joint": 0.859395, "leg_left_5_joint": -0.448041}
     | {"arm_left_4_joint": -0.525366, "arm_left_7_joint": 0.1}
@@ -160,7 +160,7 @@ TALOS_BENT = MappingProxyType(
         for joint, value in ((3, -0.6), (4, 1.2), (5, -0.6))
     }
 )
-"""TALOS with its knees bent farther for stairs, so that the rear leg reaches one step down."""
+"""TALOS with more bent knees for stairs, so that the rear leg reaches one step down."""
 
 G1_SOLE = Sole("left_ankle_roll_link", 0.12, -0.05, 0.03, 0.025, 0.035)
 """Unitree G1: the lowest points of the four contact spheres in its URDF."""
@@ -176,7 +176,7 @@ def talos() -> Walker:
 
 
 def talos_bent() -> Walker:
-    """TALOS with its knees bent for stairs, its centre of mass 83 cm over the soles."""
+    """TALOS with knees bent for stairs; its centre of mass is 83 cm above the soles."""
     return _example("talos_reduced", TALOS_SOLE, "right_sole_link", TALOS_BENT)
 
 

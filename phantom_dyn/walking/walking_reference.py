@@ -1,4 +1,4 @@
-"""Walking reference from a joystick: the whole walk, the margin of its zero moment point, and the haptic signal."""
+"""Compute a walk from joystick commands, its stability margin, and a haptic signal of this margin."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from phantom_dyn.walking.zmp import SupportPolygon, support_polygon, zmp_from_co
 
 @dataclass(frozen=True)
 class WalkingReference(ReadOnlyArrays):
-    """A walk of ``N`` samples; world axes, the ground at z = 0.
+    """A walk of ``N`` samples in world axes; the ground is at z = 0.
 
     Attributes:
         t: Time [s], shape ``(N,)``.
@@ -29,8 +29,8 @@ class WalkingReference(ReadOnlyArrays):
         left: Motion of the left sole.
         right: Motion of the right sole.
         motion: Motion of the whole robot.
-        zmp: Zero moment point of the whole robot [m], all bodies and their spin included, shape ``(N, 2)``.
-        polygons: Support polygons, one for each stretch of time with the same feet on the ground.
+        zmp: Zero moment point of the whole robot with the rotation of all bodies [m], shape ``(N, 2)``.
+        polygons: Support polygons, one for each interval with the same feet on the ground.
         margin: Distance of the zero moment point to the edge of its polygon [m], negative outside, shape ``(N,)``.
     """
 
@@ -48,23 +48,23 @@ class WalkingReference(ReadOnlyArrays):
 
     @property
     def landings(self) -> Float[Array, " L"]:
-        """Times at which a foot comes down [s], shape ``(L,)``."""
+        """Times at which a foot lands [s], shape ``(L,)``."""
         return np.array([phase.end for phase in self.phases if phase.swing is not None and phase.end <= self.t[-1]])
 
     def haptic_signal(self, *, silent_above: float) -> Float[Array, " N"]:
-        """Drive of the controller's motor between 0 and 1, shape ``(N,)``; see `haptic_signal`."""
+        """Amplitude of the joystick's motor between 0 and 1, shape ``(N,)``; see `haptic_signal`."""
         return haptic_signal(self.margin, silent_above=silent_above)
 
 
 def haptic_signal(margin: Float[Array, " N"], *, silent_above: float) -> Float[Array, " N"]:
-    """Drive of the controller's motor: 0 with margin to spare, rising in a line to 1 where the robot starts to tip.
+    """Amplitude of the joystick's motor: 0 for a large margin, and linear up to 1 where the robot starts to tip.
 
-    The published fragment has a motor that tells the user how stable the walk is, but no equation for it. This one is
-    ours.
+    The incomplete source has a motor that tells the user how stable the walk is, but no equation for it; this equation
+    is a choice of this project.
 
     Args:
         margin: Distance of the zero moment point to the edge of its polygon [m], shape ``(N,)``.
-        silent_above: Margin at and above which nothing is felt [m].
+        silent_above: Margin from which the signal is zero [m].
 
     Raises:
         ParameterError: If ``silent_above`` is not positive.
@@ -79,18 +79,18 @@ def haptic_signal(margin: Float[Array, " N"], *, silent_above: float) -> Float[A
 def walk(
     walker: Walker, joystick: Joystick, *, duration: float, gait: Gait | None = None, rate: float = 100.0
 ) -> WalkingReference:
-    """Walk from standing at the origin as the joystick says.
+    """Walk from standing at the origin under the commands of a joystick.
 
-    The stick is read at each landing, so that a stop takes two steps at most: the one under way, and one that closes
-    the feet. The centre of mass is a linear inverted pendulum whose divergent component is planned in closed form.
-    Joints follow by inverse kinematics. The zero moment point is that of all bodies. The walk is only a reference:
-    where its margin is negative the robot would tip, and nothing corrects it; the hand feels it.
+    The joystick is read at each landing, so a stop takes two steps at most: the current step, and a step that puts the
+    feet side by side. The centre of mass is a linear inverted pendulum whose divergent component is planned in closed
+    form. Inverse kinematics gives the joints. The zero moment point is that of the whole robot. The walk is only a
+    reference: where its margin is negative the robot would tip, and no controller corrects this.
 
     Args:
         walker: The biped.
-        joystick: Settings of the user's controller; only those of the past are used at any time.
+        joystick: Commands over time; at each time the walk depends on past commands only.
         duration: Duration of the walk [s].
-        gait: How to step; by default the standard gait with the feet as far apart as in the walker's posture.
+        gait: Lengths and times of the steps; by default the standard gait with the walker's distance of the feet.
         rate: Sample rate [Hz].
 
     Raises:
@@ -115,7 +115,7 @@ def walk(
 
 
 def _polygons(walker: Walker, left: FootMotion, right: FootMotion) -> tuple[tuple[SupportPolygon, ...], Array]:
-    """Support polygons, and the index of the one that holds at each sample, shape ``(N,)``."""
+    """Support polygons, and the index of the polygon at each sample, shape ``(N,)``."""
     on_ground = np.stack([left.contact, right.contact], axis=1)
     placed = np.hstack([left.position * on_ground[:, :1], right.position * on_ground[:, 1:]])
     state = np.hstack([on_ground, placed])

@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Inverse kinematics of a biped: joint motion for given motions of the centre of mass and both soles.
 
-Eighteen coordinates (the base and two legs of six joints) meet eighteen conditions: the centre of mass, an upright base
-with a heading, and two sole poses. Velocities and accelerations follow exactly; nothing is differentiated numerically.
+Eighteen coordinates (the base and two legs of six joints) satisfy eighteen conditions: the centre of mass, an upright
+base with a heading, and the poses of two soles. Velocities and accelerations are exact, without numerical
+differentiation.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ from phantom_dyn.walking.pattern import FootMotion
 from phantom_dyn.walking.walker import Walker
 
 TOLERANCE = 1e-10
-"""Residual [m and rad] at which Newton's method stops: far below what would show in a zero moment point."""
+"""Residual [m and rad] at which Newton's method stops; its effect on the zero moment point is negligible."""
 MAX_STEPS = 30
-"""Largest number of Newton steps; started from the sample before, it takes three or four."""
+"""Largest number of Newton steps; from the solution at the previous sample it takes three or four."""
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 @dataclass(frozen=True)
 class ComMotion:
-    """Centre of mass over time [m, s], shapes ``(N, 3)``."""
+    """Motion of the centre of mass [m, s]."""
 
     position: Float[Array, "N 3"]
     velocity: Float[Array, "N 3"]
@@ -46,7 +47,7 @@ def com_above_slope(pendulum: PendulumState, height: float, slope: float) -> Com
 
 @dataclass(frozen=True)
 class WholeBodyMotion(ReadOnlyArrays):
-    """Motion of a floating-base model in Pinocchio's coordinates; shapes ``(N, nq)`` and ``(N, nv)``."""
+    """Motion of a floating-base model in Pinocchio's coordinates."""
 
     q: Float[Array, "N nq"]
     v: Float[Array, "N nv"]
@@ -72,7 +73,7 @@ def whole_body_motion(walker: Walker, com: ComMotion, left: FootMotion, right: F
     q, v, a = np.zeros((samples, model.nq)), np.zeros((samples, model.nv)), np.zeros((samples, model.nv))
     now = np.array(walker.posture)
     for k in range(samples):
-        base = _turned((left.position[k, 3] + right.position[k, 3]) / 2)
+        base = _rotation((left.position[k, 3] + right.position[k, 3]) / 2)
         soles = [_sole(left.position[k]), _sole(right.position[k])]
         now = _solve(walker, data, now, com.position[k], base, soles, k)
         jacobian = _jacobian(model, data, now)[:, columns]
@@ -80,7 +81,7 @@ def whole_body_motion(walker: Walker, com: ComMotion, left: FootMotion, right: F
         v[k, columns] = np.linalg.solve(jacobian, _rates(com.velocity[k], left.velocity[k], right.velocity[k]))
         wanted = _rates(com.acceleration[k], left.acceleration[k], right.acceleration[k])
         a[k, columns] = np.linalg.solve(jacobian, wanted - _drift(model, data, now, v[k]))
-    _within_limits(model, q)
+    _check_limits(model, q)
     return WholeBodyMotion(q, v, a)
 
 
@@ -137,21 +138,21 @@ def _drift(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:
 
 
 def _rates(com: Array, left: Array, right: Array) -> Array:
-    """Velocities or accelerations in world axes: centre of mass, base turning, then each sole moving and turning."""
+    """Velocities or accelerations in world axes: centre of mass, rotation of the base, motion of each sole."""
     turn = np.array([0.0, 0.0, (left[3] + right[3]) / 2])
     soles = [np.concatenate([foot[:3], [0.0, 0.0, foot[3]]]) for foot in (left, right)]
     return np.concatenate([com, turn, *soles])
 
 
-def _turned(heading: float) -> Array:
+def _rotation(heading: float) -> Array:
     return pin.utils.rotate("z", float(heading))
 
 
 def _sole(pose: Array) -> pin.SE3:
-    return pin.SE3(_turned(pose[3]), pose[:3].copy())
+    return pin.SE3(_rotation(pose[3]), pose[:3].copy())
 
 
-def _within_limits(model: pin.Model, q: Array) -> None:
+def _check_limits(model: pin.Model, q: Array) -> None:
     outside = (q < model.lowerPositionLimit - 1e-9) | (q > model.upperPositionLimit + 1e-9)
     outside[:, :7] = False
     if outside.any():

@@ -1,20 +1,20 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Zero moment point of a whole robot and of the inverted pendulum, and the support polygon that it has to stay in.
+r"""Zero moment point of a whole robot, and the support polygon in which it has to stay.
 
-The equations of this section of the source are lost; it cites [Huang]_. Let :math:`L` be the angular momentum of a body
+The source of this package lacks these equations and cites [Huang]_. Let :math:`L` be the angular momentum of a body
 about its own centre of mass, in right-handed axes, with :math:`z` upwards from the ground. Then
 
 .. math::
     x_{zmp} = \frac{\sum m (\ddot z + g) x - \sum m \ddot x z - \sum \dot L_y}{\sum m (\ddot z + g)}, \qquad
     y_{zmp} = \frac{\sum m (\ddot z + g) y - \sum m \ddot y z + \sum \dot L_x}{\sum m (\ddot z + g)}
 
-The sign of :math:`\dot L_x` is plus. [Huang]_ prints minus in both rows, which holds only for another convention of the
-axes. With a right-handed :math:`L_x` it moves the point by up to a metre in fast motion. To leave :math:`\dot L` out
-(point masses) does nearly as much. A test checks both.
+The sign of :math:`\dot L_x` is plus. [Huang]_ prints minus in both equations, which is right only for other axes. With
+right-handed axes a minus moves the point by up to a metre in fast motion. Leaving :math:`\dot L` out (point masses)
+gives almost the same error. A test checks both.
 
 References:
     .. [Huang] Q. Huang et al., Planning walking patterns for a biped robot, IEEE Trans. Robotics and Automation 17(3),
-       2001 (recalled, not read); the equations here are derived, and checked against each other and a closed form.
+       2001 (cited from memory); the equations here are derived, and compared with each other and with a closed form.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ class SupportPolygon(ReadOnlyArrays):
 
 
 def support_polygon(contacts: Float[Array, "C 2"]) -> SupportPolygon:
-    """Support polygon of the contact points of all feet on the ground.
+    """Support polygon of contact points on level ground.
 
     Args:
-        contacts: Contact points [m], shape ``(C, 2)``, in any order. Points inside the hull are ignored.
+        contacts: Contact points of all feet [m], shape ``(C, 2)``, in any order.
 
     Raises:
         ParameterError: If fewer than three points are given, one is not finite, or all lie on one line.
@@ -76,22 +76,22 @@ def support_polygon(contacts: Float[Array, "C 2"]) -> SupportPolygon:
 
 
 def support_polygon_along(contacts: Float[Array, "C 3"], force: Float[Array, " 3"]) -> SupportPolygon:
-    r"""Support polygon of contact points at different heights: hull of their projections along the force onto z = 0.
+    r"""Support polygon of contact points at different heights: the hull of their projections along the force to z = 0.
 
     A force f through the point :math:`\sum \lambda_i c_i`, :math:`\lambda_i \ge 0`, :math:`\sum \lambda_i = 1`, is
-    the sum of parallel forces :math:`\lambda_i f` at the contacts c_i. So if the zero moment point on z = 0 of a force
-    f is inside this polygon, and f within the cone of friction, such contact forces produce the motion. A level other
-    than z = 0 moves point and polygon alike, so that the margin does not depend on it. For soles at one height it is
-    the margin in their plane.
+    the sum of parallel forces :math:`\lambda_i f` at the contacts c_i. If the zero moment point of f on z = 0 is inside
+    this polygon, and f is inside the friction cone, these contact forces produce the motion. Another height than z = 0
+    would move the point and the polygon equally, so it does not change the margin. For soles at one height, the margin
+    is that in their plane.
 
     Args:
         contacts: Contact points [m], shape ``(C, 3)``.
         force: Sum of the contact forces [N], upwards, shape ``(3,)``.
 
     Raises:
-        ParameterError: If the force does not point upwards, or as for `support_polygon`.
+        ParameterError: If the force does not point upwards, or for the reasons in `support_polygon`.
     """
-    _pressing(force[2:])
+    _upward(force[2:])
     return support_polygon(contacts[:, :2] - contacts[:, 2:] * force[:2] / force[2])
 
 
@@ -121,7 +121,7 @@ def zmp_from_bodies(
             press = mass * (acceleration[2] + g)
             moments[k] += press * point[:2] - mass * acceleration[:2] * (point[2] - ground) + (-spin[1], spin[0])
             forces[k] += press
-    return moments / _pressing(forces)[:, None]
+    return moments / _upward(forces)[:, None]
 
 
 def zmp_from_centroidal_momentum(
@@ -138,7 +138,7 @@ def zmp_from_centroidal_momentum(
     for k in range(len(q)):
         pin.computeCentroidalMomentumTimeVariation(model, data, q[k], v[k], a[k])
         com[k], rate[k] = data.com[0], data.dhg.vector
-    force = _pressing(rate[:, 2] + mass * g)[:, None]
+    force = _upward(rate[:, 2] + mass * g)[:, None]
     turn = np.stack([-rate[:, 4], rate[:, 3]], axis=1)
     return com[:, :2] + (turn - rate[:, :2] * (com[:, 2:] - ground)) / force
 
@@ -146,10 +146,10 @@ def zmp_from_centroidal_momentum(
 def contact_wrench(
     model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"]
 ) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"]]:
-    """Force [N] and moment [N m] about the world's origin that the ground must exert, world axes, each ``(N, 3)``.
+    """Force [N] and moment [N m] of the ground on the robot, about the world's origin in world axes, each ``(N, 3)``.
 
-    Inverse dynamics gives them as the wrench at the floating base, which only the feet can provide. Arguments are those
-    of `zmp_from_bodies`.
+    Inverse dynamics gives them as the wrench at the floating base, because only the feet touch the ground. The
+    arguments are those of `zmp_from_bodies`.
 
     Raises:
         RobotError: If the base does not float or gravity is not vertical.
@@ -161,7 +161,7 @@ def contact_wrench(
     for k in range(len(q)):
         base = pin.Force(pin.rnea(model, data, q[k], v[k], a[k])[:6])
         wrench[k] = data.liMi[1].act(base).vector
-    _pressing(wrench[:, 2])
+    _upward(wrench[:, 2])
     return wrench[:, :3], wrench[:, 3:]
 
 
@@ -175,16 +175,16 @@ def zmp_of_wrench(
         moment: Contact moment about the world's origin [N m], shape ``(N, 3)``.
         ground: Height of the ground [m].
     """
-    # Moment about the point of the ground below the world's origin: moment - (0, 0, ground) x force.
+    # Moment about (0, 0, ground): moment - (0, 0, ground) x force.
     moment_x = moment[:, 0] + ground * force[:, 1]
     moment_y = moment[:, 1] - ground * force[:, 0]
-    return np.stack([-moment_y, moment_x], axis=1) / _pressing(force[:, 2])[:, None]
+    return np.stack([-moment_y, moment_x], axis=1) / _upward(force[:, 2])[:, None]
 
 
 def zmp_from_contact_wrench(
     model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"], *, ground: float = 0.0
 ) -> Float[Array, "N 2"]:
-    """Zero moment point [m] from the wrench that the ground must exert, shape ``(N, 2)``.
+    """Zero moment point [m] from the wrench of the ground on the robot, shape ``(N, 2)``.
 
     Arguments and errors are those of `zmp_from_bodies`.
     """
@@ -192,7 +192,7 @@ def zmp_from_contact_wrench(
 
 
 def _body_motion(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, Array, Array, Array]:
-    """Mass, centre of mass, its acceleration, and the rate of angular momentum about it, in world axes."""
+    """Mass, centre of mass, its acceleration, and the rate of the angular momentum about it, in world axes."""
     inertia = model.inertias[joint]
     rotation = data.oMi[joint].rotation
     omega = data.v[joint].angular
@@ -215,7 +215,8 @@ def _vertical_gravity(model: pin.Model) -> float:
     return -float(z)
 
 
-def _pressing(force: Float[Array, " N"]) -> Float[Array, " N"]:
+def _upward(force: Float[Array, " N"]) -> Float[Array, " N"]:
+    """The force, after a check that all of it is above zero."""
     lifted = np.flatnonzero(force <= 0)
     if lifted.size:
         raise ParameterError(

@@ -1,7 +1,8 @@
-"""Compiled steps of a tree of one-degree joints, some with motors that may move apart from their links.
+"""Compiled simulation steps of a tree of joints with one degree of freedom.
 
-The same midpoint rule as `phantom_dyn.simulation.stepping`. Passive joints of a closed chain follow the active ones, of
-which there are ``nv``. Laws of effects are called by their numbers, see `phantom_dyn.effects.compiled_laws`.
+Some joints may have an elastic transmission between motor and link. The integrator is the midpoint rule of
+`phantom_dyn.simulation.stepping`. A closed chain has ``nv`` active joints, which its passive joints follow. Laws of
+effects are called by their numbers, see `phantom_dyn.effects.compiled_laws`.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ class Arm(NamedTuple):
     Attributes:
         joint_constants: Constants of each joint of the tree, from `joint_rows`.
         joint_indices: Parent, kind and velocity index of each joint, from `joint_rows`.
-        root: Motion of the root from `at_root`; copied before it is used, as a plan may say how it moves.
+        root: Motion of the root from `at_root`; copied before it is changed to the motion in a plan.
         added_inertia: Inertia that is added to that of the links (rotors, couplings), ``(n, n)``.
         rotor: Inertias of the rotors, ``(nv,)``.
         viscous: Viscous coefficients, ``(nv,)``.
         coulomb: Coulomb torques, ``(nv,)``.
         drives: Index of each joint's motor in the state, ``(nv,)``.
-        encoders: Index of what each joint's encoder measures, its motor or its link, ``(nv,)``.
-        loose: Joints whose motor and link may move apart, ``(m,)``.
+        encoders: Index of the position that each joint's encoder measures, motor or link, ``(nv,)``.
+        loose: Joints with an elastic transmission, ``(m,)``.
         stiffness: Stiffness of their transmissions, ``(m,)``.
         damping: Damping of their transmissions, ``(m,)``.
         gap: Backlash of their transmissions, ``(m,)``.
-        chain: Motion of the tree for that of the active joints.
+        chain: How the tree follows the active joints.
     """
 
     joint_constants: Array
@@ -56,10 +57,10 @@ class Arm(NamedTuple):
 
 @jit
 def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: Plan, rows: Rows) -> int:
-    """Record N samples and make the planned steps behind each.
+    """Record N samples and make the planned steps after each.
 
     Returns:
-        The sample behind which a speed was beyond ``plan.far`` or loops could not be closed, -1 if there is none.
+        The sample after which a speed exceeded ``plan.far`` or loops could not be closed; -1 if that did not happen.
     """
     row = arm.root.copy()
     drives, seen, mode = arm.drives, arm.encoders, control.mode
@@ -122,7 +123,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
 def ask(
     control: Control, readings: Laws, seen: Array, x: Array, v: Array, t: float, reading: Array, out: Array
 ) -> None:
-    """Write the torque that the tracking law asks for at a state; ``reading`` receives the readings."""
+    """Write the torque that the tracking law commands at a state, and write the encoder readings to ``reading``."""
     share = place_in(control.t, control.cursor, t)
     for j in range(len(seen)):
         at = int(seen[j])
@@ -132,14 +133,14 @@ def ask(
 
 @inlined_jit
 def read_all(readings: Laws, seen: Array, x: Array, reading: Array) -> None:
-    """Write what the encoders read at positions ``x``."""
+    """Write the readings of the encoders at positions ``x``."""
     for j in range(len(seen)):
         reading[j] = read(readings.codes, readings.rows, readings.numbers, j, x[int(seen[j])])
 
 
 @inlined_jit
 def record(rows: Rows, k: int, reading: Array, asked: Array, given: Array, x: Array, v: Array, a: Array) -> None:
-    """Write sample ``k``; what the drives gave before it is what they are asked for where there was no step yet."""
+    """Write sample ``k``; before the first step, the torque that the drives gave is the commanded torque."""
     for j in range(len(reading)):
         rows.q[k, j], rows.asked[k, j] = reading[j], asked[j]
         rows.given[k, j] = asked[j] if np.isnan(given[j]) else given[j]
@@ -149,18 +150,18 @@ def record(rows: Rows, k: int, reading: Array, asked: Array, given: Array, x: Ar
 
 @inlined_jit
 def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bias: Array) -> None:
-    """Write mass matrix, half a step of viscous friction in it, and the torque of the coasting links.
+    """Write the mass matrix plus half a step of viscous friction, and the link torque at zero acceleration.
 
-    Where the loops of a chain cannot be closed the torque is not a number, and so is all that follows.
+    If the loops of a chain cannot be closed, the torque is NaN, and so is the state after the step.
 
     Args:
         arm: The machine.
-        row: A copy of its ``root``, to be written to.
+        row: A copy of its ``root``, which is changed.
         y: Positions, ``(n,)``.
         w: Velocities, ``(n,)``.
         h: Length of the step [s].
         mass: Receives the matrix, ``(n, n)``.
-        bias: Receives the torque, ``(nv,)``.
+        bias: Receives the link torque, ``(nv,)``.
     """
     n = len(y)
     for i in range(n):
@@ -180,7 +181,7 @@ def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bia
 
 @inlined_jit
 def transmit(arm: Arm, y: Array, w: Array, push: Array, transmitted: Array) -> None:
-    """Add the torques of the transmissions between loose motors and their links, and write them."""
+    """Write the torques of elastic transmissions, and add them to the push on motors and links."""
     for i in range(len(arm.loose)):
         j, at = arm.loose[i], len(arm.drives) + i
         torque = spring_torque(y[at] - y[j], w[at] - w[j], arm.stiffness[i], arm.damping[i], arm.gap[i])
@@ -191,7 +192,7 @@ def transmit(arm: Arm, y: Array, w: Array, push: Array, transmitted: Array) -> N
 
 @jit
 def spring_torque(apart: float, rate: float, stiffness: float, damping: float, gap: float) -> float:
-    """Torque on a link behind its transmission: none inside the play, and contact never pulls."""
+    """Torque of a transmission on its link: zero inside the backlash, and contact only pushes."""
     if gap <= 0.0:
         return stiffness * apart + damping * rate
     if apart > 0.5 * gap:
@@ -203,7 +204,7 @@ def spring_torque(apart: float, rate: float, stiffness: float, damping: float, g
 
 @inlined_jit
 def effects_passed(drives: Array, push: Array, transmitted: Array) -> None:
-    """Begin the torque that rigid transmissions pass with that of effects on their joints."""
+    """Write the effects' torque as the first part of the torque that rigid transmissions pass on."""
     for j in range(len(drives)):
         if drives[j] == j:
             transmitted[j] = push[j]
@@ -211,7 +212,7 @@ def effects_passed(drives: Array, push: Array, transmitted: Array) -> None:
 
 @inlined_jit
 def drives_passed(arm: Arm, given: Array, v: Array, a: Array, friction: Array, transmitted: Array) -> None:
-    """Add what drives give beyond what rotors and modelled friction take, where transmissions are rigid."""
+    """Add, for rigid transmissions, the drive torque minus that of rotor and modelled friction."""
     for j in range(len(given)):
         if arm.drives[j] == j:
             transmitted[j] += given[j] - arm.rotor[j] * a[j] - arm.viscous[j] * v[j] + friction[j]
@@ -219,7 +220,7 @@ def drives_passed(arm: Arm, given: Array, v: Array, a: Array, friction: Array, t
 
 @inlined_jit
 def accelerate(mobility: Array, push: Array, v: Array, h: float, speed: Array) -> None:
-    """Write the speeds behind ``h`` seconds of a push, without dry friction."""
+    """Write the speeds after ``h`` seconds of a push, without dry friction."""
     for i in range(len(v)):
         speed[i] = v[i]
         for j in range(len(v)):
@@ -228,12 +229,12 @@ def accelerate(mobility: Array, push: Array, v: Array, h: float, speed: Array) -
 
 @inlined_jit
 def advance(x: Array, v: Array, a: Array, y: Array, speed: Array, h: float, far: float) -> bool:
-    """Write the state behind a step from the positions half-way and the new speeds; False if one is beyond ``far``."""
+    """Write the state after a step from half-way positions ``y`` and new speeds; False if a speed exceeds ``far``."""
     slow = True
     for i in range(len(x)):
         a[i] = (speed[i] - v[i]) / h
         v[i] = speed[i]
         x[i] = y[i] + 0.5 * h * v[i]
-        # Not a number is fast too.
+        # The comparison is False for NaN too.
         slow = slow and abs(v[i]) < far
     return slow

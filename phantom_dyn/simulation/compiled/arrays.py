@@ -11,7 +11,7 @@ from phantom_dyn.effects.compiled_laws import delay_law, number_of
 from phantom_dyn.effects.simulated import Law
 
 GIVEN, AT_SAMPLES, AT_STEPS = 0, 1, 2
-"""Source of the commanded torque: the caller; the tracking law, at samples; the tracking law, at every step."""
+"""Source of the commanded torque: the caller; the tracking law at samples; the tracking law at every step."""
 
 
 class Laws(NamedTuple):
@@ -20,8 +20,8 @@ class Laws(NamedTuple):
     Attributes:
         codes: Number of each law, see `phantom_dyn.effects.compiled_laws.number_of`, ``(k,)``.
         rows: Joint of each law, ``(k,)``.
-        others: A second joint whose speed is added, ``(k,)``.
-        shares: Weight of the speed of the second joint, ``(k,)``.
+        others: A second joint of each law, whose weighted speed is added, ``(k,)``.
+        shares: Weight of the second joint, ``(k,)``.
         numbers: Parameters of each law, ``(k, 4)``.
         state: Internal state of each law, ``(k, 3)``; updated in every step.
     """
@@ -138,7 +138,7 @@ class Rows(NamedTuple):
 
 
 def packed(laws: list[Law]) -> Laws:
-    """Laws of one channel as arrays."""
+    """Write the laws of one channel as arrays."""
     k = len(laws)
     numbers, state = np.zeros((k, 4)), np.zeros((k, 3))
     for i, law in enumerate(laws):
@@ -155,7 +155,7 @@ def packed(laws: list[Law]) -> Laws:
 
 
 def lines_of(laws: list[Law], t: Array, counts: Array) -> Lines:
-    """Empty delay lines, long enough for ``counts[k]`` steps between the times ``t[k]`` and ``t[k + 1]``."""
+    """Make empty delay lines, long enough for ``counts[k]`` steps between the times ``t[k]`` and ``t[k + 1]``."""
     delays = [law.numbers[0] if law.function is delay_law else 0.0 for law in laws]
     size = 4 + int(max((_most_steps(t, counts, delay) for delay in delays if delay > 0.0), default=0.0))
     return Lines(np.zeros((len(laws), size, 2)), np.full((len(laws), 2), -1, np.int64))
@@ -164,21 +164,21 @@ def lines_of(laws: list[Law], t: Array, counts: Array) -> Lines:
 def _most_steps(t: Array, counts: Array, delay: float) -> float:
     """The largest number of steps that begin within ``delay`` seconds."""
     done = np.concatenate([[0.0], np.cumsum(counts[: len(t) - 1], dtype=float)])
-    # Linear between samples, so largest where the stretch begins or ends at one.
+    # The number is linear between samples, so it is largest for an interval that begins or ends at a sample.
     ends = np.concatenate([t, t + delay])
     return float(np.max(np.interp(ends, t, done) - np.interp(ends - delay, t, done)))
 
 
 def moving_from(x: Array, v: Array, transmitted: Array) -> Moving:
-    """The state at the start."""
+    """The state at the start of a simulation."""
     nv = len(transmitted)
-    still = np.zeros(len(x))
+    no_acceleration = np.zeros(len(x))
     return Moving._make(
         np.array(part, dtype=float)
-        for part in (x, v, still, transmitted, np.zeros(nv), np.zeros(nv), np.full(nv, np.nan))
+        for part in (x, v, no_acceleration, transmitted, np.zeros(nv), np.zeros(nv), np.full(nv, np.nan))
     )
 
 
 def rows_for(count: int, nv: int, n: int) -> Rows:
-    """Empty arrays for ``count`` samples."""
+    """Arrays for ``count`` samples, filled with zeros."""
     return Rows._make(np.zeros((count, width)) for width in (nv, nv, nv, n, n, n, n))

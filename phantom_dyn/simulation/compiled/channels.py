@@ -1,7 +1,6 @@
-"""Channels of a machine at one instant, inside compiled steps: readings, commands to the drives, and what they give.
+"""Encoder readings, commanded torques and effect torques at one instant, for compiled steps.
 
-The number by which a law of an effect is called is an identifier, and not an index into a list: see
-`phantom_dyn.effects.compiled_laws`.
+The number of an effect's law is an identifier and not an index into a list, see `phantom_dyn.effects.compiled_laws`.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
 
 @inlined_jit
 def place_in(times: Array, cursor: Array, t: float) -> float:
-    """Share of the way from the table's row ``cursor[0]`` to the next at time ``t``; the ends hold beyond it."""
+    """Set ``cursor[0]`` to the table row before ``t``; return where ``t`` is between this row (0) and the next (1)."""
     k = cursor[0]
     while k + 2 < len(times) and t >= times[k + 1]:
         k += 1
@@ -34,7 +33,7 @@ def place_in(times: Array, cursor: Array, t: float) -> float:
 
 @inlined_jit
 def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float, v: float) -> float:
-    """Torque that a tracking law asks of drive ``j``, see `phantom_dyn.simulation.control`."""
+    """Torque that a tracking law commands from drive ``j``, see `phantom_dyn.simulation.control`."""
     rest, n = 1.0 - share, k + 1
     forward = rest * tables[k, j, 0] + share * tables[n, j, 0]
     wanted, speed = rest * tables[k, j, 1] + share * tables[n, j, 1], rest * tables[k, j, 2] + share * tables[n, j, 2]
@@ -48,7 +47,7 @@ def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float
 def given_by_drive(
     codes: Array, numbers: Array, state: Array, rings: Array, ends: Array, i: int, h: float, asked: float
 ) -> float:
-    """Torque behind command law ``i`` when ``asked`` comes to it for ``h`` seconds; its state moves on.
+    """Output of command law ``i`` for the input ``asked`` during ``h`` seconds; updates the law's state.
 
     Args:
         codes: Code of each law, see `Laws`.
@@ -56,9 +55,9 @@ def given_by_drive(
         state: State of the laws, see `Laws`; changed.
         rings: Delayed values, see `Lines`; changed.
         ends: Ends of each ring, see `Lines`; changed.
-        i: Which law.
+        i: Index of the law.
         h: Length of the step [s].
-        asked: Torque before the law.
+        asked: Commanded torque before the law.
     """
     if codes[i] == DELAY:
         ends[i, 0], ends[i, 1], given = delay_law(rings[i], ends[i, 0], ends[i, 1], numbers[i, 0], h, asked)
@@ -69,7 +68,7 @@ def given_by_drive(
 
 @inlined_jit
 def effect_torque(codes: Array, numbers: Array, state: Array, i: int, q: float, v: float, load: float) -> float:
-    """Torque of law ``i`` of the torque channel at a position, velocity and transmitted load; its state moves on."""
+    """Torque of law ``i`` at a position, a velocity and a transmitted load; updates the law's state."""
     state[i, 0], state[i, 1], state[i, 2], torque = torque_of(
         codes[i], numbers[i, 0], numbers[i, 1], numbers[i, 2], numbers[i, 3],
         state[i, 0], state[i, 1], state[i, 2], q, v, load,

@@ -92,7 +92,7 @@ REFUSED = {
     "noise period": (lambda: white(period=0.0), "period is 0"),
     "noise duration": (lambda: white(duration=-1.0), "duration is -1"),
     "noise short": (lambda: white(period=1.0, duration=0.1), "at least one period"),
-    "noise long": (lambda: white(duration=1e300), "at most 100000000 of them"),
+    "noise long": (lambda: white(duration=1e300), "at most 100000000 periods"),
     "noise force": (lambda: white(force=NAN), "force is nan"),
     "noise reading": (lambda: white(position_noise=-1.0), "position noise is -1"),
     "response": (
