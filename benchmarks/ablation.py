@@ -1,20 +1,20 @@
-"""Says of every gate and named number of the diagnosis whether it prevents wrong answers, and what right ones it costs.
+"""Measure for every gate and named number of the diagnosis how many wrong answers it prevents and right ones it costs.
 
-    python benchmarks/ablation.py follow --cases CASES.yaml --store DIR    # each case once, all numbers followed
+    python benchmarks/ablation.py follow --cases CASES.yaml --store DIR    # run each case once and follow all numbers
     python benchmarks/ablation.py numbers --cases CASES.yaml --store DIR --minutes 60
     python benchmarks/ablation.py table --store DIR --page docs/ablation.md --part numbers
 
-CASES.yaml lists the sets: ``{make: field, sealed: FOLDER, each: 6}`` has ``cases`` and ``answers`` of a draw whose
-answers are open and takes the quickest six of each kind, ``{make: second, given: FOLDER}`` has cases of
-`benchmarks/given_cases.py`, ``{make: loads, loads: FOLDER, each: 2}`` recordings with weighed loads. An entry with
-``names: [..]`` takes these cases alone.
+CASES.yaml lists the sets. ``{make: field, sealed: FOLDER, each: 6}`` means a draw with open answers in the folders
+``cases`` and ``answers``, of which the six fastest of each kind are taken. ``{make: second, given: FOLDER}`` means
+cases of `benchmarks/given_cases.py`, ``{make: loads, loads: FOLDER, each: 2}`` recordings with weighed loads. An
+entry with ``names: [..]`` takes only these cases.
 
-A case is run once with every number followed (`benchmarks/ablation_numbers.py`) and every gate counted. What no
-comparison asks, or what no comparison would turn on with half or twice the number, cannot change that case and is not
-run. A gate is left out where it refused something, one of the search where it alone did. Numbers are changed in groups,
-and a group whose answer differs is halved until the number is found. The groups grow with every case in which their
-numbers changed no answer. A number that was found to decide in one case is left out of the groups of the next, and is
-run there by itself after all others, with ``--again``.
+A first run of each case follows every number (`benchmarks/ablation_numbers.py`) and counts every gate. A number that
+decides no comparison, or none that half or twice its value would decide otherwise, cannot change the case and is not
+varied. A gate is left out if it refused something; a gate of the search, if it was the only one that refused it.
+Numbers are changed in groups, and a group that changes the answer is halved until the number is found. The groups
+grow with every case in which their numbers change no answer. A number that decides a case is left out of the groups
+of the next cases; with ``--again`` it is run there alone, after all others.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ from benchmarks.ablation_table import (
 from benchmarks.markers import between_markers
 
 FOLDERS = ("identification/diagnosis", "identification/engine", "identification/gates")
-GROUP = 8  # numbers that are changed in one run at first
-MOST_IN_A_GROUP = 32  # half of these would be found to decide seldom enough that halving costs little
+GROUP = 8  # numbers in the first group
+MOST_IN_A_GROUP = 32  # half of these rarely contain a number that decides, so halving costs little
 PACKAGES = ("identification", "phantom_dyn")
-# Counts that NumPy and deques ask to be whole numbers and nothing else.
+# NumPy and deques accept only integers for these counts
 UNFOLLOWED = {
     "identification.diagnosis.fit.joint_fit:_DRAWS",
     "identification.diagnosis.judge.moved_by_noise:_SEGMENT",
@@ -61,7 +61,7 @@ UNFOLLOWED = {
 
 
 def deciding(names: Sequence[str], differs: Callable[[Sequence[str]], bool]) -> list[str]:
-    """Of some numbers those that change an answer by themselves, found by halving groups that do.
+    """The numbers that change an answer by themselves, found by halving groups that change it.
 
     Args:
         names: Numbers.
@@ -77,7 +77,7 @@ def deciding(names: Sequence[str], differs: Callable[[Sequence[str]], bool]) -> 
 
 @dataclass(frozen=True)
 class Store:
-    """Results of runs, one file for each case: variant by variant, so that what is there is not run again."""
+    """Results of the runs, one file for each case, written after each variant so that nothing is run twice."""
 
     folder: Path
 
@@ -91,7 +91,7 @@ class Store:
         return json.loads(path.read_text()) if path.is_file() else {}
 
     def add(self, key: str, variant: str, result: Mapping) -> None:
-        """Keep a result."""
+        """Add a result."""
         path, known = self.file(key), self.of(key)
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
@@ -108,7 +108,7 @@ class Store:
 
 
 def follow(case: Case, numbers: Sequence[Named], unfollowed: set[str]) -> dict:
-    """A case with every number followed; one that the code can not take in this form is added to ``unfollowed``."""
+    """Run a case with every number followed; a number that the code cannot take is added to ``unfollowed``."""
     while True:
         result = run(case, Variant(numbers=tuple(n for n in numbers if n.key not in unfollowed), follow=True))
         met = _named_in(result["error"], [n for n in numbers if n.key not in unfollowed]) if result["error"] else []
@@ -118,7 +118,7 @@ def follow(case: Case, numbers: Sequence[Named], unfollowed: set[str]) -> dict:
 
 
 def _named_in(error: str, numbers: Sequence[Named]) -> list[str]:
-    """Numbers of the innermost line of a traceback that names some; else all of the modules it ends in."""
+    """Named numbers in the innermost line of a traceback that has some, or all of the innermost module."""
     lines = error.splitlines()
     frames = [
         (".".join(Path(line.split('"')[1]).relative_to(CHECKOUT).with_suffix("").parts), lines[k + 1])
@@ -133,7 +133,7 @@ def _named_in(error: str, numbers: Sequence[Named]) -> list[str]:
 
 
 def vary_gates(case: Case, gates: Sequence[str], store: Store, until: float) -> None:
-    """Run a case without each gate that may matter in it."""
+    """Run a case without each gate that may change its answer."""
     results = store.of(case.key)
     for gate in gates_to_leave_out(base_of(results), gates):
         if f"without {gate}" not in results and time.time() < until:
@@ -141,14 +141,14 @@ def vary_gates(case: Case, gates: Sequence[str], store: Store, until: float) -> 
 
 
 def vary_numbers(case: Case, numbers: Sequence[Named], store: Store, until: float, *, again: bool = False) -> None:
-    """Run a case with half and twice each number that may matter in it, in groups that are halved where they do.
+    """Run a case with half and twice each number that may change its answer, in groups that are halved if they do.
 
     Args:
-        case: Followed before.
+        case: Case that was followed before.
         numbers: Named numbers.
-        store: Of the results.
-        until: Time at which no run begins any more [s].
-        again: Numbers that decide another case, each by itself, in place of those that decide none so far.
+        store: Results.
+        until: Time after which no run starts [s].
+        again: If True, run each number alone that decides another case, instead of those that decide none so far.
 
     Raises:
         TimeoutError: If that time has come.
@@ -176,12 +176,12 @@ def vary_numbers(case: Case, numbers: Sequence[Named], store: Store, until: floa
 def groups_of(
     names: Sequence[str], elsewhere: Mapping[str, tuple[int, int]], *, again: bool = False
 ) -> Iterator[list[str]]:
-    """Groups of numbers that are changed in one run.
+    """Groups of numbers to change in one run.
 
     Args:
         names: Numbers that may change a case.
-        elsewhere: In how many other cases each was run, and in how many of these it changes the answer.
-        again: Those that change the answer of another case, each by itself, in place of the others.
+        elsewhere: For each number, in how many other cases it was run, and in how many of these it changed the answer.
+        again: If True, the numbers that changed the answer of another case, each alone, instead of the others.
     """
     if again:
         yield from ([name] for name in names if elsewhere.get(name, (0, 0))[1])
@@ -203,19 +203,19 @@ def gate_names() -> tuple[str, ...]:
 
 
 def chosen_cases(path: Path) -> list[Case]:
-    """The cases of a list of sets, mixed, so that those of any time are of every set."""
+    """The cases of a list of sets in mixed order, so that a run of any length covers every set."""
     cases = [case for entry in yaml.safe_load(path.read_text()) for case in cases_of(entry)]
     random.Random(3).shuffle(cases)
     return cases
 
 
 def seconds_of(store: Store, case: Case) -> float:
-    """Seconds that a case took where it was followed [s]."""
+    """Time that the followed run of a case took [s]."""
     return store.of(case.key).get("follow", {}).get("seconds", 0.0)
 
 
 def one_make_after_the_other(cases: Sequence[Case], seconds: Mapping[str, float]) -> list[Case]:
-    """The quickest case of every make and kind, then the next of each: those of any time are of every make."""
+    """Order cases so that a run of any length covers every make and kind, with the fastest cases first."""
     place: dict[tuple[str, str], int] = {}
     of_make: dict[str, int] = {}
     ranked = []
@@ -230,7 +230,7 @@ def one_make_after_the_other(cases: Sequence[Case], seconds: Mapping[str, float]
 
 
 def with_table(page: str, part: str, table: str) -> str:
-    """A page with another table between the markers of a part, ``gates`` or ``numbers``."""
+    """The page with another table between the markers of a part, ``gates`` or ``numbers``."""
     return between_markers(page, f"<!-- {part} -->", f"<!-- end of {part} -->", f"\n{table}\n")
 
 

@@ -1,8 +1,9 @@
-"""Named numbers of packages: which there are, how one is given another value, and where it could change a comparison.
+"""Find the named numbers of packages, give one another value, and follow where a number could change a comparison.
 
-A named number is a constant of a module, in capitals, that is a number or a tuple of numbers. `Followed` stands for one
-while a program runs: it carries what every result would be with the number halved or doubled, up to the first
-comparison that would turn out otherwise. A run in which none does says the same with half and with twice the number.
+A named number is a constant of a module in capital letters that is a number or a tuple of numbers. While a program
+runs, a `Followed` stands for the number: it also computes each result with half and with twice the number, until a
+comparison would turn out otherwise. If no comparison does, the run gives the same answer with half and with twice the
+number.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from types import ModuleType
 import numpy as np
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-FACTORS = (0.5, 2.0)  # what a number is multiplied by
-_NEARLY_ALL = 0.9  # share or probability from which on what is left to one says how strict it is
+FACTORS = (0.5, 2.0)  # factors by which a number is multiplied
+_NEARLY_ALL = 0.9  # a share or probability from here on is a strict limit, whose distance to one is scaled
 Value = float | int | tuple
 
 
@@ -34,7 +35,7 @@ class Named:
 
     @property
     def key(self) -> str:
-        """Module and name, by which it is known."""
+        """Module and name, which identify the number."""
         return f"{self.module}:{self.name}"
 
 
@@ -51,7 +52,7 @@ def named_numbers(folders: Sequence[str], root: Path = CHECKOUT) -> tuple[Named,
 
 
 def _assigned(statement: ast.stmt) -> Iterator[tuple[str, Value]]:
-    """Names and numbers that a statement of a module gives to them."""
+    """Names in an assignment statement of a module, and the numbers that it assigns."""
     if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
         target, value = statement.targets[0], statement.value
     elif isinstance(statement, ast.AnnAssign) and statement.value is not None:
@@ -69,7 +70,7 @@ def _assigned(statement: ast.stmt) -> Iterator[tuple[str, Value]]:
 
 
 def _number(node: ast.expr) -> Value | None:
-    """The number, or tuple of numbers, that an expression of literals is; None if it is anything else."""
+    """The number or tuple of numbers of a literal expression, or None."""
     if isinstance(node, ast.Tuple):
         parts = [_number(part) for part in node.elts]
         return tuple(parts) if parts and None not in parts else None
@@ -78,7 +79,7 @@ def _number(node: ast.expr) -> Value | None:
         or (isinstance(one, ast.Constant) and type(one.value) in (int, float))
         for one in ast.walk(node)
     )
-    return eval(compile(ast.Expression(node), "", "eval"), {}) if literal else None  # literals alone
+    return eval(compile(ast.Expression(node), "", "eval"), {}) if literal else None  # only literals
 
 
 def _unit(lines: Sequence[str], at: int) -> str:
@@ -91,9 +92,9 @@ def _unit(lines: Sequence[str], at: int) -> str:
 
 
 def scaled(value: Value, factor: float) -> Value:
-    """A number halved or doubled; a whole one stays whole, and above zero if it was.
+    """A number halved or doubled; an integer stays an integer, and above zero if it was.
 
-    Of a probability such as 0.99 what is left to one is doubled or halved, as there is none of 1.98.
+    Of a probability such as 0.99, the distance to one is doubled or halved, because there is no probability of 1.98.
     """
     if isinstance(value, tuple):
         return tuple(scaled(part, factor) for part in value)
@@ -103,7 +104,7 @@ def scaled(value: Value, factor: float) -> Value:
 
 
 def modules_with(named: Named) -> list[ModuleType]:
-    """Loaded modules in which a named number has its name: the one that defines it, and those that import it."""
+    """Loaded modules that contain a named number: the one that defines it, and those that import it."""
     home = sys.modules[named.module]
     value = getattr(home, named.name)
     packages = {
@@ -128,20 +129,20 @@ def _imports(module: ModuleType, named: Named) -> bool:
 
 
 def replace_number(named: Named, value: object) -> None:
-    """Give a named number another value in every module that has it, for the rest of this process."""
+    """Give a named number another value in every module that contains it, for the rest of this process."""
     for module in modules_with(named):
         setattr(module, named.name, value)
 
 
 @dataclass
 class Trace:
-    """What was seen of each followed number.
+    """What was recorded of each followed number.
 
     Attributes:
-        asked: Comparisons that a number took part in, by key.
-        flips: Of these, how many turn out otherwise with the number halved, and doubled.
-        lost: Times that a number went where it cannot be followed, such as into an array.
-        places: How often the comparisons of a number came out false and true in each line of code.
+        asked: Number of comparisons that involved a number, by its key.
+        flips: How many of these turn out otherwise with half and with twice the number.
+        lost: How often a number went where it cannot be followed, such as into an array.
+        places: How often the comparisons of a number gave False and True in each line of code.
     """
 
     asked: dict[str, int] = field(default_factory=dict)
@@ -150,7 +151,7 @@ class Trace:
     places: dict[str, dict[str, list[int]]] = field(default_factory=dict)
 
     def compared(self, key: str, came_out: tuple[bool, bool], otherwise: Sequence[bool]) -> None:
-        """Count a comparison that came out false or true anywhere, and whether half or twice the number changes it."""
+        """Count a comparison by its result, and whether half or twice a number changes it."""
         self.asked[key] = self.asked.get(key, 0) + 1
         seen = self.places.setdefault(key, {}).setdefault(_line(), [0, 0])
         for k, so in enumerate(came_out):
@@ -160,7 +161,7 @@ class Trace:
             known[k] += differs
 
     def gone(self, keys: Sequence[str]) -> None:
-        """Count that numbers can be followed no further."""
+        """Count that these numbers cannot be followed further."""
         for key in keys:
             self.lost[key] = self.lost.get(key, 0) + 1
 
@@ -174,9 +175,9 @@ def _line() -> str:
 
 
 class Followed:
-    """A number, and what it would be with each of some named numbers halved or doubled.
+    """A number, with the values that it would have if some named numbers were halved or doubled.
 
-    It is no ``float``, so that whatever turns it into one is seen: from there on it is lost.
+    It is not a ``float``, so a conversion to one is noticed; the number counts as lost from there on.
     """
 
     __slots__ = ("others", "trace", "value")
@@ -237,7 +238,7 @@ _COMPARISONS = (np.greater, np.less, np.greater_equal, np.less_equal, np.equal, 
 
 
 def _combined(of: Callable, *inputs: object) -> object:
-    """A result of followed numbers and others; a comparison is counted and comes back plain."""
+    """Result of an operation with followed numbers; a comparison is counted and gives a plain bool."""
     followed = [one for one in inputs if isinstance(one, Followed)]
     trace = followed[0].trace
 
@@ -271,7 +272,7 @@ def _add_operators() -> None:
 
 
 def _with_arrays(of: Callable, one: object, other: object) -> object:
-    """An operation on scalars is followed; what goes into an array is lost."""
+    """Follow an operation on scalars; a number that enters an array is lost."""
     if any(isinstance(x, list | tuple | str) or np.ndim(getattr(x, "value", x)) > 0 for x in (one, other)):  # type: ignore[arg-type]
         return of(*(x._lose() if isinstance(x, Followed) else x for x in (one, other)))
     return _combined(of, one, other)
@@ -281,7 +282,7 @@ _add_operators()
 
 
 def followed(named: Named, trace: Trace) -> object:
-    """What stands for a named number while a run is followed."""
+    """The object that stands for a named number while a run is followed."""
 
     def of(value: float, at: Sequence[float]) -> Followed:
         return Followed(value, {named.key: tuple(at)}, trace)
@@ -296,5 +297,5 @@ def followed(named: Named, trace: Trace) -> object:
 
 
 def plain(value: object) -> object:
-    """A value without what was followed, for where it is written down and decides nothing."""
+    """A value without followed numbers, for values that are only written down."""
     return value.value if isinstance(value, Followed) else value

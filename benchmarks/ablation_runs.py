@@ -1,6 +1,6 @@
-"""Runs of one case with a gate left out or a number of another value, and what was right or wrong in their answers.
+"""Run a case without a gate or with another value of a number, and judge the answer.
 
-Each run is a child of this process, so that what is loaded is loaded once, and nothing of a run reaches another.
+Each run is a child of this process: modules are loaded once, and runs do not influence each other.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from benchmarks.blind.makes.real.context import entry_without_context
 from benchmarks.gapbench.cases import robot_and_log
 from benchmarks.gapbench.scoring.judged import judged
 
-TIMEOUT = 240  # s: of a run; a search that a gate has to end may not end without it
+TIMEOUT = 240  # longest time of a run [s]: without a gate that ends a search, it may not end
 BESIDE_ROBOT = "corrected.yaml"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Whether an answer is right, and whether it says what is not so; one that says nothing may be neither."""
+    """Whether an answer is right, and whether it states something wrong; it may be neither if it states nothing."""
 
     right: bool
     wrong: bool
@@ -48,12 +48,12 @@ class Case:
     """A recording with a known answer.
 
     Attributes:
-        make: Who made it: cases of a make share robots, motions and noise.
-        name: Of its folder.
-        kind: Of its answer: ``null``, ``single``, ``pair``, ``outside``, or the kind of a known load.
-        steps: Words of the command line of each diagnosis, one after the other; ``{out}`` stands for a folder.
-        outcome: Of what was said, which is read from that folder.
-        stored: Folder of the draw that holds a stored diagnosis of it; None if there is none.
+        make: Origin of the case; cases of a make share robots, motions and noise.
+        name: Name of the folder.
+        kind: Kind of the answer: ``null``, ``single``, ``pair``, ``outside``, or the kind of a known load.
+        steps: Command-line arguments of each diagnosis in order; ``{out}`` stands for a folder.
+        outcome: Function that judges what the diagnosis wrote to that folder.
+        stored: Folder of the draw with a stored diagnosis of the case, or None.
     """
 
     make: str
@@ -65,13 +65,13 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Make and name, by which it is known."""
+        """Make and name, which identify the case."""
         return f"{self.make}/{self.name}"
 
 
 @dataclass(frozen=True)
 class Variant:
-    """What is changed: nothing, a gate that lets all pass, or numbers with their factor.
+    """What a run changes: nothing, a gate that accepts everything, or numbers that are multiplied by a factor.
 
     With ``follow`` the numbers keep their values and are followed, see `ablation_numbers.Followed`.
     """
@@ -83,7 +83,7 @@ class Variant:
 
 
 def sealed_case(folder: Path, name: str, make: str) -> Case:
-    """A case of a draw whose answers are open: ``cases``, ``answers`` of a folder."""
+    """A case of a draw with open answers, in the subfolders ``cases`` and ``answers``."""
     case, answer = folder / "cases" / name, json.loads((folder / "answers" / f"{name}.json").read_text())
     found = robot_and_log(case)
     assert found is not None
@@ -104,7 +104,7 @@ def sealed_case(folder: Path, name: str, make: str) -> Case:
 
 
 def stored_result(folder: Path, case: Case) -> dict:
-    """What a stored diagnosis of a drawn case says, in the form of `run`, with the gates that refused by its ledger."""
+    """Result of a stored diagnosis of a drawn case in the form of `run`, with the gates that refused by its ledger."""
     entry = json.loads((folder / "results" / f"{case.name}.json").read_text())
     said = entry["diagnosis"] or {"verdict": "failed", "findings": [], "ledger": []}
     with tempfile.TemporaryDirectory(prefix="ablation-") as place:
@@ -155,7 +155,7 @@ def of_given(case: given_cases.Answered) -> Outcome:
 
 
 def known_load(folder: Path, book: Mapping, make: str) -> Case:
-    """A real recording with a weighed load, scored by what lies beside it."""
+    """A real recording with a weighed load, whose true values are in a file beside it."""
     spec = importlib.util.spec_from_file_location("known_loads_score", folder.parent / "score.py")
     assert spec is not None
     assert spec.loader is not None
@@ -180,7 +180,7 @@ def known_load(folder: Path, book: Mapping, make: str) -> Case:
 
 
 def command_case(folder: Path, entry: Mapping, make: str) -> Case:
-    """A case by its command: ``words``, right ``verdicts``, effects that have to be ``named``, and that ``may`` be."""
+    """A case by its command ``words``, right ``verdicts``, effects that must be ``named``, and others that ``may``."""
     named, may = set(entry.get("named", ())), set(entry.get("may", ()))
     files = [str(folder / word) if (folder / word).exists() else word for word in entry["words"]]
 
@@ -197,12 +197,12 @@ def command_case(folder: Path, entry: Mapping, make: str) -> Case:
 
 
 def read_or_none(path: Path) -> dict | None:
-    """What a file of JSON holds; None without one."""
+    """Content of a JSON file, or None without the file."""
     return json.loads(path.read_text()) if path.is_file() else None
 
 
 def load_everything() -> None:
-    """Import every module of the packages, so that children find each number and gate where it is used."""
+    """Import every module of the packages, so that child processes find each number and gate."""
     import identification
 
     for found in pkgutil.walk_packages(identification.__path__, "identification."):
@@ -211,7 +211,7 @@ def load_everything() -> None:
 
 
 def warm_up(case: Case) -> None:
-    """Diagnose a case in this process, so that children find numba and compiled functions loaded."""
+    """Diagnose a case in this process, so that child processes have numba and compiled functions loaded."""
     from identification.cli.main import main
 
     with (
@@ -225,14 +225,14 @@ def warm_up(case: Case) -> None:
 
 @dataclass
 class Met:
-    """How often each gate was asked, refused, and was alone in refusing, by name."""
+    """How often each gate was asked, refused, and was the only one to refuse, by name."""
 
     asked: dict[str, int]
     refused: dict[str, int]
     alone: dict[str, int]
 
 
-# Gates that only say what another function has decided: without that function's answer nothing is refused.
+# Gates that only report the decision of another function; without that function they refuse nothing.
 DECIDED_BY: Mapping[str, tuple[str, str, object]] = {
     "plausible size": ("identification.diagnosis.search.rival_sets", "implausible", lambda *_: None),
     "likelier than rivals": ("identification.diagnosis.search.rival_sets", "_leader", lambda *_: (None, ())),
@@ -240,7 +240,7 @@ DECIDED_BY: Mapping[str, tuple[str, str, object]] = {
 
 
 def leave_out(names: Iterable[str], met: Met | None = None) -> None:
-    """Let gates pass all that they are asked, in this process; or, of all gates, only count what they say."""
+    """Let the named gates accept everything in this process; ``met`` counts how often each gate refuses."""
     from identification import gates
 
     chosen = frozenset(names)
@@ -264,7 +264,7 @@ def leave_out(names: Iterable[str], met: Met | None = None) -> None:
 
 
 def count_alone(met: Met) -> None:
-    """Ask all gates of the search of every claim, and count those that alone refuse one; the answer stays the same."""
+    """Ask all gates of the search for every claim, and count each that refuses alone; answers do not change."""
     from identification.diagnosis.search import claims
     from identification.engine.claims import until_failed
 
@@ -279,7 +279,7 @@ def count_alone(met: Met) -> None:
 
 
 def write_plain_numbers() -> None:
-    """Let results of gates and files hold plain numbers where numbers are followed."""
+    """Write plain numbers into results of gates and files while numbers are followed."""
     from identification.engine.claims import GateResult
     from identification.reporting.stored import diagnosis_files
 
@@ -295,7 +295,7 @@ def write_plain_numbers() -> None:
 
 
 def run(case: Case, variant: Variant) -> dict:
-    """What a variant says of a case, in a child process: outcome, verdict, findings, seconds, and what was traced."""
+    """Run a variant of a case in a child process: outcome, verdict, findings, seconds, and the trace."""
     with tempfile.TemporaryDirectory(prefix="ablation-") as place:
         out, start = Path(place), time.perf_counter()
         child = os.fork()
@@ -345,14 +345,14 @@ def _child(case: Case, variant: Variant, out: Path) -> None:
                 code = main(["diagnose", *(word.format(out=out) for word in step)])
             if variant.follow:
                 (out / "trace.json").write_text(json.dumps({**vars(trace), "gates": vars(met)}))
-    except BaseException:  # a child says what went wrong, and never comes back
+    except BaseException:  # a child reports errors and never returns
         (out / "error.txt").write_text(traceback.format_exc()[-3000:])
     finally:
         os._exit(code)
 
 
 def cases_of(entry: Mapping) -> list[Case]:
-    """The cases of an entry of the list of sets, see `benchmarks/ablation.py`; with ``each`` the first of each kind."""
+    """The cases of a listed set, see `benchmarks/ablation.py`; ``each`` limits the number of each kind."""
     make, each = entry["make"], entry.get("each")
     if "sealed" in entry:
         folder = Path(entry["sealed"])
@@ -376,9 +376,9 @@ def cases_of(entry: Mapping) -> list[Case]:
 
 
 def _one_robot_after_the_other(folder: Path) -> list[str]:
-    """Names of the cases of a draw: of each robot the quickest to diagnose, then of each the next.
+    """Names of the cases of a draw in turn over the robots, the fastest of each robot first.
 
-    Where no results are stored all are as quick.
+    Without stored results all count as equally fast.
     """
     seconds: dict[tuple[str, str], list[tuple[float, str]]] = {}
     stored = sorted((folder / "results").glob("*.json"))

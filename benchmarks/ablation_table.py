@@ -1,4 +1,4 @@
-"""The tables of `benchmarks/ablation.py`: what each gate and number prevents and costs, by make."""
+"""Tables of `benchmarks/ablation.py`: what each gate and number prevents and costs for each make."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from benchmarks.ablation_numbers import FACTORS, Named
 
 OF_SEARCH = ("possible size", "bodies can exist", "more than chance", "fair part of the gap", "in enough blocks")
 CHANCE = "more than chance"
-STRUCTURAL = ("explains more than others",)  # the comparison of sets itself: without it no search ends
-LEAST = 2  # wrong answers that a gate has to prevent on some make
+STRUCTURAL = ("explains more than others",)  # it compares sets; without it no search ends
+LEAST = 2  # least number of wrong answers that a gate has to prevent for one make
 COUNTS = ("other answers", "wrong ones prevented", "right ones kept", "wrong ones made", "right ones lost")
 FACTOR_WORDS = tuple(str(factor) for factor in FACTORS)
 Results = Mapping[str, Mapping[str, Mapping]]
@@ -39,20 +39,20 @@ GUARDS: Mapping[str, str] = {
 
 
 def answer_of(result: Mapping) -> Answer:
-    """What counts as the answer of a run: verdict, findings in any order, right, wrong."""
+    """The part of a run's answer that is compared: verdict, findings in any order, right, wrong."""
     findings = tuple(sorted(one.split(" or ")[0] for one in result["findings"]))
     return result["verdict"], findings, result["right"], result["wrong"]
 
 
 def base_of(runs: Mapping[str, Mapping]) -> Mapping:
-    """The answer that variants are compared with: of the run that was followed, else the stored one."""
+    """The answer to compare with: that of the followed run, or the stored one."""
     return runs["follow"] if "follow" in runs else runs["stored"]
 
 
 def gates_to_leave_out(result: Mapping, gates: Iterable[str]) -> list[str]:
-    """Gates without which a case could be answered otherwise: by what was followed, else by the stored ledger.
+    """Gates that could change a case's answer, by the followed run or by the stored ledger.
 
-    What chance gives is asked in the next gate too: no ledger says that it alone has refused.
+    The gate against chance is checked in the next gate too, so no ledger shows it as the only one to refuse.
     """
     if result.get("trace") is None:
         return [gate for gate in gates if gate in result.get("refused", ()) and gate not in (*STRUCTURAL, CHANCE)]
@@ -63,7 +63,7 @@ def gates_to_leave_out(result: Mapping, gates: Iterable[str]) -> list[str]:
 
 
 def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
-    """Numbers that could change a case with their factor `FACTORS[k]`, by what was followed."""
+    """Numbers that could change a case when multiplied by `FACTORS[k]`, by the followed run."""
     trace = result["trace"]
     if trace is None:
         return list(names)
@@ -75,17 +75,17 @@ def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
 
 @dataclass
 class Effect:
-    """What a change of one gate or number did, each counted by make.
+    """What changing one gate or number does, each count by make.
 
     Attributes:
-        ran: Cases that were run with the change, by itself.
+        ran: Cases that were run with only this change.
         changed: Of these, how many have another verdict, or other findings.
-        prevented: Answers that the change makes wrong.
-        mended: Wrong answers that the change takes away.
-        lost: Answers that only the change makes right.
-        kept: Right answers that the change takes away.
-        failed: Cases in which the diagnosis fails with the change. They count in no other way: a number that must not
-            have this value decides nothing by that.
+        prevented: Answers that become wrong with the change.
+        mended: Wrong answers that the change corrects.
+        lost: Answers that are right only with the change.
+        kept: Right answers that the change removes.
+        failed: Cases in which the diagnosis fails with the change. They do not count otherwise: that a number must not
+            have this value does not mean that it decides an answer.
     """
 
     ran: Counter[str] = field(default_factory=Counter)
@@ -97,7 +97,7 @@ class Effect:
     failed: Counter[str] = field(default_factory=Counter)
 
     def count(self, make: str, before: Mapping, after: Mapping) -> None:
-        """Count a case: its answer as it is, and with the change."""
+        """Count a case by its answers without and with the change."""
         self.ran[make] += 1
         if after["verdict"] == "failed" and before["verdict"] != "failed":
             self.failed[make] += 1
@@ -110,18 +110,18 @@ class Effect:
 
     @property
     def counts(self) -> tuple[Counter[str], ...]:
-        """In the order of `COUNTS`."""
+        """All counts in the order of `COUNTS`."""
         return self.changed, self.prevented, self.kept, self.mended, self.lost
 
     @property
     def earns_its_place(self) -> bool:
-        """True if it prevents enough on some make, and costs no more than it prevents on the worst one."""
+        """True if it prevents enough for one make, and costs no more than it prevents for the worst make."""
         worst = max((self.lost[make] - self.prevented[make] for make in self.ran), default=0)
         return max(self.prevented.values(), default=0) >= LEAST and worst <= 0
 
 
 def of_gates(results: Results, gates: Iterable[str]) -> dict[str, Effect]:
-    """What leaving out each gate did."""
+    """The effect of leaving out each gate."""
     out = {gate: Effect() for gate in gates}
     for key, runs in results.items():
         for gate, effect in out.items():
@@ -131,7 +131,7 @@ def of_gates(results: Results, gates: Iterable[str]) -> dict[str, Effect]:
 
 
 def of_numbers(results: Results, factor: float) -> dict[str, Effect]:
-    """What each number did that was changed by a factor: by itself, or in a group that changes no answer."""
+    """The effect of each number that was multiplied by a factor, alone or in a group that changes no answer."""
     out: dict[str, Effect] = defaultdict(Effect)
     for key, runs in results.items():
         for name, result in _changed_by(runs, factor).items():
@@ -140,7 +140,7 @@ def of_numbers(results: Results, factor: float) -> dict[str, Effect]:
 
 
 def _changed_by(runs: Mapping[str, Mapping], factor: float) -> dict[str, Mapping]:
-    """The run of a case that says of each number what it does: by itself where there is one."""
+    """The run of a case that shows the effect of each number; a run of the number alone takes precedence."""
     out: dict[str, Mapping] = {}
     for variant, result in runs.items():
         first, *names = variant.split()
@@ -154,7 +154,7 @@ def _changed_by(runs: Mapping[str, Mapping], factor: float) -> dict[str, Mapping
 
 
 def met_in(results: Results, factor: float) -> dict[str, tuple[int, int]]:
-    """In how many cases each number was changed by a factor, and in how many of these the answer is another or none."""
+    """For each number, in how many cases it was multiplied by a factor, and in how many the answer changed."""
     return {
         name: (one.ran.total(), one.changed.total() + one.failed.total())
         for name, one in of_numbers(results, factor).items()
@@ -173,7 +173,7 @@ MET = (
 
 
 def met_as(results: Results, name: str) -> str:
-    """How a number was met that was not found to decide, one of `MET`."""
+    """How close a number that decides nothing came to a decision, one of `MET`."""
     asked, may, ran = False, 0, 0
     for runs in results.values():
         trace = runs.get("follow", {}).get("trace")
@@ -190,12 +190,12 @@ def met_as(results: Results, name: str) -> str:
 
 
 def by_make(counts: Mapping[str, int]) -> str:
-    """Counts of the makes that have any, such as ``2 field, 1 first``; a dash without one."""
+    """Counts of the makes that have any, such as ``2 field, 1 first``, or a dash."""
     return ", ".join(f"{count} {make}" for make, count in sorted(counts.items()) if count) or "-"
 
 
 def decided(gate: str, effect: Effect, refused: int) -> str:
-    """What follows of a gate that could have changed the answer of so many cases."""
+    """Text on the gate's place, from the number of cases whose answer it could have changed."""
     if gate in GUARDS:
         return f"stays: {GUARDS[gate]}"
     if effect.earns_its_place:
@@ -204,7 +204,7 @@ def decided(gate: str, effect: Effect, refused: int) -> str:
 
 
 def gates_table(results: Results, gates: Sequence[str]) -> str:
-    """What leaving out each gate did, and which cases there are."""
+    """Table of what leaving out each gate does, with the number of cases."""
     lines = [_cases_of(results), ""]
     lines += [f"| gate | run without it | {' | '.join(COUNTS)} | decided |", "|---" * (len(COUNTS) + 3) + "|"]
     for gate, one in of_gates(results, gates).items():
@@ -216,7 +216,7 @@ def gates_table(results: Results, gates: Sequence[str]) -> str:
 
 
 def numbers_table(results: Results, numbers: Sequence[Named]) -> str:
-    """What half and twice each number did, how the others were met, and which cases there are."""
+    """Table of what half and twice each number does, how close the others came, and the number of cases."""
     known = {n.key: n for n in numbers}
     effects = {factor: of_numbers(results, factor) for factor in FACTORS}
     deciding = [
@@ -254,7 +254,7 @@ def numbers_table(results: Results, numbers: Sequence[Named]) -> str:
 
 
 def _cases_of(results: Results) -> str:
-    """How many cases of each make and kind there are."""
+    """Number of cases of each make and kind."""
     kinds = Counter((key.split("/")[0], base_of(runs)["kind"]) for key, runs in results.items())
     makes = sorted({make for make, _ in kinds})
     return f"{len(results)} cases: " + "; ".join(_kinds_of(make, kinds) for make in makes) + "."
@@ -265,6 +265,6 @@ def _kinds_of(make: str, kinds: Mapping[tuple[str, str], int]) -> str:
 
 
 def _short(key: str) -> str:
-    """Module without its packages, and name."""
+    """Name of a number with its module, without the packages."""
     module, name = key.split(":")
     return f"{module.split('.')[-1]}.{name}"

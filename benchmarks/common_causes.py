@@ -1,14 +1,14 @@
 # pyright: reportAttributeAccessIssue=false
-"""Causes that several joints have in common, motions that tell little, loads on weak models: how often each is right.
+"""Measure how often causes that several joints share, motions with little information and loads are identified right.
 
     python -m benchmarks.common_causes scale --seeds 0:20     # one torque scale on some joints
     python -m benchmarks.common_causes line --seeds 0:20      # all joints follow one profile; load, friction under load
     python -m benchmarks.common_causes load --seeds 0:20      # bare and loaded, links wrong by up to a half
     python -m benchmarks.common_causes load --seeds 0:20 --null
 
-The arms are the UR5, the UR10 and the Panda with random motions, friction, rates and sizes. The torques are those of
-Pinocchio's own algorithm, and nothing of the diagnosis makes them. Printed for each case: wrong names that are certain
-(above 0.9), and intervals of 95 % that do not hold the truth; at the end the counts of `Score`.
+The arms are the UR5, the UR10 and the Panda with random motions, friction, rates and sizes. Pinocchio's own algorithm
+computes the torques, without any code of the diagnosis. The script prints for each case the wrong causes that are
+stated with more than 90 %, and the 95 % intervals that miss the truth; the last lines are the counts of `Score`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-# Arms, and joints of their hands that are held.
+# Arms, and the joints of their hands that are held fixed.
 ARMS = {"example:ur5": "", "example:ur10": "", "example:panda": "panda_finger_joint1, panda_finger_joint2"}
 SECONDS = 30.0
 CERTAIN, LEADING, SIDES = 0.9, 0.5, 1.96
@@ -39,14 +39,14 @@ FRICTION = ("coulomb_friction", "viscous_friction", "load_dependent_friction", "
 
 @dataclass
 class Truth:
-    """What was put in.
+    """What was added to the robot.
 
     Attributes:
-        sizes: By effect, joints and parameter.
-        names: That are right for it.
-        gain: Recorded torque over true torque, of all drives. Along one line it is the twin of all inertias and
-            frictions together, so that sizes are those of the recorded torque where no torque constant is found.
-        under_load: Mean friction under load of each joint [N m], which a constant holds where no law of it is found.
+        sizes: True sizes by effect, joints and parameter.
+        names: Effects that are right answers.
+        gain: Recorded torque divided by true torque, of all drives. Along one line it is a twin of all inertias and
+            frictions together; if no torque constant is found, sizes refer to the recorded torque.
+        under_load: Mean load-dependent friction of each joint [N m]; a constant contains it if no law of it is found.
     """
 
     sizes: dict[tuple[str, str | None, str], float] = field(default_factory=dict)
@@ -55,7 +55,7 @@ class Truth:
     under_load: dict[str, float] = field(default_factory=dict)
 
     def size(self, effect: str, joint: str | None, parameter: str, named: set[tuple[str, str | None]]) -> float | None:
-        """True value of a number that a finding states beside others; None if it is not known."""
+        """True value of a finding's number that is not among its sizes, or None."""
         size = self.sizes.get((effect, joint, parameter))
         if size is None or parameter in ("ratio", "center_x", "center_y", "center_z"):
             return size
@@ -93,7 +93,7 @@ class Case:
         self.recordings, self.changes = getattr(self, f"_{kind}")()
 
     def motion(self, *, line: bool) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations: sums of sines, of each joint its own or of all one."""
+        """Positions, velocities and accelerations as sums of sines, different for each joint or the same for all."""
         model, rng, nv = self.robot.model, self.rng, self.robot.nv
         t = np.arange(0.0, SECONDS, 1.0 / self.rate)
         low, high = np.maximum(model.lowerPositionLimit, -2.5), np.minimum(model.upperPositionLimit, 2.5)
@@ -109,16 +109,16 @@ class Case:
         return 2 * np.pi * self.rng.uniform(0.1, 0.6, 4), self.rng.uniform(0.0, 2 * np.pi, 4), size / size.sum()
 
     def torque(self, model: pin.Model, q: Array, v: Array, a: Array) -> Array:
-        """Torque of the rigid body."""
+        """Torque of the rigid bodies."""
         data = model.createData()
         return np.array([pin.rnea(model, data, *sample) for sample in zip(q, v, a, strict=True)])
 
     def with_friction(self, tau: Array, v: Array, ratio: float) -> Array:
-        """The torque with Coulomb and viscous friction, and friction under load."""
+        """The torque plus Coulomb, viscous and load-dependent friction."""
         return tau + self.viscous * v + (self.coulomb + ratio * np.abs(tau)) * np.tanh(v / 1e-3)
 
     def recorded(self, file: str, q: Array, tau: Array) -> Recording:
-        """A recording with noise of 20 urad and 4 per mil of the torque."""
+        """A recording with 20 urad of position noise and 0.4 % of torque noise."""
         noise = np.maximum(0.004 * np.sqrt(np.mean(tau**2, axis=0)), 1e-3)
         t = np.arange(len(q)) / self.rate
         read = q + 2e-5 * self.rng.standard_normal(q.shape)
@@ -187,14 +187,14 @@ def _values(wave: tuple[Array, Array, Array], t: Array) -> tuple[Array, Array, A
 
 @dataclass
 class Score:
-    """Counts over cases.
+    """Counts over the cases.
 
     Attributes:
-        found: Cases in which the cause leads.
-        wrong: Findings that are certain and no name for what was put in.
-        certain: Findings that are certain.
-        inside, stated: Intervals of 95 % that hold the truth, and all of findings that are likelier than their rivals,
-            of numbers that are known.
+        found: Cases whose first finding is the cause.
+        wrong: Findings stated with certainty that are not the cause.
+        certain: Findings stated with certainty.
+        inside, stated: Intervals of 95 % that contain the truth, and all intervals, of findings that are likelier than
+            their rivals and whose true values are known.
     """
 
     cases: int = 0
@@ -205,7 +205,7 @@ class Score:
     stated: int = 0
 
     def add(self, case: Case, cause: str, findings: tuple[Finding, ...]) -> list[str]:
-        """Count one case; what is wrong in it."""
+        """Count one case; return what is wrong in its answer."""
         truth, said = case.truth, list[str]()
         self.cases += 1
         named = {(one.effect, one.joint) for one in findings}

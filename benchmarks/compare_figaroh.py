@@ -1,11 +1,11 @@
-"""FIGAROH 1.0.2 and this library on the same samples of a UR10, and what the compiled core has to reach beside it.
+"""Compare FIGAROH 1.0.2 and this library on the same samples of a UR10.
 
     python benchmarks/compare_figaroh.py
 
-Prints a table and exits with 1 where a target is missed. FIGAROH is installed into an environment of its own at the
-first call; where it cannot be, one sentence says so and the exit code is 0. Both sides run in processes of their own,
-in turn, with one thread of linear algebra and after a first run on a few samples. Seconds are medians of processor
-time, which with one thread is what the clock shows on a quiet machine. Both have to find the same number of base
+The script prints a table, and exits with 1 if a goal is missed. The first call installs FIGAROH into an environment of
+its own; if that fails, one sentence says so and the exit code is 0. Both sides run alternately in processes of their
+own, with one thread for linear algebra, after a first run on a few samples. Seconds are medians of processor time. Both
+have to find the same number of base parameters and the same residual, or the comparison fails.
 parameters and the same residual, or the comparison fails.
 """
 
@@ -46,14 +46,14 @@ from phantom_dyn.model.robot_files import examples_folder, find_example
 ROBOT, SAMPLES, RATE_HZ, NOISE = "example:ur10", 15_000, 500.0, 0.1
 REQUIREMENT = "figaroh==1.0.2"
 FRICTION = {"viscous_friction": 3.0, "coulomb_friction": 5.0, "torque_offset": 0.2}
-"""Effects of FIGAROH's ``friction`` and ``joint_offset``, and how large they are on every joint."""
+"""Effects of FIGAROH's ``friction`` and ``joint_offset``, and their sizes on every joint."""
 
 FASTER, SHARE = 10.0, 1 / 3
-_SAME = 1e-6  # relative: residuals of the same least-squares problem
+_SAME = 1e-6  # relative difference of the residuals of the same least-squares problem
 
 
 def configuration(robot: Robot, *, friction: bool) -> str:
-    """FIGAROH's configuration of a UR10 as in its example, without what a default says; JSON is YAML."""
+    """FIGAROH's configuration of a UR10 as in its example, without default values; JSON is valid YAML."""
     components = {"friction": friction, "joint_offset": friction, "actuator_inertia": False}
     problem = {"include_external_forces": False, "use_joint_torques": True, "model_components": components}
     signals = {"sampling_frequency": RATE_HZ, "cutoff_frequency": 50.0, "filter_type": "butterworth"}
@@ -64,7 +64,7 @@ def configuration(robot: Robot, *, friction: bool) -> str:
 
 
 def write_recording(robot: Robot, path: Path) -> None:
-    """Samples with friction and noise, derivatives included."""
+    """Write samples with friction and noise, with derivatives."""
     rng = np.random.default_rng(20260101)
     motion = several_sines(robot.nv, SAMPLES, RATE_HZ, rng)
     tau = inverse_dynamics(robot, motion) + NOISE * rng.standard_normal(motion.q.shape)
@@ -73,13 +73,13 @@ def write_recording(robot: Robot, path: Path) -> None:
 
 
 def packages_of(urdf: Path) -> Path:
-    """Folder in which a robot file's ``package://`` meshes are found: the one above the packages of robots."""
+    """Folder in which ``package://`` meshes of a robot file are found: the folder above the robot packages."""
     above = [folder for folder in urdf.parents if (folder / "example-robot-data").is_dir()]
     return above[0] if above else urdf.parent
 
 
 def measured(python: Path, robot: Robot, folder: Path, *, friction: bool, repeats: int) -> list[dict[str, Any]]:
-    """Medians of both sides, theirs and ours in turn; memory is the least of each.
+    """Medians of both sides, which run alternately; memory is the smallest of each.
 
     Raises:
         RuntimeError: If they did not solve the same problem.
@@ -102,7 +102,7 @@ def measured(python: Path, robot: Robot, folder: Path, *, friction: bool, repeat
 
 
 def figaroh_rows(python: Path, *, repeats: int = 3) -> list[Row]:
-    """Seconds and memory of both sides, for the rigid body alone and with friction."""
+    """Seconds and memory of both sides, without and with friction."""
     robot, rows = load_robot(ROBOT), []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -145,16 +145,16 @@ def _rows_of(theirs: dict[str, float], ours: dict[str, float], what: str) -> lis
 
 
 def installed() -> Path:
-    """Python of FIGAROH's environment.
+    """Python interpreter of FIGAROH's environment.
 
     Raises:
-        NotInstalled: If it cannot be made.
+        NotInstalled: If the environment cannot be created.
     """
     return environment("figaroh-1.0.2", REQUIREMENT, "figaroh.identification.base_identification")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; 1 where a target is missed."""
+    """Print the table; return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description="FIGAROH and this library on the same samples of a UR10.")
     parser.add_argument("--repeats", type=int, default=3, help="processes of each side; the median counts")
     given = parser.parse_args(arguments)

@@ -1,13 +1,13 @@
-"""MuJoCo's toolbox for system identification and this library on the toolbox's own arm of five joints.
+"""Compare MuJoCo's toolbox for system identification and this library on the toolbox's own arm of five joints.
 
     python benchmarks/compare_mujoco_sysid.py
 
-Both get the same two seconds of noisy positions, speeds and torques and the same model, and look for the armature of
-every joint, as the toolbox's own test does, and then for armature and damping; the torque of another motion is then
-predicted with what each has found. The toolbox follows the recording with the very simulator that made it, and from
-further away than its test it may end elsewhere; this library knows how that simulator's step uses the speed. Prints
-a table and exits with 1 where this library is slower. The toolbox is installed into an environment of its own at the
-first call; where it cannot be, one sentence says so and the exit code is 0.
+Both get the same two seconds of noisy positions, speeds and torques and the same model. They identify the armature of
+every joint, as the toolbox's own test does, and then armature and damping. The torque of another motion is predicted
+with both results. The toolbox simulates with the same simulator that made the recording, and may not converge from a
+start farther away than in its test; this library knows how that simulator's step uses the speed. The script prints a
+table and exits with 1 if this library is slower. The first call installs the toolbox into an environment of its own; if
+that fails, one sentence says so and the exit code is 0.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from phantom_dyn.motion import Motion
 
 REQUIREMENT = "mujoco[sysid]>=4.0,<5"
 CONFIG = "torque_hold: instant\n"
-"""The second difference of positions around a time is exactly what the torque of that time has done in this simulator,
-so it is not half a sample late, as a torque that a drive holds is."""
+"""In this simulator, the second difference of positions around a time results exactly from the torque of that time, so
+it is not half a sample late as for a held torque."""
 
 
 def held_out_error(robot: Robot, values: dict[str, float], path: Path) -> float:
-    """Root mean square error of the torque of another motion over that torque [%], the worst joint's.
+    """Root mean square error of the torque of another motion divided by that torque [%], for the worst joint.
 
     Args:
-        robot: The model that the search started from.
-        values: Armature and damping of every joint; those of the model where there is none.
-        path: Its exact positions, speeds and torques.
+        robot: Model from which the identification started.
+        values: Armature and damping of every joint; missing ones are those of the model.
+        path: File with exact positions, speeds and torques.
     """
     log = np.load(path)
     rate = 1.0 / (log["t"][1] - log["t"][0])
-    # A step's torque moves the state in front of it; damping acts on the speed behind it.
+    # A step's torque acts on the state before it; damping acts on the speed after it.
     a = np.diff(log["v"], axis=0) * rate
     motion = Motion(log["t"][:-1], log["q"][:-1], log["v"][:-1], a)
     stated = {"armature": robot.rotor_inertia, "damping": robot.viscous_friction}
@@ -54,17 +54,17 @@ def held_out_error(robot: Robot, values: dict[str, float], path: Path) -> float:
     modelled = inverse_dynamics(robot, motion) - robot.viscous_friction * motion.v - robot.rotor_inertia * a
     error = modelled + armature * a + damping * log["v"][1:] - log["tau"][:-1]
     lower, upper = position_limits(robot)
-    free = ((motion.q > lower) & (motion.q < upper)).all(axis=1)  # a stop carries torque, too
+    free = ((motion.q > lower) & (motion.q < upper)).all(axis=1)  # contact with a joint limit adds torque
     return 100 * float(np.max(np.sqrt(np.mean(error[free] ** 2, axis=0) / np.mean(log["tau"] ** 2, axis=0))))
 
 
 def worst(values: dict[str, float], truth: dict[str, float]) -> float:
-    """Largest error of a parameter over its true value [%]."""
+    """Largest relative error of a parameter [%]."""
     return 100 * max(abs(values[name] / true - 1) for name, true in truth.items())
 
 
 def mujoco_rows(python: Path) -> list[Row]:
-    """Seconds, error of the parameters, error of the torque of another motion."""
+    """Seconds, error of the parameters, and error of the predicted torque."""
     return [row for fields in (("armature",), ("armature", "damping")) for row in _rows_of(python, fields)]
 
 
@@ -100,16 +100,16 @@ def _nearer(what: str, percent: list[float]) -> Row:
 
 
 def installed() -> Path:
-    """Python of the toolbox's environment.
+    """Python interpreter of the toolbox's environment.
 
     Raises:
-        NotInstalled: If it cannot be made.
+        NotInstalled: If the environment cannot be created.
     """
     return environment("mujoco-sysid-4", REQUIREMENT, "mujoco.sysid")
 
 
 def main() -> int:
-    """Print the table; 1 where a target is missed."""
+    """Print the table; return 1 if a goal is missed."""
     try:
         rows = mujoco_rows(installed())
     except NotInstalled as said:

@@ -1,4 +1,4 @@
-"""What the comparisons share: rows of a table, environments of their own, workers in processes of their own."""
+"""Parts that the comparisons share: table rows, environments of other tools, and workers in processes of their own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _INSTALL_SECONDS, _RUN_SECONDS = 900, 900
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table; ``reached`` is None where nothing was asked for."""
+    """One row of the table; ``reached`` is None without a goal."""
 
     work: str
     theirs: str
@@ -38,11 +38,11 @@ class Row:
 
 
 class NotInstalled(RuntimeError):
-    """An environment could not be made; the message is one sentence."""
+    """An environment could not be created; the message is one sentence."""
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The rows as Markdown, columns aligned so that it reads well in a terminal too."""
+    """The rows as a Markdown table with aligned columns."""
     cells = [HEAD, *(row.cells for row in rows)]
     widths = [max(3, *(len(line[k]) for line in cells)) for k in range(len(HEAD))]
     lines = [f"| {' | '.join(word.ljust(w) for word, w in zip(line, widths, strict=True))} |" for line in cells]
@@ -50,35 +50,35 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def missed(rows: Sequence[Row]) -> int:
-    """Exit code: 1 where a row missed what was wanted."""
+    """Exit code: 1 if a row missed its goal."""
     return int(any(row.reached is False for row in rows))
 
 
 def more_than(ratio: float, wanted: float) -> tuple[str, str, bool]:
-    """Last three cells of a row whose ratio is to be at least ``wanted``."""
+    """Last three cells of a row whose ratio should be at least ``wanted``."""
     return f"{ratio:.1f} times faster", f"at least {wanted:g} times", ratio >= wanted
 
 
 def less_than(share: float, wanted: float, words: str) -> tuple[str, str, bool]:
-    """Last three cells of a row whose share of theirs is to be at most ``wanted``."""
+    """Last three cells of a row whose share of the other tool's value should be at most ``wanted``."""
     return f"{share:.2f} of theirs", words, share <= wanted
 
 
 def cache_folder() -> Path:
-    """Where environments are kept between runs."""
+    """Folder in which environments are kept between runs."""
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "phantom-dyn" / "benchmarks"
 
 
 def environment(name: str, requirement: str, module: str) -> Path:
-    """Python of an environment that holds one other tool; made at the first call.
+    """Python interpreter of an environment with one other tool; the first call creates it.
 
     Args:
-        name: Of its folder.
-        requirement: What pip is asked for.
-        module: That has to be importable in the end.
+        name: Name of the folder.
+        requirement: Requirement for pip.
+        module: Module that must be importable afterwards.
 
     Raises:
-        NotInstalled: If it cannot be made.
+        NotInstalled: If the environment cannot be created.
     """
     folder = cache_folder() / name
     python = folder / "bin" / "python"
@@ -104,16 +104,16 @@ def _imports(python: Path, module: str) -> bool:
 
 
 def worker(python: Path | str, script: str, *words: object, checkout: Path | None = None) -> dict[str, Any]:
-    """What a script of this folder prints last, as JSON, in a process of its own with one thread of linear algebra.
+    """Run a script of this folder in a process with one thread for linear algebra; return the last JSON that it prints.
 
     Args:
-        python: Of the environment.
-        script: File beside this one.
-        words: Its arguments.
-        checkout: Folder that its imports may come from.
+        python: Python interpreter.
+        script: File in this folder.
+        words: Arguments of the script.
+        checkout: Folder for its imports, or None.
 
     Raises:
-        RuntimeError: If it fails, with the end of what it said.
+        RuntimeError: If it fails; the message has the end of its output.
     """
     threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
     given = {**os.environ, **threads, "MPLBACKEND": "Agg"}
@@ -130,12 +130,12 @@ def worker(python: Path | str, script: str, *words: object, checkout: Path | Non
 
 
 def own(script: str, *words: object) -> dict[str, Any]:
-    """`worker` in this environment, from this checkout."""
+    """Run `worker` in this environment with this checkout."""
     return worker(sys.executable, script, *words, checkout=Path(__file__).resolve().parents[1])
 
 
 def several_sines(joints: int, samples: int, rate_hz: float, rng: np.random.Generator) -> Motion:
-    """Five sines a joint between 0.1 and 1.5 Hz, about a radian in all, with their exact derivatives."""
+    """Five sines for each joint between 0.1 and 1.5 Hz, about a radian in all, with exact derivatives."""
     t = np.arange(samples) / rate_hz
     q, v, a = (np.zeros((samples, joints)) for _ in range(3))
     for joint in range(joints):

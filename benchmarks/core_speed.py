@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""What the compiled core has to reach: regressor, refit from the triangular factors, a million samples.
+"""Compare the compiled core with its goals: regressor, refit from the triangular factors, a million samples.
 
 python benchmarks/core_speed.py    # prints the table, exits with 1 where a target is missed
 """
@@ -26,11 +26,11 @@ FASTER, WRITING = 5.0, 4.0
 REFIT_MS, MEMORY_MB = 5.0, 500.0
 COUNTS = (100_000, 500_000, 1_000_000)
 LINEAR = 1.3
-"""A million samples may take this many times ten times the seconds of 100 000: room for what the machine does."""
+"""A million samples may take this many times ten times the seconds of 100 000, to allow for the machine."""
 
 
 def least(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
-    """Shortest seconds of each call, taken in turn so that they share the machine's good moments."""
+    """Shortest time [s] of each call; the calls alternate, so that changes of the machine's load affect all."""
     times = np.empty((repeats, len(calls)))
     for once in times:
         for k, call in enumerate(calls):
@@ -47,10 +47,10 @@ def _written() -> np.ndarray:
 
 
 def regressor_rows(repeats: int = 20) -> list[Row]:
-    """Against a Python loop over Pinocchio, and against writing as many ones to fresh memory."""
+    """Compare the regressor with a Python loop over Pinocchio, and with writing the same array."""
     robot = load_robot(ROBOT)
     motion = several_sines(robot.nv, SAMPLES, 500.0, np.random.default_rng(0))
-    rigid_body_regressor(robot, motion)  # compiled or read from disk
+    rigid_body_regressor(robot, motion)  # compile, or load from disk
     ours, loop, writing = least(
         (
             lambda: rigid_body_regressor(robot, motion),
@@ -76,7 +76,7 @@ def regressor_rows(repeats: int = 20) -> list[Row]:
 
 
 def million_rows(counts: tuple[int, ...] = COUNTS, repeats: int = 2) -> list[Row]:
-    """Time, memory and refit of many samples, each count in a process of its own; the shorter time of two counts."""
+    """Time, memory and refit for many samples, each count in a process of its own; the shorter time of two runs."""
     runs = [[own("own_worker.py", "stream", ROBOT, count) for _ in range(repeats)] for count in counts]
     seconds = [min(run["seconds"] for run in several) for several in runs]
     refit = min(run["refit"] for several in runs for run in several) * 1e3
@@ -99,12 +99,12 @@ def million_rows(counts: tuple[int, ...] = COUNTS, repeats: int = 2) -> list[Row
 
 
 def core_rows() -> list[Row]:
-    """All of these."""
+    """All rows."""
     return regressor_rows() + million_rows()
 
 
 def main() -> int:
-    """Print the table; 1 where a target is missed."""
+    """Print the table; return 1 if a goal is missed."""
     rows = core_rows()
     print(table(rows))
     return missed(rows)

@@ -1,12 +1,12 @@
-"""What the command costs, beside what it may cost: each kind of work in a fresh process, report included.
+"""Compare the cost of the command with its goals; each kind of work runs in a fresh process and writes its report.
 
-    python benchmarks/cost_goals.py                     # all rows; the two hours alone take a gigabyte of disk
-    python benchmarks/cost_goals.py one-joint panda     # some of them
-    python benchmarks/cost_goals.py --names             # what the rows are called
-    python benchmarks/cost_goals.py --folder DIR ...    # keep the recordings there, for the next time
+    python benchmarks/cost_goals.py                     # all rows; the two hours of recording need a gigabyte of disk
+    python benchmarks/cost_goals.py one-joint panda     # some rows
+    python benchmarks/cost_goals.py --names             # names of the rows
+    python benchmarks/cost_goals.py --folder DIR ...    # keep the recordings there for the next run
 
-Processor seconds, as other programs may run beside it, and peak memory. Before the first row one recording is
-diagnosed, so that no row pays for compiling. Recordings are made by `diagnosis_cost`: sums of sines with friction and
+Processor seconds are measured, because other programs may run, and peak memory. One recording is diagnosed before the
+first row, so that no row includes compiling. `diagnosis_cost` makes the recordings: sums of sines with friction and
 rotor inertia that the model lacks, and noise; the quadruped of twelve joints trots in MuJoCo.
 """
 
@@ -42,7 +42,7 @@ TROT = "quadruped"
 
 @dataclass(frozen=True)
 class Goal:
-    """One kind of work: what is run, and the processor seconds and megabytes that it may take."""
+    """One kind of work: its command, and its limits for processor seconds and megabytes."""
 
     name: str
     case: Case | None
@@ -59,7 +59,7 @@ ANSWERS = (
     Goal("panda", arm_of(7, 21.0), 8.0),
     Goal("humanoid", HUMANOID, 90.0),
 )
-"""Until verdict and findings are known, without report, files and next experiment."""
+"""Goals for verdict and findings alone, without report, files and next experiment."""
 
 GOALS = (
     Goal("one-joint", None, 1.2),
@@ -78,7 +78,7 @@ EACH, EACH_JOBS, EACH_GOAL = 100, 2, 1.9
 
 
 def write_long(robot: Robot, case: Case, path: Path) -> None:
-    """The recording of a case as NPZ; the torque of long ones is computed in pieces of a minute."""
+    """Write the recording of a case as NPZ; long recordings are computed in pieces of a minute."""
     piece = min(case.seconds, 60.0)
     motion = sines(robot, case.seconds, np.random.default_rng(20260101), case.rate_hz)
     count = round(piece * case.rate_hz)
@@ -97,7 +97,7 @@ def write_long(robot: Robot, case: Case, path: Path) -> None:
 
 
 def words_for(goal: Goal, folder: Path) -> list[str]:
-    """The command of a row, whose robot and recording are written into the folder unless they are there."""
+    """Command of a row; robot and recording are written into the folder unless they exist."""
     place = folder / ("six-joints-60s" if goal.command == "check" else goal.name.removeprefix("answer-"))
     place.mkdir(exist_ok=True)
     log, config = place / ("log.npz" if goal.case else "log.csv"), place / "robot.yaml"
@@ -132,7 +132,7 @@ def words_for(goal: Goal, folder: Path) -> list[str]:
 
 
 def each_ratio(folder: Path) -> float:
-    """Wall-clock seconds of `EACH` recordings one after the other, over those on `EACH_JOBS` cores."""
+    """Wall-clock seconds of `EACH` recordings one after the other, divided by those on `EACH_JOBS` cores."""
     place = folder / "each"
     place.mkdir(exist_ok=True)
     (place / "axis.urdf").write_text(AXIS)
@@ -153,7 +153,7 @@ def each_ratio(folder: Path) -> float:
 
 
 def row(name: str, cost: Cost, goal: Goal) -> str:
-    """One line: what it cost, and whether the goal is reached."""
+    """One row: its cost, and whether the goal is reached."""
     memory = "" if np.isinf(goal.megabytes) else f", {goal.megabytes:g} MB"
     reached = cost.busy <= goal.seconds and cost.megabytes <= goal.megabytes
     return (
@@ -163,7 +163,7 @@ def row(name: str, cost: Cost, goal: Goal) -> str:
 
 
 def main() -> None:
-    """Measure the rows that are asked for."""
+    """Measure the selected rows."""
     names = [goal.name for goal in GOALS] + ["imports", "each"]
     parser = argparse.ArgumentParser(description="What the command costs, beside what it may cost.")
     parser.add_argument("rows", nargs="*", metavar="NAME", help="rows to measure (default: all)")

@@ -1,15 +1,15 @@
-"""What a diagnosis costs: seconds, imports included, and peak memory of ``phantom-dyn diagnose`` in a fresh process.
+"""Measure time and peak memory of ``phantom-dyn diagnose`` in a fresh process, with imports.
 
     python benchmarks/diagnosis_cost.py              # the goal: six joints, 60 s at 1 kHz
     python benchmarks/diagnosis_cost.py --samples    # six joints, 15, 30 and 60 s
     python benchmarks/diagnosis_cost.py --joints     # two, three, six and seven joints, 15 s
-    python benchmarks/diagnosis_cost.py --seconds 15 --stages    # another length, and where the time goes
+    python benchmarks/diagnosis_cost.py --seconds 15 --stages    # another length, and the time of each stage
 
-The recording is made with Pinocchio: sums of sines, friction on every joint and an inertia that the model does not
-have, noise on torque and position. A short one is diagnosed before, so that no case pays for compiling loops, which
-stay on disk. The goal for six joints, 60 s and the full catalogue is under 8 s on two cores and
-under 800 MB, with a cost that is linear in samples and at most quadratic in joints. Processor seconds count where other
-programs run beside it. A power of one in samples says linear; what a process costs that only imports is taken off.
+Pinocchio makes the recording: sums of sines, friction on every joint and an inertia that the model lacks, noise on
+torque and position. A short recording is diagnosed first, so that no case includes compiling loops, which stay on
+disk. The goal for six joints, 60 s and the full catalogue is under 8 s on two cores and
+under 800 MB, with a cost that is linear in samples and at most quadratic in joints. If other programs run, processor
+seconds count. A power of one in samples means linear; the cost of a process that only imports is subtracted.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from phantom_dyn.motion import Motion
 
 RATE_HZ = 1000.0
 GOAL_SECONDS, GOAL_CORES, GOAL_MEGABYTES = 8.0, 2, 800.0
-RECORDED, SHORT, WARM_UP = (15.0, 30.0, 60.0), 15.0, 5.0  # seconds
+RECORDED, SHORT, WARM_UP = (15.0, 30.0, 60.0), 15.0, 5.0  # of each recording [s]
 JOINTS = (2, 3, 6, 7)
 IMPORTS = "import identification.cli.main, identification.pipeline, identification.reporting.page.diagnosis_report"
 PANDA_CONFIG = "lock: [panda_finger_joint1, panda_finger_joint2]\n"
-# Relative to the greatest torque of each joint.
+# Relative to the largest torque of each joint.
 TORQUE_NOISE = 0.01
-POSITION_NOISE = 5e-6  # rad
+POSITION_NOISE = 5e-6  # noise of positions [rad]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one fresh process: seconds on the wall clock and of processor time, and peak memory."""
+    """Cost of one process: seconds on the wall clock and of processor time, and peak memory."""
 
     seconds: float
     busy: float
@@ -68,7 +68,7 @@ UR10 = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3
 
 
 def arm_of(joints: int, seconds: float) -> Case:
-    """A UR10 whose last joints are held, or all seven of a Panda."""
+    """A UR10 whose last joints are held fixed, or all seven joints of a Panda."""
     if joints > len(UR10):
         return Case("example:panda", PANDA_CONFIG, seconds)
     held = ", ".join(f"{name}_joint" for name in UR10[joints:])
@@ -76,7 +76,7 @@ def arm_of(joints: int, seconds: float) -> Case:
 
 
 def sines(robot: Robot, seconds: float, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Motion:
-    """Five sines a joint between 0.1 and 1 Hz, with their derivatives."""
+    """Five sines for each joint between 0.1 and 1 Hz, with their derivatives."""
     t = np.arange(round(seconds * rate_hz)) / rate_hz
     q, v, a = (np.zeros((len(t), robot.nv)) for _ in range(3))
     for joint in range(robot.nv):
@@ -94,7 +94,7 @@ def drive_torque(
 ) -> np.ndarray:
     """Torque of a robot with friction and rotor inertia that the model lacks, ``(N, nv)``, with noise.
 
-    Both are in proportion to `sizes`, a torque of each joint; without it, to its greatest torque.
+    Both are proportional to `sizes`, a torque of each joint; by default its largest torque.
     """
     operation = Operation.of(robot, motion)
     model = operation.tau
@@ -118,9 +118,9 @@ def write_recording(robot: Robot, seconds: float, path: Path) -> None:
 
 
 def fresh_process(words: list[str]) -> Cost:
-    """Seconds and peak memory of Python with these arguments, in a process of its own.
+    """Seconds and peak memory of Python with these arguments in a process of its own.
 
-    Byte code of the modules is kept, as after an installation, whatever the environment says.
+    Byte code of modules is kept, as after an installation, whatever the environment says.
     """
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     kept["PYTHONPYCACHEPREFIX"] = str(Path(tempfile.gettempdir()) / f"phantom-dyn-byte-code-{os.getuid()}")
@@ -135,7 +135,7 @@ def fresh_process(words: list[str]) -> Cost:
 
 
 def stages(robot: Robot, log: Path) -> dict[str, float]:
-    """Seconds of each stage of one diagnosis in this process, under the words that the progress line shows."""
+    """Seconds of each stage of one diagnosis in this process, with the names of the progress line."""
     from identification.data.reading import read_recording
     from identification.pipeline import diagnose
     from identification.stages import Stage
@@ -152,7 +152,7 @@ def stages(robot: Robot, log: Path) -> dict[str, float]:
 
 
 def measure(case: Case, repeats: int, *, with_stages: bool = False) -> Cost:
-    """Print the cost of one case, the median of some processes; return it with the largest memory."""
+    """Print the cost of one case as the median of several processes; return it with the largest memory."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         config, log = folder / "robot.yaml", folder / "log.csv"
@@ -178,7 +178,7 @@ def measure(case: Case, repeats: int, *, with_stages: bool = False) -> Cost:
 
 
 def beside_goal(cost: Cost) -> str:
-    """What was to be reached, and whether it is."""
+    """The goal, and whether it is reached."""
     yes = {True: "reached", False: "not reached"}
     return (
         f"goal: under {GOAL_SECONDS:g} s on {GOAL_CORES} cores and under {GOAL_MEGABYTES:g} MB; "
@@ -189,13 +189,13 @@ def beside_goal(cost: Cost) -> str:
 
 
 def power(sizes: Sequence[float], costs: Sequence[Cost], idle: float) -> float:
-    """Power of the size with which the processor seconds grow: slope of a line through both logarithms."""
+    """Power of the size with which processor seconds grow: the slope of a line through both logarithms."""
     busy = [max(cost.busy - idle, 1e-9) for cost in costs]
     return float(np.polyfit(np.log(sizes), np.log(busy), 1)[0])
 
 
 def main() -> None:
-    """Measure what the arguments ask for."""
+    """Measure the selected cases."""
     parser = argparse.ArgumentParser(description="What a diagnosis costs.")
     parser.add_argument("--samples", action="store_true", help="six joints, 15, 30 and 60 s")
     parser.add_argument("--joints", action="store_true", help="two, three, six and seven joints, 15 s")

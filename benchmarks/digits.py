@@ -1,10 +1,10 @@
-"""Diagnoses each case of a folder written with 7, 9 and 17 digits, and prints what the digits change.
+"""Diagnose each case of a folder with 7, 9 and 17 digits in its log, and print the differences.
 
     python benchmarks/digits.py FOLDER [--only NAME ...]
 
-Cases are folders as for `given_cases`. A number of 17 digits is the very double that was read; nine digits of a
-position in rad are nanoradians, which no encoder reads. So the verdict and the findings have to be the same; where two
-causes are so close that the ninth digit decides, each has to be a rival of the other.
+Cases are folders as for `given_cases`. 17 digits represent a double exactly; nine digits of a position in rad are
+nanoradians, which no encoder resolves. So verdict and findings have to be the same. Where two causes fit almost
+equally well, the ninth digit may decide between them; each must then be a rival of the other.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ Place = tuple[str, str | None]
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis says, as far as digits must not change it.
+    """The parts of a diagnosis that digits must not change.
 
     Attributes:
         verdict: Its verdict, or ``failed``.
-        findings: Effects and joints.
-        rivals: Effects and joints that may be there instead.
-        closed: Share of the gap that is closed; NaN where there is none.
+        findings: Effects and joints of the findings.
+        rivals: Effects and joints of their rivals.
+        closed: Share of the gap that is closed, or NaN.
     """
 
     verdict: str
@@ -45,7 +45,7 @@ class Answer:
 
 
 def written(log: Path, digits: int, out: Path) -> None:
-    """Write the columns of an NPZ or CSV log as CSV with so many significant digits."""
+    """Write the columns of an NPZ or CSV log as CSV with a number of significant digits."""
     if log.suffix == ".npz":
         with np.load(log) as columns:
             named = {name: columns[name] for name in columns.files}
@@ -56,7 +56,7 @@ def written(log: Path, digits: int, out: Path) -> None:
 
 
 def answer_of(document: dict | None) -> Answer:
-    """What a ``diagnosis.json`` says; None is a diagnosis that failed or was refused."""
+    """Answer of a ``diagnosis.json``; None stands for a diagnosis that failed or was refused."""
     if document is None:
         return Answer("failed")
     rivals = (at for one in document["findings"] for rival in one["rivals"] for at in rival["effects"])
@@ -69,7 +69,7 @@ def answer_of(document: dict | None) -> Answer:
 
 
 def differences(answers: dict[int, Answer]) -> list[str]:
-    """A line for each number of digits that changes the verdict or the findings of all digits."""
+    """One line for each number of digits with another verdict or other findings than with all digits."""
     whole = answers[max(answers)]
     return [
         f"{digits} digits: {_words(one)}; all digits: {_words(whole)}{_as_rivals(one, whole)}"
@@ -79,7 +79,7 @@ def differences(answers: dict[int, Answer]) -> list[str]:
 
 
 def _as_rivals(one: Answer, whole: Answer) -> str:
-    """Says whether what takes the place of a finding is its rival on both sides."""
+    """Whether each finding that replaces another one is its rival in both answers."""
     rivals = one.findings - whole.findings <= whole.rivals and whole.findings - one.findings <= one.rivals
     return " (rivals of each other)" if rivals and one.verdict == whole.verdict else ""
 
@@ -90,7 +90,7 @@ def _words(one: Answer) -> str:
 
 
 def diagnosed(folder: Path, digits: int) -> Answer:
-    """What the command says of a case written with so many digits."""
+    """Diagnose a case whose log is written with a number of digits."""
     log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
     with tempfile.TemporaryDirectory() as place:
         copy, out = Path(place) / "log.csv", Path(place) / "diagnosis.json"
@@ -101,7 +101,7 @@ def diagnosed(folder: Path, digits: int) -> Answer:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Reads the command line, diagnoses every case three times and prints what differs."""
+    """Read the command line, diagnose every case three times and print the differences."""
     parser = argparse.ArgumentParser(description="What digits of a log change of a diagnosis.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="*", help="names of cases")

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
-"""FIGAROH's own `solve()` on one recording: runs in FIGAROH's environment, prints seconds and memory as JSON.
+"""Run FIGAROH's own `solve()` on one recording in FIGAROH's environment, and print seconds and memory as JSON.
 
 Called by `compare_figaroh.py`: ``figaroh_worker.py ROBOT.urdf PACKAGES RECORDING.npz CONFIG.yaml``. Robot, regressor
-and solution as in FIGAROH's example of a UR10; the samples are taken as they are, without its filter.
+and solution are those of FIGAROH's example of a UR10; samples are used without its filter.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from figaroh.identification.base_identification import BaseIdentification
 from figaroh.tools.robot import load_robot
 
 FEW = 200
-"""Samples of a first run, which is not timed: what is imported or compiled late counts on neither side."""
+"""Samples of a first run that is not timed, so that late imports and compiling do not count."""
 
 
 class Identification(BaseIdentification):
-    """Reads what the other side reads, and takes it as it is: no filter, no decimation."""
+    """Read the same files as the other side, and use the samples without a filter and decimation."""
 
     def load_trajectory_data(self, data_source=None):
         recording = np.load(self.recording)
@@ -35,7 +35,7 @@ class Identification(BaseIdentification):
 
 
 def memory_mb(field: str) -> float:
-    """VmRSS (now) or VmHWM (largest so far) of this process [MB]; a parent's memory does not count, as in rusage."""
+    """VmRSS (now) or VmHWM (largest so far) of this process [MB]; unlike in rusage, without the parent's."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(field))
 

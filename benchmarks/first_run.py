@@ -1,11 +1,11 @@
-"""What a first diagnosis costs more than later ones: processor time with no compiled function kept, and with all.
+"""Measure how much more processor time a first diagnosis needs than later ones, because it compiles functions.
 
     python benchmarks/first_run.py              # one joint, 6 s at 200 Hz
     python benchmarks/first_run.py --joints 6   # a UR10, 6 s at 1 kHz
-    python benchmarks/first_run.py --functions   # besides, which functions are compiled and what each takes
+    python benchmarks/first_run.py --functions   # also print the functions that are compiled and their times
 
-Each run is a fresh ``phantom-dyn diagnose``; compiled functions are kept in a folder that is empty before the first.
-The goal is at most 10 s of processor time more. A machine that is busy needs more for either.
+Each run is a fresh ``phantom-dyn diagnose``; compiled functions are kept in a folder that is empty before the first
+run. The goal is at most 10 s more of processor time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from phantom_dyn.model.loading import load_robot
 
 GOAL_S = 10.0
 SECONDS, RATE_HZ = 6.0, 200.0
-SHOWN_S = 0.1  # functions that take less are summed up
+SHOWN_S = 0.1  # faster functions are summed up
 
 AXIS = """<robot name="axis"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.3"/><mass value="2"/>
 <inertia ixx="0.06" ixy="0" ixz="0" iyy="0.06" iyz="0" izz="0.001"/></inertial></link>
@@ -38,7 +38,7 @@ AXIS = """<robot name="axis"><link name="base"/><link name="arm"><inertial><orig
 
 
 def axis_recording(path: Path, seconds: float = SECONDS, seed: int = 0) -> None:
-    """A swinging rod with friction that its model does not have, as CSV."""
+    """Write a recording of a swinging rod, with friction that its model lacks, as CSV."""
     t = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     hertz, sizes = np.array([0.3, 0.7, 1.1]), np.array([0.6, 0.25, 0.12])
     w = 2 * np.pi * hertz
@@ -50,7 +50,7 @@ def axis_recording(path: Path, seconds: float = SECONDS, seed: int = 0) -> None:
 
 
 def words_for(joints: int, folder: Path) -> list[str]:
-    """The command, whose robot and recording are written into the folder."""
+    """The command; robot and recording are written into the folder."""
     log, config, out = folder / "log.csv", folder / "robot.yaml", folder / "out"
     if joints == 1:
         case = Case(str(folder / "axis.urdf"), "", SECONDS)
@@ -65,9 +65,9 @@ def words_for(joints: int, folder: Path) -> list[str]:
 
 
 def compiled_functions(words: list[str]) -> None:
-    """Diagnose in this process, a fresh one, and print what is compiled, the slowest first.
+    """Diagnose in this fresh process and print the compiled functions, the slowest first.
 
-    A function's time is without that of the functions that it calls.
+    The time of a function excludes the functions that it calls.
     """
     from numba.core import event
 
@@ -98,7 +98,7 @@ def compiled_functions(words: list[str]) -> None:
 
 
 def main() -> None:
-    """Measure what the arguments ask for."""
+    """Measure the selected case."""
     parser = argparse.ArgumentParser(description="What a first diagnosis costs more than later ones.")
     parser.add_argument("--joints", type=int, default=1, help="1, or 2 to 7 of an arm")
     parser.add_argument("--repeats", type=int, default=1, help="pairs of runs; the least of each counts")

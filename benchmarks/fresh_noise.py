@@ -1,4 +1,4 @@
-"""Noise of the same spectrum drawn anew, for another recording by the same sensors and drives."""
+"""Draw new noise with the spectrum of given noise, for another recording with the same sensors and drives."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ Array = np.ndarray
 
 
 def fresh_noise(noise: Float[Array, "N n"], count: int, rng: np.random.Generator) -> Float[Array, "count n"]:
-    """Normal noise of any length with the autocovariance of another one, each column for itself.
+    """Normal noise of any length with the autocovariance of given noise, for each column separately.
 
-    White noise is convolved with the given noise, whose own autocovariance is what results on average.
+    White noise is convolved with the given noise; the result has its autocovariance on average.
 
     Args:
-        noise: In even steps.
-        count: Samples that are wanted, in the same steps.
-        rng: Source of chance.
+        noise: Given noise at even steps.
+        count: Number of samples, at the same steps.
+        rng: Random number generator.
     """
     size = len(noise) + count
     spectrum = np.fft.rfft(noise, size, axis=0) * np.fft.rfft(rng.standard_normal((size, noise.shape[1])), axis=0)

@@ -1,11 +1,11 @@
-"""Diagnoses a folder of cases with answers and says how often the verdict, the cause and the figures are right.
+"""Diagnose a folder of cases with known answers, and print how often verdict, cause and numbers are right.
 
     python benchmarks/given_cases.py FOLDER [--jobs 2] [--only NAME ...]
 
 Each case is a folder with ``robot.urdf``, ``robot.yaml``, ``log.npz`` or ``log.csv``, and ``answer.json``: a list
-``effects`` with effect, joint and ``accept`` (sets of effects, pairs of name and joint, that no data could separate
-from it; any of them counts), and ``gap_over_floor``. An effect that the catalogue has no name for is a cause from
-outside. The diagnosis is given the robot and the log alone.
+``effects`` with effect, joint and ``accept`` (sets of effects, pairs of name and joint, that no data could distinguish
+from it; each of them counts as right), and ``gap_over_floor``. An effect that the catalogue does not have is a cause
+from outside. The diagnosis gets only the robot and the log.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 from benchmarks.blind.contradictions import contradiction
 from phantom_dyn.effects.catalogue import EFFECTS
 
-LEAST_FLOORS = 2.0  # smaller gaps are printed, and count in no figure
+LEAST_FLOORS = 2.0  # smaller gaps are printed, but do not count
 EVENTS = ("push", "contact")
 Place = tuple[str, str | None]
 
 
 @dataclass(frozen=True)
 class Answered:
-    """One case with what was said of it.
+    """One case and its diagnosis.
 
     Attributes:
-        name: Of its folder.
+        name: Name of the folder.
         floors: Paired gap [noise floors].
-        truth: Effects and joints, none for a null.
-        accepted: For each of them what counts as right.
-        said: The diagnosis, None where there is none.
+        truth: True effects and joints; empty for a null.
+        accepted: Sets of effects that count as right for each of them.
+        said: The diagnosis, or None.
     """
 
     name: str
@@ -51,12 +51,12 @@ class Answered:
 
     @property
     def verdict(self) -> str:
-        """Of the diagnosis; ``failed`` without one."""
+        """Verdict of the diagnosis, or ``failed``."""
         return "failed" if self.said is None else self.said["verdict"]
 
     @property
     def claims(self) -> list[Place]:
-        """Every finding, the leading one first."""
+        """All findings, the first finding first."""
         return [] if self.said is None else [(one["effect"], one["joint"]) for one in self.said["findings"]]
 
     @property
@@ -76,12 +76,12 @@ class Answered:
 
     @property
     def pushed(self) -> bool:
-        """True if the diagnosis names times at which something acts."""
+        """True if the diagnosis states times at which something acts."""
         return self.said is not None and bool(self.said["unexplained"]["where"]["times"])
 
 
 def answered(folder: Path, said: dict | None) -> Answered:
-    """A case and its answer beside what was said."""
+    """A case with its answer and its diagnosis."""
     answer = json.loads((folder / "answer.json").read_text())
     truth = tuple((one["effect"], one["joint"]) for one in answer["effects"])
     accepted = tuple(
@@ -92,7 +92,7 @@ def answered(folder: Path, said: dict | None) -> Answered:
 
 
 def diagnosed(folder: Path) -> dict | None:
-    """What the command says of a case; None if it refuses or fails."""
+    """Diagnose a case with the command; None if it refuses or fails."""
     log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
     with tempfile.TemporaryDirectory() as place:
         out = Path(place) / "diagnosis.json"
@@ -102,7 +102,7 @@ def diagnosed(folder: Path) -> dict | None:
 
 
 def figures(cases: Sequence[Answered]) -> list[str]:
-    """A line for every figure, over cases with a gap of two floors or more and over nulls."""
+    """One line for every result, over cases with a gap of at least two floors and over nulls."""
     large = [case for case in cases if case.floors >= LEAST_FLOORS]
     of = {kind: [case for case in large if case.kind == kind] for kind in ("single", "pair", "outside")}
     nulls = [case for case in cases if case.kind == "null"]
@@ -134,7 +134,7 @@ def _figure(name: str, cases: Sequence[Answered], right: Callable[[Answered], bo
 
 
 def row(case: Answered) -> str:
-    """A case in one line: gap, truth, verdict, findings, and what contradicts the verdict."""
+    """One line for a case: gap, truth, verdict, findings, and contradictions of the verdict."""
     truth = " + ".join(_named(place) for place in case.truth) or "nothing"
     said = ", ".join(_named(place) for place in case.claims)
     wrong = contradiction(case.said) if case.said is not None else None
@@ -146,7 +146,7 @@ def _named(place: Place) -> str:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Reads the command line, diagnoses every case and prints a line a case, then the figures."""
+    """Read the command line, diagnose every case and print one line for each, then the results."""
     parser = argparse.ArgumentParser(description="Cases with answers: how often the diagnosis is right.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--jobs", type=int, default=2)

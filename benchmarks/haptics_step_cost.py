@@ -1,8 +1,8 @@
-"""Processor time of one control step of simulated cheap hardware, effect by effect, and prints it as a table.
+"""Measure the processor time of one control step of simulated cheap hardware for each effect, and print a table.
 
-Like Figure 10 of Brouwer and MacLean, Simulating Cheap Hardware: each degradation alone over 10 000 cycles of six
-degrees of freedom, at a rate that wanders between 500 and 2000 Hz. They give means on a Xeon of 2.0 GHz, as a chart
-without numbers; here are medians, which another program on the machine does not move.
+As in Figure 10 of Brouwer and MacLean, Simulating Cheap Hardware, each degradation runs alone over 10 000 cycles of six
+degrees of freedom, at a rate that varies between 500 and 2000 Hz. The paper has means on a Xeon of 2.0 GHz in a chart
+without numbers; here are medians, which other programs on the machine hardly change.
 
     python benchmarks/haptics_step_cost.py
 """
@@ -26,7 +26,7 @@ from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, cheap_translation
 from phantom_dyn.haptics.cheap.cheap_hardware import COLUMNS, AxisNumbers, at_rest, axis_numbers, run_axis, run_cycle
 
 CYCLES, AXES, BATCH = 10_000, 6, 100
-SLOWEST, FASTEST = 500.0, 2000.0  # Hz
+SLOWEST, FASTEST = 500.0, 2000.0  # lowest and highest rate [Hz]
 
 ALL = cheap_translation(slip=1.0, order=600.0, limit=2.0)
 EFFECTS = {
@@ -41,14 +41,14 @@ EFFECTS = {
 
 
 def motion(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time steps [s], positions [m] and forces asked for [N] of `CYCLES` cycles of `AXES` axes."""
+    """Time steps [s], positions [m] and commanded forces [N] of `CYCLES` cycles of `AXES` axes."""
     steps = rng.uniform(1 / FASTEST, 1 / SLOWEST, CYCLES)
     q = 0.01 * np.sin(np.outer(np.cumsum(steps), 3.0 + np.arange(AXES)))
     return steps, np.ascontiguousarray(q.T), rng.standard_normal((AXES, CYCLES))
 
 
 def compiled_step(axis: CheapAxis, steps: np.ndarray, q: np.ndarray, asked: np.ndarray) -> float:
-    """Median processor time [us] of one cycle of all axes inside the compiled loop, of batches of 100 cycles."""
+    """Median processor time [us] of one cycle of all axes in the compiled loop, over batches of 100 cycles."""
     numbers: AxisNumbers = axis_numbers(axis)
     states, out, times = [at_rest() for _ in range(AXES)], np.zeros((BATCH, COLUMNS)), []
     for first in range(0, CYCLES, BATCH):
@@ -61,7 +61,7 @@ def compiled_step(axis: CheapAxis, steps: np.ndarray, q: np.ndarray, asked: np.n
 
 
 def python_step(axis: CheapAxis, steps: np.ndarray, q: np.ndarray, asked: np.ndarray) -> float:
-    """Median processor time [us] of one cycle of all axes called one by one from Python, checks included."""
+    """Median processor time [us] of one cycle of all axes that are called one by one from Python, with checks."""
     states, times = [at_rest() for _ in range(AXES)], []
     for cycle in range(CYCLES // 10):
         begin = time.thread_time_ns()
@@ -78,7 +78,7 @@ def main() -> None:
     rows = []
     for name, axis in EFFECTS.items():
         for kind in kinds:
-            kind(axis, *given)  # compiled and warm before it is measured
+            kind(axis, *given)  # run once to compile before measuring
         rows.append((name, *(kind(axis, *given) for kind in kinds)))
     print(f"Measured on {datetime.date.today().isoformat()} on {machine()}.\n")
     print("| effect | compiled loop [us] | one call a cycle from Python [us] |\n|---|---|---|")

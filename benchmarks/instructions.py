@@ -1,13 +1,13 @@
-"""How many instructions a diagnosis takes: a cost that does not depend on what else the machine is doing.
+"""Count the instructions of a diagnosis: a cost that does not depend on other programs on the machine.
 
     python benchmarks/instructions.py                # one joint and three joints
     python benchmarks/instructions.py one-joint
-    python benchmarks/instructions.py --folder DIR   # keep the recordings there, for the next time
+    python benchmarks/instructions.py --folder DIR   # keep the recordings there for the next run
 
-Valgrind's callgrind counts them, so that it has to be installed (on Debian: ``apt-get install valgrind``); a run takes
-some fifty times as long as without it. The answer is counted, ``diagnose --quick`` with imports. What the processor
-would choose is fixed: the kernels of OpenBLAS are those of Haswell, numba compiles for no processor in particular, and
-hashes have one seed. So one version of the code and its libraries gives the same number to a few parts in a thousand.
+Valgrind's callgrind counts them, so it has to be installed (on Debian: ``apt-get install valgrind``); a run takes
+about fifty times as long. The measured command is ``diagnose --quick`` with imports. Choices that depend on the
+processor are fixed: OpenBLAS uses its kernels for Haswell, numba compiles for a generic processor, and hashes have one
+seed. So one version of the code and its libraries gives the same number within a few tenths of a per cent.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ COUNTED = re.compile(r"Collected : (\d+)")
 
 
 def instructions(words: list[str], folder: Path) -> int:
-    """Instructions that a command in a fresh process retires; what it compiles is compiled before.
+    """Instructions of a command in a fresh process; its functions are compiled before.
 
     Args:
-        words: The command, behind the interpreter's name.
-        folder: Where compiled functions are kept.
+        words: Arguments of the Python interpreter.
+        folder: Folder for compiled functions.
 
     Raises:
-        RuntimeError: If callgrind counted nothing; with what it said.
+        RuntimeError: If callgrind counted nothing; the message has its output.
     """
     environment = {**os.environ, **FIXED, "NUMBA_CACHE_DIR": str(folder / "compiled")}
     environment.pop("OPENBLAS_L2_SIZE", None)
@@ -62,7 +62,7 @@ def instructions(words: list[str], folder: Path) -> int:
 
 
 def main() -> None:
-    """Count the rows that are asked for."""
+    """Count the selected rows."""
     parser = argparse.ArgumentParser(description="How many instructions a diagnosis takes.")
     parser.add_argument("rows", nargs="*", metavar="NAME", help=f"of {', '.join(ROWS)} (default: both)")
     parser.add_argument("--folder", type=Path, help="where recordings and compiled functions are kept")

@@ -1,11 +1,11 @@
-"""Kills runs at random moments and says what they leave: whole files of one run, no litter after the next, no process.
+"""Kill runs at random moments and check what they leave: complete files of one run, no litter, no processes.
 
     python benchmarks/kills.py --kills 200 --seed 1
 
 Half of the kills are SIGTERM and half SIGKILL, sent to the main process alone; every fourth run is ``--each`` with two
-workers. Half of the moments are drawn over a whole run, the others within 30 ms of the first trace of a file that is
-being written. After each kill the folder must hold the set of one finished run and the user's own file, and nothing of
-the killed run may live on; after every tenth an undisturbed run must leave nothing but the files themselves.
+workers. Half of the moments are random over a whole run, the others within 30 ms after the first trace of a file that
+is being written. After each kill the folder must contain the files of one finished run and the user's own file, and no
+process of the killed run may live on; after every tenth kill a complete run must leave only its own files.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from phantom_dyn.motion import Motion
 CHECKOUT = Path(__file__).resolve().parents[1]
 ROBOT = CHECKOUT / "tests" / "robots" / "pendulum.urdf"
 ALWAYS = {"diagnosis.json", "report.html", "corrected.yaml"}
-NEXT_RUN_AFTER = 10  # kills
-_OUTLIVES_S = 3.0  # a worker looks every fifth of a second whether its parent lives
+NEXT_RUN_AFTER = 10  # number of kills between two complete runs
+_OUTLIVES_S = 3.0  # a worker checks every 0.2 s whether its parent lives
 _MINE = "what I noted\n"
 
 
 @dataclass
 class Tally:
-    """What was done and what was wrong with it."""
+    """What was done, and what was wrong afterwards."""
 
     kills: Counter[str] = field(default_factory=Counter)
     wrong: list[str] = field(default_factory=list)
@@ -54,7 +54,7 @@ class Tally:
     next_runs: int = 0
 
     def summary(self) -> str:
-        """One line for everything that was counted."""
+        """All counts in one line."""
         kinds = ", ".join(f"{count} {name}" for name, count in sorted(self.kills.items()))
         broken = Counter(line.split(":")[0] for line in self.wrong)
         found = ", ".join(f"{broken[kind]} {kind}" for kind in ("broken", "mixed", "litter", "orphan"))
@@ -78,7 +78,7 @@ def write_log(path: Path, seed: int) -> None:
 
 
 def command(folder: Path, each: bool) -> list[str]:
-    """A diagnosis of one recording into ``out``, or of two by two workers into ``all``."""
+    """Diagnose one recording into ``out``, or two by two workers into ``all``."""
     words = [sys.executable, "-m", "identification.cli", "diagnose", str(ROBOT), str(folder / "a.csv")]
     if each:
         return [*words, str(folder / "b.csv"), "--each", "--jobs", "2", "--out", str(folder / "all")]
@@ -86,14 +86,14 @@ def command(folder: Path, each: bool) -> list[str]:
 
 
 def started(folder: Path, each: bool, token: str) -> subprocess.Popen[bytes]:
-    """The command as a process; all that it starts can be known by the token in their environment."""
+    """Start the command; a token in the environment identifies all processes that it starts."""
     environment = {**os.environ, "PHANTOM_DYN_KILLS": token, "TMPDIR": str(folder / "tmp")}
     nowhere = subprocess.DEVNULL
     return subprocess.Popen(command(folder, each), env=environment, stdout=nowhere, stderr=nowhere, cwd=CHECKOUT)
 
 
 def alive(token: str) -> list[int]:
-    """Processes that carry a token."""
+    """Processes with a token."""
     found = []
     for place in Path("/proc").glob("[0-9]*/environ"):
         try:
@@ -105,7 +105,7 @@ def alive(token: str) -> list[int]:
 
 
 def run_of(path: Path) -> str | None:
-    """The run that a file says it is of; None where it says none."""
+    """The run to which a file belongs, or None."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".json":
         return json.loads(text)["run"]
@@ -115,7 +115,7 @@ def run_of(path: Path) -> str | None:
 
 
 def wrong_set(folder: Path) -> list[str]:
-    """What is wrong with the files of one diagnosis; a folder that is not there yet is right."""
+    """What is wrong with the files of one diagnosis; a folder that does not exist yet is right."""
     if not folder.exists():
         return []
     files = {path.name: path for path in folder.iterdir() if not path.name.startswith(".") and path.name != "mine.txt"}
@@ -157,13 +157,13 @@ def wrong_state(folder: Path) -> list[str]:
 
 
 def litter(folder: Path) -> list[str]:
-    """Temporary files and folders that are left, ours or of a library."""
+    """Temporary files and folders that were left, ours or those of a library."""
     ours = [path for path in folder.rglob("*") if MARK in path.name or path.name.startswith(".")]
     return [f"litter: {path.relative_to(folder)}" for path in (*ours, *(folder / "tmp").iterdir())]
 
 
 def prepared(folder: Path) -> float:
-    """Recordings, a finished run of each kind and a file of the user's own; returns how long a run takes [s]."""
+    """Write recordings, a finished run of each kind and a file of the user; return the duration of a run [s]."""
     (folder / "tmp").mkdir()
     for seed, name in enumerate(("a.csv", "b.csv")):
         write_log(folder / name, seed)
@@ -178,7 +178,7 @@ def prepared(folder: Path) -> float:
 
 
 def kill_one(folder: Path, rng: random.Random, seconds: float, tally: Tally, each: bool) -> None:
-    """Start a run, kill it at a random moment, and look at what it leaves."""
+    """Start a run, kill it at a random moment, and check what it leaves."""
     token, number = f"{rng.getrandbits(64):x}", rng.choice((signal.SIGTERM, signal.SIGKILL))
     child = started(folder, each, token)
     length = seconds * (1.6 if each else 1.1)
@@ -208,14 +208,14 @@ def _traces(folder: Path) -> list[str]:
 
 
 def wait_for_writing(folder: Path, child: subprocess.Popen[bytes]) -> None:
-    """Wait until a new temporary file shows that the run writes, or the run has ended."""
+    """Wait until a new temporary file shows that the run is writing, or the run has ended."""
     before = set(_traces(folder))
     while child.poll() is None and set(_traces(folder)) <= before:
         time.sleep(0.0005)
 
 
 def next_run(folder: Path, tally: Tally) -> None:
-    """Undisturbed runs, after which nothing but their files may be there."""
+    """Complete runs, after which only their files may exist."""
     for each in (False, True):
         if started(folder, each, "next").wait() != 0:
             tally.wrong.append("broken: the next run fails")
@@ -224,7 +224,7 @@ def next_run(folder: Path, tally: Tally) -> None:
 
 
 def killed(count: int, seed: int, folder: Path) -> Tally:
-    """Kill so many runs in an empty folder."""
+    """Kill a number of runs in an empty folder."""
     rng, tally = random.Random(seed), Tally()
     seconds = prepared(folder)
     for k in range(count):

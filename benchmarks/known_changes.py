@@ -1,9 +1,9 @@
-"""How often two recordings with a known change separate what one cannot: ``python -m benchmarks.known_changes``.
+"""Measure how often two recordings with a known change distinguish what one recording cannot.
 
-Cases are simulated on a hanging rod. A load or a torque constant, separated by a known mass; a late drive or viscous
-friction, separated by two controller gains; friction that grew between two recordings, named with its ratio if the
-second is said to have changed friction. The truth of every case is drawn, noise too. ``--cases`` of each kind,
-``--seed``.
+Run ``python -m benchmarks.known_changes``; cases are simulated on a hanging rod. A known mass distinguishes a load and
+a torque constant; two controller gains distinguish a delayed drive and viscous friction; friction that grew between two
+recordings is found with its ratio if the second recording is declared to have changed friction. The truth and the
+noise of every case are random. Options: ``--cases`` of each kind, ``--seed``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _ROD = """<robot name="rod"><link name="base"/><link name="rod"><inertial><origi
 <dynamics damping="{damping}" friction="{friction}"/></joint></robot>
 """
 _RATE = 100.0
-# Laws that are the same cause: a payload moves inertial parameters, and a lag is a delay to first order.
+# Effects with the same cause: a payload changes inertial parameters, and a lag is a delay to first order.
 _SAME = {
     "payload": {"payload", "inertial_parameters"},
     "torque_constant": {"torque_constant"},
@@ -44,14 +44,14 @@ _SAME = {
 
 @dataclass(frozen=True)
 class Case:
-    """One truth and its recordings.
+    """One true cause and its recordings.
 
     Attributes:
         robot: The model.
-        truth: The effect that it lacks.
-        other: The effect that it is confused with.
-        recordings: Two; the first is also diagnosed alone.
-        changes: What is known of them.
+        truth: Effect that the model lacks.
+        other: Effect with which it may be confused.
+        recordings: Two recordings; the first is also diagnosed alone.
+        changes: Known changes between them.
     """
 
     robot: Robot
@@ -72,7 +72,7 @@ def rod(damping: float, friction: float) -> Robot:
 def simulated(
     robot: Robot, cause: tuple[str, Array], file: str, rng: np.random.Generator, *, kp: float, kd: float, noise: float
 ) -> Recording:
-    """Some seconds of the robot under a position controller; without damping it rings from where it is let go."""
+    """Some seconds of the robot under a position controller; without damping it oscillates from its start."""
     name, theta = cause
     t = np.arange(10 * _RATE) / _RATE
     w, phase, size = 2 * np.pi * np.array([0.23, 0.61, 1.13]), rng.uniform(0, 2 * np.pi, 3), rng.uniform(0.25, 0.5, 3)
@@ -97,7 +97,7 @@ def simulated(
 
 
 def load_case(rng: np.random.Generator) -> Case:
-    """A torque constant that is off, or a load; in the second recording a mass more that is known."""
+    """A wrong torque constant or a load; the second recording has an additional known mass."""
     model = rod(0.0, 0.0)
     truth, other = rng.permutation(["torque_constant", "payload"])
     load = np.array([rng.uniform(0.4, 0.8), 0.0, 0.0, -rng.uniform(0.55, 0.75)])
@@ -110,7 +110,7 @@ def load_case(rng: np.random.Generator) -> Case:
 
 
 def gain_case(rng: np.random.Generator) -> Case:
-    """A late drive, or less viscous friction than modelled; the controller of the second recording is softer."""
+    """A delayed drive, or less viscous friction than modelled; the controller of the second recording is softer."""
     model = rod(0.3, 0.0)
     truth, other = rng.permutation(["input_delay", "viscous_friction"])
     theta = np.array([rng.uniform(0.006, 0.009) if truth == "input_delay" else -rng.uniform(0.15, 0.25)])
@@ -122,14 +122,14 @@ def gain_case(rng: np.random.Generator) -> Case:
 
 
 def told_apart(found: Diagnosis, truth: str, other: str) -> bool:
-    """True if the truth is found, and what it is confused with is neither found nor a rival."""
+    """True if the truth is found, and the other effect is neither found nor a rival."""
     named = {finding.effect for finding in found.findings}
     rivals = {at.effect for finding in found.findings for rival in finding.rivals for at in rival.effects}
     return bool(named & _SAME[truth]) and not (named | rivals) & _SAME[other]
 
 
 def stated_growth(rng: np.random.Generator) -> tuple[bool, bool]:
-    """Friction that grew: named with its ratio, to 10 %, if nothing is said and if changed friction is said."""
+    """Whether friction that grew is found with its ratio, to 10 %, without and with the declared change."""
     model = rod(0.3, 0.7)
     before, after = 0.3, rng.uniform(0.7, 1.5)
     drive = {"kp": 60.0, "kd": 8.0, "noise": 0.05}
@@ -147,14 +147,14 @@ def stated_growth(rng: np.random.Generator) -> tuple[bool, bool]:
 
 
 def both(case: Case) -> tuple[bool, bool]:
-    """Whether the first recording alone tells the causes apart, and whether both do."""
+    """Whether the first recording alone distinguishes the causes, and whether both recordings do."""
     alone = diagnose(case.robot, case.recordings[:1])
     together = diagnose(case.robot, case.recordings, changes=case.changes)
     return told_apart(alone, case.truth, case.other), told_apart(together, case.truth, case.other)
 
 
 def main() -> None:
-    """Print how often causes are separated."""
+    """Print how often causes are distinguished."""
     parser = argparse.ArgumentParser(description="How often a known change separates causes.")
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)

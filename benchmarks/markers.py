@@ -1,4 +1,4 @@
-"""Text between two markers of a page, which the command that measures it replaces."""
+"""Replace the text between two markers of a page, for commands that write their results there."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import re
 
 
 def between_markers(page: str, begin: str, end: str, inside: str) -> str:
-    """The page with another text between two markers, on lines of its own.
+    """The page with new text between two markers, each on a line of its own.
 
     Args:
         page: Text of the page.
-        begin: First marker, which is in the page once.
-        end: Second marker, which is in the page once, after the first.
+        begin: First marker, which occurs once.
+        end: Second marker, which occurs once, after the first.
         inside: The new text.
 
     Raises:
-        ValueError: If a marker is missing, is there twice, or they are in the wrong order.
+        ValueError: If a marker is missing or occurs twice, or they are in the wrong order.
     """
     pattern = re.compile(re.escape(begin) + ".*?" + re.escape(end), re.DOTALL)
     if page.count(begin) != 1 or page.count(end) != 1 or not pattern.search(page):

@@ -1,13 +1,13 @@
-"""How often poses of a UR10 or a closed chain blame a robot that is right, and find what is wrong with another.
+"""Measure how often measured poses of a UR10 or a closed chain blame a correct robot, and find the error of another.
 
     python -m benchmarks.measured_poses --seeds 3000:3100
     python -m benchmarks.measured_poses --seeds 3100:3200 --in-root-frame  # base and target, too
     python -m benchmarks.measured_poses --seeds 5300:5340 --chains  # PHANToM 1.5, CEA branch, four-bar, five-bar
 
-Each seed is a robot that is right and one with a single error, measured to 0.1 mm: 20 to 100 poses at rest, with or
-without orientations. Errors are zeros, places and elasticity; of closed chains zeros and lengths of links, and half of
-the seeds have their poses in the root frame. The generator (``tests/common``) has its own forward kinematics and closes
-its own loops.
+Each seed gives a correct robot and a robot with one error, measured to 0.1 mm: 20 to 100 poses at rest, with or
+without orientations. Errors are encoder zeros, frames and elasticity; of closed chains zeros and link lengths, and half
+of the seeds have their poses in the root frame. The generator (``tests/common``) has forward kinematics and loop
+closure of its own.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from phantom_dyn.model.robot_files import find_robot
 from tests.common.measured_poses import TrueRobot, measured, moved_joint, pose, quaternions, rotation
 from tests.common.tracked_chains import Linkage, TrueChain, linkages, tracked_chain
 
-NOISE = 1e-4  # [m], and three times that in radian
+NOISE = 1e-4  # noise of positions [m], and three times that of orientations [rad]
 Key = tuple[str, str | None, str]
 
 
 def recording(
     seed: int, robot: TrueRobot, joints: tuple[str, ...], root_poses: tuple[np.ndarray, np.ndarray] | None = None
 ) -> Recording:
-    """Poses of ``tool0`` in the axes of a tracker that stands anywhere, or at given poses of base and target."""
+    """Poses of ``tool0`` in the axes of a tracker at a random or given place."""
     rng = np.random.default_rng(seed)
     poses = (20, 40, 60, 100)[seed % 4]
     q = rng.uniform(-1.5, 1.5, (poses, 6)) + np.array([0, -1.2, 0, 0, 0, 0])
@@ -49,7 +49,7 @@ def recording(
 
 
 def wrong_robot(seed: int, text: str, joints: tuple[str, ...]) -> tuple[TrueRobot, Key, float]:
-    """A robot with one error, what it is called, and its size."""
+    """A robot with one error, the name of the error, and its size."""
     rng = np.random.default_rng([seed, 1])
     size = float(rng.choice([-1, 1]) * rng.uniform(1e-3, 8e-3))
     kind = int(rng.integers(3))
@@ -65,10 +65,10 @@ def wrong_robot(seed: int, text: str, joints: tuple[str, ...]) -> tuple[TrueRobo
 
 
 def poses_off_in_root(seed: int) -> tuple[tuple[np.ndarray, np.ndarray], Key, float]:
-    """Poses of base and target near those of the log's names, with one number that is wrong, and its size."""
+    """Poses of base and target near those in the log's file, with one wrong number, and its size."""
     rng = np.random.default_rng([seed, 2])
     part, of_tool = int(rng.integers(6)), bool(rng.integers(2))
-    part = part % 3 if of_tool and seed % 2 == 0 else part  # without orientations a target has no turn
+    part = part % 3 if of_tool and seed % 2 == 0 else part  # without orientations, the target's orientation is not used
     size = float(rng.choice([-1, 1]) * rng.uniform(1e-3, 8e-3))
     numbers = (size * np.eye(6)[part]).tolist()
     wrong = pose(numbers[:3], numbers[3:])
@@ -79,7 +79,7 @@ def poses_off_in_root(seed: int) -> tuple[tuple[np.ndarray, np.ndarray], Key, fl
 
 @dataclass
 class Score:
-    """Counts over the seeds, and the errors of what was named, by effect."""
+    """Counts over the seeds, and the errors of the sizes by effect."""
 
     robots: int = 0
     blamed: int = 0
@@ -91,7 +91,7 @@ class Score:
     errors: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, right: GeometryResult | None, said: GeometryResult | None, key: Key, size: float) -> None:
-        """Count a robot that is right and one with a single error."""
+        """Count a correct robot and a robot with one error."""
         assert right is not None
         assert said is not None
         self.robots += 1
@@ -111,7 +111,7 @@ class Score:
             self.missed += 1
 
     def words(self) -> str:
-        """All counts in a line."""
+        """All counts in one line."""
         errors = ", ".join(
             f"{effect}: median error {np.median(values):.2g}, largest {max(values):.2g}"
             for effect, values in self.errors.items()
@@ -124,7 +124,7 @@ class Score:
 
 
 def named_and_rivals(said: GeometryResult) -> tuple[dict[Key, float], set[Key]]:
-    """Numbers that are named, with their sizes, and those that are rivals of them."""
+    """The numbers of the findings with their sizes, and the numbers of their rivals."""
     sizes = {(f.effect, f.joint, name): x.value for f in said.findings for name, x in f.parameters.items()}
     places = [place for f in said.findings for rival in f.rivals for place in rival.places]
     return sizes, {(place.effect, place.joint, name) for place in places for name in place.parameters}
@@ -139,11 +139,11 @@ LENGTHS = {
     "fivebar": (("right", "right", 0), ("left_elbow", "left_elbow", 2), ("right_elbow", "right_elbow", 2),
                 ("left_to_pin", "left_pin", 2), ("right_to_pin", "right_pin", 2)),
 }  # fmt: skip
-"""Joints of the URDF, what findings call them, and the axis along which their place is the length of a link."""
+"""Joints of the URDF, their names in findings, and the axis along which the link length is measured."""
 
 
 def wrong_chain(seed: int, name: str, linkage: Linkage) -> tuple[TrueChain, Key, float]:
-    """A closed chain with one error, what it is called, and its size."""
+    """A closed chain with one error, the name of the error, and its size."""
     rng = np.random.default_rng([seed, 3, *name.encode()])
     size = float(rng.choice([-1, 1]) * rng.uniform(1e-3, 5e-3))
     if rng.integers(2):
@@ -175,7 +175,7 @@ def chains(seeds: range) -> None:
 
 
 def main() -> None:
-    """Print false claims, truths in the set, extras and the largest errors."""
+    """Print false claims, truths among findings and rivals, other findings, and the largest errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="0:100")
     parser.add_argument("--in-root-frame", action="store_true")

@@ -1,10 +1,10 @@
-"""How often positions and references alone show what a servo lacks: ``python -m benchmarks.motion_only``.
+"""Measure how often positions and references alone show what a servo's model lacks.
 
-Cases are simulated on a hanging rod that a servo of position with proportional gain moves, as hobby servos are; only
-its readings and references are recorded. What its model lacks is drawn: a late drive, Coulomb friction that makes it
-stick, a load, play in the gear, less viscous friction than modelled, or nothing. Inertias and modelled friction are
-off within their tolerance everywhere.
-``--cases`` of each kind, ``--seed`` (below 1000), ``--gains`` known, identified or off by one tenth.
+Run ``python -m benchmarks.motion_only``. Cases are simulated on a hanging rod with a proportional position servo, like
+hobby servos; only readings and references are recorded. The cause is drawn: a delayed drive, Coulomb friction that
+makes it stick, a load, backlash, less viscous friction than modelled, or nothing. Inertias and modelled friction are
+wrong within their tolerance in every case.
+Options: ``--cases`` of each kind, ``--seed`` (below 1000), ``--gains`` known, identified or wrong by one tenth.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _ROD = """<robot name="rod"><link name="base"/><link name="rod"><inertial><origi
 <dynamics damping="{damping}" friction="{friction}"/></joint></robot>
 """
 _RATE, _SECONDS, _GAIN, _ROTOR, _NOISE = 200.0, 30.0, 60.0, 0.08, 1e-4
-# Laws that are the same cause: a lag is a delay to first order, a payload moves inertial parameters, and dry friction
-# is named with what it does before it slides or as it begins to.
+# Effects with the same cause: a lag is a delay to first order, a payload changes inertial parameters, and dry friction
+# may be found as presliding or Stribeck friction.
 SAME = {
     "input_delay": {"input_delay", "actuator_lag"},
     "coulomb_friction": {"coulomb_friction", "stribeck_friction", "presliding_friction"},
@@ -58,11 +58,11 @@ SIZES: dict[str, Callable[[np.random.Generator], list[float]]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """One truth and its recording.
+    """One true cause and its recording.
 
     Attributes:
         robot: The model, with its controller.
-        truth: The effect that it lacks, or ``nothing``.
+        truth: Effect that the model lacks, or ``nothing``.
         recording: Readings and references.
     """
 
@@ -72,7 +72,7 @@ class Case:
 
 
 def rod(rng: np.random.Generator | None = None) -> Robot:
-    """The rod with its servo; with numbers that are off within their tolerance if a generator is given."""
+    """The rod with its servo; with a generator, its numbers are wrong within their tolerance."""
     off = np.ones(4) if rng is None else 1.0 + np.array([0.03, 0.03, 0.03, 0.03]) * rng.standard_normal(4).clip(-2, 2)
     numbers = dict(zip(("mass", "inertia", "damping", "friction"), off * [2.0, 0.1, 3.0, 0.3], strict=True))
     with tempfile.TemporaryDirectory() as folder:
@@ -85,7 +85,7 @@ def rod(rng: np.random.Generator | None = None) -> Robot:
 
 
 def case(truth: str, rng: np.random.Generator) -> Case:
-    """Slow and fast sines, and a triangle, under a servo that lacks ``truth``."""
+    """Slow and fast sines, and a triangle, with the cause ``truth``."""
     real, size = rod(rng), SIZES[truth](rng)
     t = np.arange(_SECONDS * _RATE) / _RATE
     w = 2 * np.pi * rng.uniform([0.1, 0.4, 0.9], [0.2, 0.7, 1.6])
@@ -100,7 +100,7 @@ def case(truth: str, rng: np.random.Generator) -> Case:
 
 
 def diagnosed(one: Case, gains: str) -> Diagnosis:
-    """Of positions and references alone; gains as they are, a tenth too high, or estimated."""
+    """Diagnose positions and references alone, with the true gains, gains a tenth too high, or identified gains."""
     controller = Controller(kp=1.1 * _GAIN if gains == "off" else _GAIN)
     if gains == "identified":
         silent = replace(one.robot, actuators=(Actuator(),))
@@ -110,7 +110,7 @@ def diagnosed(one: Case, gains: str) -> Diagnosis:
 
 
 def in_set(found: Diagnosis, truth: str) -> bool:
-    """True if the truth is a finding or a rival of one; of nothing, if no gap is found."""
+    """True if the truth is a finding or a rival of a finding; for no cause, if no gap is found."""
     if truth == "nothing":
         return found.verdict == "no_gap"
     named = {finding.effect for finding in found.findings}
@@ -119,7 +119,7 @@ def in_set(found: Diagnosis, truth: str) -> bool:
 
 
 def clean(found: Diagnosis, truth: str) -> bool:
-    """True if every finding is the truth or has it as a rival."""
+    """True if every finding is the truth or has the truth as a rival."""
     return all(
         finding.effect in SAME[truth]
         or any(at.effect in SAME[truth] for rival in finding.rivals for at in rival.effects)

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""MuJoCo's toolbox for system identification on its own arm of five joints: runs in the toolbox's environment.
+"""Run MuJoCo's toolbox for system identification on its own arm of five joints, in the toolbox's environment.
 
 Called by `compare_mujoco_sysid.py`: ``mujoco_sysid_worker.py FOLDER FIELD...`` writes ``arm.xml`` (the model to start
 from), ``fit.npz`` and ``held_out.npz`` there, identifies armature, or armature and damping, of every joint, and prints
-values, truth and seconds as JSON. Torques, length and optimiser are those of the toolbox's own test, and so is the
-start of the armatures where these alone are looked for.
+values, truth and seconds as JSON. Torques, length and optimiser are those of the toolbox's own test. So is the start of
+the armatures if only these are identified.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from mujoco import rollout
 
 BOUNDS = {"armature": (0.001, 1.0), "damping": (0.0, 2.0)}
 ARMATURE = 0.01
-"""Where the search for armatures starts, as in the toolbox's test."""
+"""Start of the armatures, as in the toolbox's test."""
 
 SHARE = 0.5
-"""Share of the true values at which the search for both starts."""
+"""Share of the true values at which the identification of both starts."""
 
 SECONDS = 2.0
-NOISE = {"q": 2e-5, "v": 1e-3}  # rad, rad/s
+NOISE = {"q": 2e-5, "v": 1e-3}  # noise of positions and velocities [rad, rad/s]
 AMPLITUDES, HERTZ = (5.0, 4.0, 3.0, 2.0, 1.0), (0.5, 0.7, 0.4, 0.9, 0.6)
 
 
 def own_arm() -> str:
-    """The arm of the toolbox's test, where the package holds its tests; else an equal one."""
+    """The arm of the toolbox's test if the package has its tests, else an equal arm."""
     source = Path(sysid.__file__).parent / "tests" / "test_integration.py"
     if source.is_file():
         for node in ast.parse(source.read_text()).body:
@@ -44,7 +44,7 @@ def own_arm() -> str:
 
 
 def equal_arm() -> str:
-    """Five links that get lighter, axes z y y z y, with an armature that gets smaller."""
+    """Five links with decreasing mass and armature, and axes z y y z y."""
     joints = zip(
         "zyyzy", (1.0, 0.8, 0.6, 0.4, 0.2), (0.1, 0.1, 0.1, 0.1, 0.08), (0.05, 0.05, 0.05, 0.04, 0.03), strict=True
     )
@@ -68,13 +68,13 @@ def equal_arm() -> str:
 
 
 def set_field(spec: mujoco.MjSpec, parameter: sysid.Parameter, joint: str, field: str) -> None:
-    """Damping is a polynomial in speed in some versions: its first number is the coefficient."""
+    """In some versions damping is a polynomial in speed, whose first number is the coefficient."""
     value, old = float(parameter.value[0]), getattr(spec.joint(joint), field)
     setattr(spec.joint(joint), field, value if np.ndim(old) == 0 else [value, *old[1:]])
 
 
 def parameters_of(truth: dict[str, float]) -> sysid.ParameterDict:
-    """Armature and damping of every joint, where the search starts."""
+    """Armature and damping of every joint, with their start."""
     out = sysid.ParameterDict()
     for name, value in truth.items():
         field, joint = name.split(".")
@@ -85,14 +85,14 @@ def parameters_of(truth: dict[str, float]) -> sysid.ParameterDict:
 
 
 def recorded(model: mujoco.MjModel, phase: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Torques of the toolbox's test with another phase, and what the arm does: exact and as measured."""
+    """Torques of the toolbox's test with another phase, and the arm's exact and measured motion."""
     t = np.arange(int(SECONDS / model.opt.timestep)) * model.opt.timestep
     waves = zip(AMPLITUDES, HERTZ, 0.5 * np.arange(5) + phase, strict=True)
     tau = np.column_stack([size * np.sin(2 * np.pi * hz * t + at) for size, hz, at in waves])
     data = mujoco.MjData(model)
     start = sysid.create_initial_state(model, data.qpos, data.qvel, data.act)
     states = np.asarray(rollout.rollout(model, data, start, tau)[0])[0]
-    # The state behind the step from t[k] is that at t[k + 1].
+    # The state after the step from t[k] is that at t[k + 1].
     whole = np.vstack([start.reshape(-1), states[:-1]])
     q, v = whole[:, 1 : 1 + model.nq], whole[:, 1 + model.nq :]
     noisy = {name: x + NOISE[name] * rng.standard_normal(x.shape) for name, x in (("q", q), ("v", v))}
@@ -100,13 +100,13 @@ def recorded(model: mujoco.MjModel, phase: float, rng: np.random.Generator) -> d
 
 
 def identified(spec: mujoco.MjSpec, log: dict[str, np.ndarray], truth: dict[str, float]) -> dict[str, float]:
-    """Values of the toolbox, by parameter."""
+    """Values that the toolbox identifies, by parameter."""
     joints = [joint.name for joint in spec.joints]
     model = spec.compile()
     both = np.hstack([log["q"], log["v"]])
     names = [model.sensor(k).name for k in range(model.nsensor)]
     order = [joints.index(name[:-4]) + (5 if name.endswith("vel") else 0) for name in names]
-    # A step's sensors are those of the state before it, under the time behind it: so the toolbox's rollout has them.
+    # The toolbox's rollout gives each step the sensors of the state before it and the time after it.
     measured = sysid.TimeSeries.from_names(log["t"][1:], both[:-1, order], model)
     control = sysid.TimeSeries(log["t"], log["tau"])
     start = sysid.create_initial_state(model, log["exact_q"][0], log["exact_v"][0], np.zeros(0))

@@ -1,4 +1,4 @@
-"""Which deliberate mistakes `mutants.py` makes: places in the code, what counts as none, and a random sample."""
+"""Choose the deliberate mistakes of `mutants.py`: possible places, exceptions, and a random sample."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Area:
 
     Attributes:
         code: Folder or file in the checkout.
-        tests: Folders and files of tests; those named after the changed file are run first.
-        compiled: False where the code holds compiled functions: numba keeps callers that have the old one inlined.
-        slow: Words of pytest's ``-k`` that leave slow tests out.
-        apart: Folders of the code whose files know nothing of each other's: each has tests in a folder of that name.
+        tests: Folders and files of tests; those named after the changed file run first.
+        compiled: False if the code has compiled functions: numba keeps callers in which the old function is inlined.
+        slow: Expression for pytest's ``-k`` that excludes slow tests.
+        apart: Subfolders of independent code, each with a test folder of the same name.
     """
 
     code: str
@@ -57,12 +57,12 @@ class Place:
     """A change that an operator may make.
 
     Attributes:
-        area: Where the file belongs.
-        path: The file, from the checkout.
+        area: Area of the file.
+        path: Path of the file in the checkout.
         line: Number of the line, from 1.
-        operator: Name that cosmic-ray gives it.
-        occurrence: Number of the change among all that the operator may make in the file, from 0.
-        key: File, line as written, operator and its number in such lines: the same after a change elsewhere.
+        operator: Name of the change in cosmic-ray.
+        occurrence: Index of the change among all that the operator can make in the file, from 0.
+        key: File, text of the line, operator and index within equal lines; it does not depend on changes elsewhere.
     """
 
     area: Area
@@ -84,7 +84,7 @@ class Mutant:
 
 
 def left_out(source: str) -> Callable[[int, int], bool]:
-    """Says of a line (from 1) and a column (from 0) whether it is annotation, decorator or text."""
+    """A function that tells for a line (from 1) and column (from 0) whether it is annotation, decorator or text."""
     spans = []
     for node in ast.walk(ast.parse(source)):
         parts: list[ast.AST | None] = []
@@ -101,7 +101,7 @@ def left_out(source: str) -> Callable[[int, int], bool]:
 
 
 def worth_trying(name: str) -> bool:
-    """False for replacements that end in an error or change nothing on numbers, whatever the code around them says."""
+    """False for replacements that always raise an error or change nothing for numbers."""
     if name.startswith("ReplaceBinaryOperator"):
         new = name.rsplit("_", 1)[1]
         return new not in SHIFTS and ("Bit" in name.rsplit("_", 2)[1]) == ("Bit" in new)
@@ -111,7 +111,7 @@ def worth_trying(name: str) -> bool:
 
 
 def places_in(area: Area, path: Path) -> Iterator[Place]:
-    """Places of a file that an operator may change, in the order of the operators' names."""
+    """Places of a file that an operator can change, in the order of the operators' names."""
     trees = importlib.import_module("cosmic_ray.ast")
     known: Any = importlib.import_module("cosmic_ray.operators.provider").OperatorProvider()
     source = path.read_text()
@@ -131,7 +131,7 @@ def places_in(area: Area, path: Path) -> Iterator[Place]:
 
 
 def mutant_at(place: Place) -> Mutant | None:
-    """The mutant of a place; None where what comes out is no Python or means the same."""
+    """The mutant of a place, or None if the result is not valid Python or equals the original."""
     operator: Any = importlib.import_module("cosmic_ray.operators.provider").OperatorProvider()[place.operator]()
     source = (CHECKOUT / place.path).read_text()
     code = importlib.import_module("cosmic_ray.mutating").mutate_code(source, operator, place.occurrence)
@@ -145,9 +145,9 @@ def mutant_at(place: Place) -> Mutant | None:
 
 
 def drawn(sample: int, seed: int, only: str) -> list[Mutant]:
-    """So many mutants at random, all if ``sample`` is zero, by file and line.
+    """A number of random mutants, or all if ``sample`` is zero, sorted by file and line.
 
-    Each place draws its own number, so that a line that is changed elsewhere leaves the sample as it was.
+    Each place draws its own random number, so a change of another line does not change the sample.
     """
     places = [place for area in AREAS for file in files(area) if only in str(file) for place in places_in(area, file)]
     print(f"{len(places)} places, of which {sample or 'all'} are tried, seed {seed}", flush=True)

@@ -1,15 +1,15 @@
-"""How many deliberate mistakes in the code the tests notice: mutation testing on a random sample.
+"""Count how many deliberate mistakes in the code the tests notice: mutation testing on a random sample.
 
     make mutants                     # 150 mutants
     make mutants SAMPLE=0            # all of them
     make mutants SAMPLE=30 SEED=7 ONLY=judge/bounds
 
-A mutant is one file with one operator, comparison, constant or keyword replaced (operators of cosmic-ray). It is put
-into a copy of the checkout and the tests that cover the file are run until one fails: then the mutant is killed. What
-survives is listed with its line: a fact that no test states, or a change that makes no difference. Annotations,
-decorators, texts and replacements that fail whatever the code says (a bit shift of floats) count as no mutants.
+A mutant is one file with one operator, comparison, constant or keyword replaced (operators of cosmic-ray). It replaces
+the file in a copy of the checkout, and the tests that cover the file run until one fails: the mutant is killed. Those
+that survive are listed with their lines: a fact that no test states, or a change without effect. Annotations,
+decorators, texts and replacements that always fail (a bit shift of floats) do not count as mutants.
 
-The libraries are imported once; each mutant is tested in a fork of that process, so that it costs seconds.
+The libraries are imported once. Each mutant is tested in a fork of that process, so it takes only seconds.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ LIBRARIES = (
     "numpy scipy.signal scipy.stats scipy.optimize scipy.interpolate scipy.linalg pinocchio numba jaxtyping "
     "beartype.claw msgspec yaml xarray cvxpy control matplotlib.figure pytest hypothesis jinja2 rich.console"
 ).split()
-# Processor time that a mutant gets: this many times what the tests need without one, compiling included, and some
-# seconds. Other processes do not change it, so that no mutant that only survives comes near.
+# Limit of processor time for a mutant: this many times the tests' time without a mutant, plus some seconds. The time
+# does not depend on other processes, and surviving mutants stay far below the limit.
 PATIENCE, GRACE = 2.0, 10.0
-OUTPUT = "output.txt"  # of the last tests, in the copy
+OUTPUT = "output.txt"  # log of the last tests, in the copy
 
 
 def wilson(share: int, whole: int, z: float = 1.96) -> tuple[float, float]:
-    """Wilson's 95 % interval of a probability, from ``share`` successes in ``whole`` trials."""
+    """Wilson's 95 % interval of a probability from a number of successes."""
     if whole == 0:
         return 0.0, 1.0
     p, scale = share / whole, 1.0 + z**2 / whole
@@ -54,9 +54,9 @@ def wilson(share: int, whole: int, z: float = 1.96) -> tuple[float, float]:
 
 
 def covering(area: Area, path: str, tree: Path) -> list[str]:
-    """Test files of an area in a checkout: those named like the changed file first, then those of no single folder.
+    """Test files of an area: those named like the changed file first, those of no subfolder last.
 
-    A file in a folder of its own kind (`Area.apart`) is covered by that folder's tests and by those of no folder.
+    A file in a subfolder of `Area.apart` is covered by the tests of that subfolder and by those of no subfolder.
     """
     found = [file for place in area.tests for file in (tree / place).rglob("test_*.py")]
     found += [tree / place for place in area.tests if place.endswith(".py")]
@@ -72,7 +72,7 @@ def covering(area: Area, path: str, tree: Path) -> list[str]:
 
 
 def tested(area: Area, path: str, tree: Path, seconds: float, mutated: bool) -> tuple[str, float]:
-    """Outcome of the tests in a fork (passed, failed or timed out) and the processor time that it took [s]."""
+    """Outcome of the tests in a fork (passed, failed or timed out) and their processor time [s]."""
     command = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-p", "no:warnings", "--hypothesis-seed=0"]
     command += ["-k", area.slow] if area.slow else []
     child = os.fork()
@@ -99,7 +99,7 @@ def tested(area: Area, path: str, tree: Path, seconds: float, mutated: bool) -> 
 
 
 def needed(area: Area, tree: Path) -> float:
-    """Processor time [s] of an area's tests without a mutant; they have to pass."""
+    """Processor time [s] of an area's tests without a mutant; these must pass."""
     outcome, seconds = tested(area, area.code, tree, 3600.0, mutated=False)
     if outcome != "passed":
         said = (tree / OUTPUT).read_text()[-2000:]
@@ -109,7 +109,7 @@ def needed(area: Area, tree: Path) -> float:
 
 
 def tried(mutant: Mutant, tree: Path, seconds: float) -> str:
-    """Puts a mutant into the copy, runs its tests, and takes it out again: killed, survived or timed out."""
+    """Put a mutant into the copy, run its tests, and restore the file: killed, survived or timed out."""
     file = tree / mutant.place.path
     source, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.code)
@@ -122,7 +122,7 @@ def tried(mutant: Mutant, tree: Path, seconds: float) -> str:
 
 
 def table(outcomes: Iterable[tuple[Mutant, str]]) -> str:
-    """Killed, survived and timed out for each file, and the share that was noticed with Wilson's interval."""
+    """Mutants killed, survived and timed out for each file, and the killed share with Wilson's interval."""
     counts: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     for mutant, outcome in outcomes:
         for name in (mutant.place.path, "all"):
@@ -137,7 +137,7 @@ def table(outcomes: Iterable[tuple[Mutant, str]]) -> str:
 
 
 def run(sample: int, seed: int, only: str) -> list[tuple[Mutant, str]]:
-    """Draws mutants and tries each of them; what survives is printed with its change."""
+    """Draw mutants and try each of them; print those that survive with their change."""
     chosen = drawn(sample, seed, only)
     for name in LIBRARIES:
         importlib.import_module(name)
@@ -155,13 +155,13 @@ def run(sample: int, seed: int, only: str) -> list[tuple[Mutant, str]]:
             print(f"[{number}] {outcome}: {mutant.place.path}:{mutant.place.line}", flush=True)
             if outcome != "killed":
                 print(f"    - {mutant.before}\n    + {mutant.after}", flush=True)
-        for area in areas:  # what has spoilt the copy meanwhile would count as killed
+        for area in areas:  # otherwise a damaged copy would count as a killed mutant
             needed(area, tree)
     return out
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Reads the command line, tries the mutants, and prints the table."""
+    """Read the command line, try the mutants, and print the table."""
     parser = argparse.ArgumentParser(description="Share of mutants that the tests notice.")
     parser.add_argument("--sample", type=int, default=150, help="how many mutants; 0 is all of them (default: 150)")
     parser.add_argument("--seed", type=int, default=1, help="of the sample (default: 1)")

@@ -1,19 +1,18 @@
-"""Does the proposed experiment separate the rivals more often than a random safe motion, and than a D-optimal one?
+"""Compare how often the proposed experiment, a random safe motion and a D-optimal motion distinguish the rivals.
 
     python -m benchmarks.next_experiment                  # own make, seeds 0 to 23
     python -m benchmarks.next_experiment --make field --seeds 0:60 --most-joints 5 --out field.json
     DRAKE_FOLDER=.venv-drake python -m benchmarks.next_experiment --make drake --best-of 8
     python -m benchmarks.next_experiment --read own.json field.json drake.json
 
-A minute or two for each case that leaves rivals, ten seconds for each other one. Cases are development cases of three
-makes, each with its own engine. Own robots, of which MuJoCo moves the true one, record a sum of small sines of every
-joint, an ordinary motion that leaves rivals; robots of the makes field and drake record what the sealed cases of these
-makes record. Where the first diagnosis is a set that holds the truth, three second recordings of one length are made
-within the same limits, with the same effect in the robot and noise drawn anew: the proposed one, with the known mass
-that it may ask for; a random one of the kinds that the proposal chooses from; and the motion with the smallest volume
-of the uncertainty of the inertial parameters (D-optimal). Each is diagnosed together with the first one. The rivals are
-separated if the truth is named and no rival is left beside it; the share of the rivals that are struck off counts them
-singly.
+A case with rivals takes one or two minutes, any other ten seconds. The cases are development cases of three makes, each
+with its own simulator. Own robots, which MuJoCo simulates, record a sum of small sines of every joint, an ordinary
+motion that leaves rivals; robots of the makes field and drake record the motions of the sealed cases of these makes. If
+the truth is among the first diagnosis' findings and rivals, three second recordings of equal length follow, within the
+same limits, with the same effect and new noise: the proposed motion with the known mass that it may ask for, a random
+motion of the same kinds, and the motion with the smallest volume of the uncertainty of the inertial parameters
+(D-optimal). Each second recording is diagnosed together with the first. The rivals are distinguished if the truth is
+found without a rival; the second result is the share of the rivals that are ruled out.
 """
 
 from __future__ import annotations
@@ -43,14 +42,14 @@ from identification.words.note_words import sentences
 from phantom_dyn.errors import LogError, ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
-# Draws of motions before a robot counts as one that no motion of these kinds suits.
+# Number of draws after which a robot counts as one without a suitable motion.
 _TRIES = 20
-# Steps per second of a random motion, where no proposal gives them.
+# Steps per second of a random motion if no proposal defines them.
 _RATE_HZ = 200.0
 
 
 def asked_mass(say: str) -> KnownPayload | None:
-    """The mass that a proposal asks for, read from its sentence as a user does."""
+    """The mass that a proposal asks for, read from its sentence."""
     number = r"(-?[\d.e-]+)"
     found = re.search(f"known mass of {number} kg at \\({number}, {number}, {number}\\) m", say)
     if found is None:
@@ -60,12 +59,12 @@ def asked_mass(say: str) -> KnownPayload | None:
 
 
 def separated(diagnosis: Diagnosis, truth: Place) -> bool:
-    """True if the truth is named, and nothing else may be in its place."""
+    """True if the truth is found without a rival."""
     return any((f.effect, f.joint) == truth and not f.rivals for f in diagnosis.findings)
 
 
 def sure(diagnosis: Diagnosis, truth: Place) -> float:
-    """The probability that the diagnosis gives the truth."""
+    """The probability of the truth in the diagnosis."""
     found = [f.probability for f in diagnosis.findings if (f.effect, f.joint) == truth]
     listed = [
         r.probability
@@ -77,7 +76,7 @@ def sure(diagnosis: Diagnosis, truth: Place) -> float:
 
 
 def sets_with(diagnosis: Diagnosis, truth: Place) -> list[set[Place]]:
-    """What each finding that may be the truth may be."""
+    """For each finding that may be the truth, the set of its possible effects."""
     sets = [
         {(f.effect, f.joint), *((at.effect, at.joint) for rival in f.rivals for at in rival.effects)}
         for f in diagnosis.findings
@@ -86,19 +85,19 @@ def sets_with(diagnosis: Diagnosis, truth: Place) -> list[set[Place]]:
 
 
 def in_set(diagnosis: Diagnosis, truth: Place) -> bool:
-    """True if a finding that is the truth or has it among its rivals is one of several."""
+    """True if a finding that is the truth, or has it as a rival, also has other possible effects."""
     return any(len(one) > 1 for one in sets_with(diagnosis, truth))
 
 
 def struck(before: Diagnosis, after: Diagnosis, truth: Place) -> float:
-    """Share of the first recording's rivals that are no longer beside the truth; none if the truth is gone."""
+    """Share of the first recording's rivals that are ruled out; 0 if the truth is lost."""
     rivals = set().union(*sets_with(before, truth)) - {truth}
     left = sets_with(after, truth)
     return len(rivals - set().union(*left)) / len(rivals) if left else 0.0
 
 
 def drawn(design: DesignProblem, duration: float, count: int, rng: np.random.Generator) -> list[Candidate]:
-    """Random motions of the kinds that the proposal chooses from; fewer if hardly any suits the robot."""
+    """Random motions of the kinds that the proposal considers; fewer if hardly any suits the robot."""
     out: list[Candidate] = []
     for _ in range(_TRIES):
         out += candidates(design, duration=duration, count=count - len(out), rng=rng)
@@ -108,7 +107,7 @@ def drawn(design: DesignProblem, duration: float, count: int, rng: np.random.Gen
 
 
 def motions(case: Case, logs: tuple[Log, ...], proposed: Motion, seed: int) -> dict[str, Motion]:
-    """The three second motions, of one length and within the same limits."""
+    """The three second motions, of equal length and within the same limits."""
     rate, duration = (len(proposed.t) - 1) / float(proposed.t[-1]), float(proposed.t[-1])
     limits = safe_limits(case.robot, logs)
     rng = np.random.default_rng([seed, 708])
@@ -127,9 +126,9 @@ def motions(case: Case, logs: tuple[Log, ...], proposed: Motion, seed: int) -> d
 
 
 def decided_by(case: Case, logs: tuple[Log, ...], seed: int, count: int) -> int | None:
-    """Which of several random motions leaves the truth alone, with two noises; None: no one.
+    """Which of several random motions leaves the truth without a rival for two noises, or None.
 
-    The second noise is needed because the best of many motions may owe its success to the first one.
+    The second noise is needed because the best of many motions may succeed by chance.
     """
     design = design_of(case.robot, safe_limits(case.robot, logs))
     tried = drawn(design, length_of(logs), count, np.random.default_rng([seed, 709]))
@@ -141,26 +140,26 @@ def decided_by(case: Case, logs: tuple[Log, ...], seed: int, count: int) -> int 
 
 
 def decides(case: Case, motion: Motion, noise: int) -> bool:
-    """True if the truth is named without a rival once a motion is recorded as well."""
+    """True if the truth is found without a rival when this motion is recorded too."""
     both = together(case, motion, noise)
     return both is not None and separated(both, case.truth)
 
 
 def together(case: Case, motion: Motion, noise: int, mass: KnownPayload | None = None) -> Diagnosis | None:
-    """The diagnosis of the first recording and one along a motion; None if the robot does not follow that."""
+    """Diagnosis of the first recording and one along a motion; None if the robot cannot follow the motion."""
     second = case.again(motion, noise, mass)
     changes = () if mass is None else (Change(case.first.file), Change("next", mass))
     return None if second is None else diagnose(case.robot, (case.first, second), changes=changes)
 
 
 def measured(make: str, seed: int, best_of: int = 0, most_joints: int | None = None) -> dict | None:
-    """What each second recording does for the case of a seed; None where there is nothing to separate.
+    """Effect of each second recording for the case of a seed; None if there is nothing to distinguish.
 
     Args:
-        make: Of the case.
-        seed: Of the case.
-        best_of: Random motions that are tried where the proposed one does not decide.
-        most_joints: Robots with more are left out; None: none is.
+        make: Make of the case.
+        seed: Seed of the case.
+        best_of: Number of random motions to try if the proposed motion leaves rivals.
+        most_joints: Largest number of joints, or None.
     """
     case = cases_of(make)(seed)
     if case is None or (most_joints is not None and case.robot.nv > most_joints):
@@ -189,7 +188,7 @@ def measured(make: str, seed: int, best_of: int = 0, most_joints: int | None = N
 
 
 def said(diagnosis: Diagnosis | None) -> list:
-    """What a diagnosis names, each with its rivals."""
+    """The findings of a diagnosis with their rivals."""
     findings = () if diagnosis is None else diagnosis.findings
     return [
         [f.effect, f.joint, round(f.probability, 2), *([at.effect, at.joint] for r in f.rivals for at in r.effects)]

@@ -1,4 +1,4 @@
-"""Robots with an effect and ordinary recordings of small motions, which leave rivals."""
+"""Robots with one effect, and recordings of small ordinary motions that leave rivals."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ EFFECTS = (
     "base_tilt",
 )
 SECONDS = 10.0
-SMALL = (0.08, 0.2)  # swings of the first recording, of those of the sealed cases
-SIZE = (0.03, 0.15)  # of an effect, as a share of the torque of the motion; noise has 0.01 to 0.03
+SMALL = (0.08, 0.2)  # amplitude of the first recording as a share of that of the sealed cases
+SIZE = (0.03, 0.15)  # size of an effect as a share of the torque of the motion; noise has 0.01 to 0.03
 
 
 def rms_torque(table: Table, reference: np.ndarray, rate: float) -> np.ndarray:
-    """Of each joint along a reference, without effects."""
+    """Root mean square torque of each joint along a reference, without effects."""
     return np.sqrt(np.mean(feedforward(table, reference, rate) ** 2, axis=0))
 
 
 def drawn_effect(name: str, setup: Setup, rng: np.random.Generator) -> Effect:
-    """An effect whose torque is a share of that of the motion."""
+    """An effect whose torque is a share of the torque of the motion."""
     table, session = setup.owner, setup.session
     axis = int(rng.integers(len(table.active)))
     joint, dt = table.active[axis], 1.0 / session.rate
@@ -85,8 +85,8 @@ def drawn_effect(name: str, setup: Setup, rng: np.random.Generator) -> Effect:
 
 
 def drawn_case(seed: int) -> Case | None:
-    """The case of a development seed: its own robot, and effects in turn; None if it does not follow its reference."""
-    # Effects take turns with the seed, robots with the effects and from one round of them to the next.
+    """The case of a development seed; None if the robot does not follow its reference."""
+    # Effects alternate with the seed; robots alternate with the effects and from round to round.
     setup = draw_setup(seed, kind="single", robot=ROBOTS[(seed + seed // len(EFFECTS)) % len(ROBOTS)])
     rng = np.random.default_rng([seed, 707])
     t = np.arange(round(SECONDS * setup.session.rate)) / setup.session.rate
@@ -95,7 +95,7 @@ def drawn_case(seed: int) -> Case | None:
     columns = [fourier(rng, t, float(swing)) for swing in swings]
     posture = np.array(table.posture or (0.0,) * len(columns))
     reference = np.stack(columns, axis=1) + posture
-    # Noise has its share of the torque of this motion, not of the larger one that it was drawn for.
+    # Noise is a share of the torque of this motion, not of the larger motion for which it was drawn.
     large, small = (rms_torque(table, q, setup.session.rate) for q in (setup.session.reference, reference))
     rows = slice(len(reference))
     session = replace(setup.session, reference=reference, dither=setup.session.dither[rows])
@@ -119,12 +119,12 @@ def drawn_case(seed: int) -> Case | None:
 
 @dataclass(frozen=True)
 class Repeated:
-    """Records the robot of a case along other motions, with its own controller, drives and encoders.
+    """Records the robot of a case along other motions with the same controller, drives and encoders.
 
     Attributes:
-        seed: Of the case.
-        setup: All but the effect.
-        effect: What the model does not have.
+        seed: Seed of the case.
+        setup: Everything except the effect.
+        effect: Effect that the model lacks.
     """
 
     seed: int
@@ -132,7 +132,7 @@ class Repeated:
     effect: Effect
 
     def __call__(self, motion: Motion, noise: int, payload: KnownPayload | None = None) -> Recording | None:
-        """See `Again`."""
+        """Record a motion, see `Again`."""
         rng, session = np.random.default_rng([self.seed, 712, noise]), self.setup.session
         t = np.arange(round(float(motion.t[-1]) * session.rate) + 1) / session.rate
         reference = CubicSpline(motion.t, motion.q, bc_type="clamped")(np.clip(t, 0.0, motion.t[-1]))
@@ -144,7 +144,7 @@ class Repeated:
 
 
 def recorded(setup: Setup, effects: tuple[Effect, ...], file: str) -> Recording | None:
-    """What a recording of a setup with effects holds; None if the robot does not follow it."""
+    """Recording of a setup with effects; None if the robot does not follow it."""
     run = run_of(setup, *effects)
     if not tracks(run, setup):
         return None

@@ -1,4 +1,4 @@
-"""Robots simulated by Drake, with an effect, recorded once as that make does and then along another motion."""
+"""Robots with one effect that Drake simulates, recorded as in that make and then along another motion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from phantom_dyn.motion import Motion
 
 
 def drawn_case(seed: int) -> Case | None:
-    """The single case of a development seed with its ordinary recording; None if it has none."""
+    """The single case of a development seed with its ordinary recording, or None."""
     drawn = draw_open(seed)
     if drawn is None:
         return None
@@ -42,13 +42,13 @@ def drawn_case(seed: int) -> Case | None:
 
 @dataclass(frozen=True)
 class Repeated:
-    """Records the robot of a case along other motions, with its own controller, drives, encoders and uneven ticks.
+    """Records the robot of a case along other motions with the same controller, drives and encoders.
 
     Attributes:
-        seed: Of the case.
-        setup: All but the effect.
-        found: The effect.
-        given: The model.
+        seed: Seed of the case.
+        setup: Everything except the effect.
+        found: Effect with its size.
+        given: Given model.
     """
 
     seed: int
@@ -57,7 +57,7 @@ class Repeated:
     given: Robot
 
     def __call__(self, motion: Motion, noise: int, payload: KnownPayload | None = None) -> Recording | None:
-        """See `Again`."""
+        """Record a motion, see `Again`."""
         setup = along(self.setup, motion, np.random.default_rng([self.seed, 713, noise]))
         if payload is not None:
             setup = replace(setup, truth=replace(setup.truth, carried=(payload.mass, payload.center)))
@@ -73,7 +73,7 @@ class Repeated:
 
 
 def along(setup: Setup, motion: Motion, rng: np.random.Generator) -> Setup:
-    """The same controller and robot on another reference, with ticks and noise drawn anew."""
+    """The same controller and robot on another reference, with new sampling times and noise."""
     session, rate = setup.session, setup.rate
     jitter = float(np.std(session.motion.t * rate - np.arange(len(session.motion.t))))
     t = uneven_ticks(rng, LEAD + float(motion.t[-1]), rate, jitter)

@@ -1,4 +1,4 @@
-"""Robots as users have them, with an effect, recorded once as users record and then along another motion."""
+"""Robots with one effect as users have them, recorded as users record and then along another motion."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 Rng = np.random.Generator
-HELD = 4  # steps of the simulation for which the torques that no log shows stay
-AFTER = 0.1  # of rest behind the motion [s]
+HELD = 4  # number of simulation steps for which unrecorded torques stay constant
+AFTER = 0.1  # time at rest after the motion [s]
 
 
 def drawn_case(seed: int) -> Case | None:
-    """The single case of a development seed with its ordinary recording; None if its effect left no trace."""
+    """The single case of a development seed with its ordinary recording; None if its effect leaves no trace."""
     drawn = draw_open(seed)
     if drawn is None:
         return None
@@ -49,13 +49,13 @@ def drawn_case(seed: int) -> Case | None:
 
 @dataclass(frozen=True)
 class Repeated:
-    """Records the robot of a case along other motions: its own controller, drives, encoders and habits of logging.
+    """Records the robot of a case along other motions with the same controller, drives, encoders and logger.
 
     Attributes:
-        seed: Of the case.
-        setting: All but the effect.
+        seed: Seed of the case.
+        setting: Everything except the effect.
         one: The effect.
-        given: The model.
+        given: Given model.
     """
 
     seed: int
@@ -64,7 +64,7 @@ class Repeated:
     given: Robot
 
     def __call__(self, motion: Motion, noise: int, payload: KnownPayload | None = None) -> Recording | None:
-        """See `Again`."""
+        """Record a motion, see `Again`."""
         rng = np.random.default_rng([self.seed, 711, noise])
         setting = self.setting
         ref = reference_at_steps(motion)
@@ -81,20 +81,20 @@ class Repeated:
 
 
 def reference_at_steps(motion: Motion) -> Array:
-    """Positions at every step of the simulation, at rest before and behind the motion [rad or m], shape ``(K, n)``."""
+    """Positions at every simulation step, at rest before and after the motion [rad or m], shape ``(K, n)``."""
     t = np.arange(0.0, LEAD + motion.t[-1] + AFTER, STEP) - LEAD
     return CubicSpline(motion.t, motion.q, bc_type="clamped")(np.clip(t, 0.0, motion.t[-1]))
 
 
 def task_along(setting: Setting, ref: Array, extra: Array) -> Task:
-    """The controller of a setting on another reference; ``extra`` are torques that no log shows, as long as that."""
+    """The controller of a setting on another reference; ``extra`` are unrecorded torques, as long as the reference."""
     speed, feed = feedforward(setting.robot, ref, setting.known)
     still = np.zeros(len(ref), dtype=bool)
     return replace(setting.task, ref=ref, speed=speed, feed=feed, extra=extra, held=still)
 
 
 def world_with(one: Sized, world: World, steps: int, payload: KnownPayload | None) -> World:
-    """The true robot with its effect for a run of so many steps, and with a known mass in the last joint's frame."""
+    """The true robot with its effect for a number of steps, with an optional known mass in the last joint's frame."""
     still = np.zeros(steps, dtype=bool)
     world = one.effect.put(replace(world, held=still, pushed=np.zeros((steps, world.chain.n))), one.size)
     if payload is None:
@@ -104,7 +104,7 @@ def world_with(one: Sized, world: World, steps: int, payload: KnownPayload | Non
 
 
 def log_of(setting: Setting, world: World, task: Task, recorder: Recorder) -> Mapping[str, Array] | None:
-    """The log of a run, None if the robot loses its way as no case may."""
+    """The log of a run; None if the robot does not follow its reference."""
     run = moved(world, task)
     miss = np.abs(run.reading - task.ref).max(axis=0)
     if not (np.isfinite(miss).all() and np.all(miss < np.maximum(0.5 * setting.scale.reach, 0.05))):
@@ -113,7 +113,7 @@ def log_of(setting: Setting, world: World, task: Task, recorder: Recorder) -> Ma
 
 
 def fresh_recorder(before: Recorder, seconds: float, rng: Rng) -> Recorder:
-    """The same logger another time: uneven stamps, lost and repeated rows and noise are drawn as they came before."""
+    """The same logger with new uneven times, lost and repeated rows, and noise."""
     count = int(seconds * before.rate)
     even = np.arange(count) / before.rate
     late = before.taken - np.arange(len(before.taken)) / before.rate

@@ -1,4 +1,4 @@
-"""What second recordings decide, counted by make and compared in pairs."""
+"""Count which second recordings distinguish the rivals for each make, and compare them in pairs."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Row = dict
 
 
 def paired_difference(one: Sequence[bool], other: Sequence[bool]) -> tuple[float, tuple[float, float] | None]:
-    """Share of cases that one motion decides less that of another, with its 95 % bootstrap interval over the cases.
+    """Share of cases that one motion decides minus that of another, with its 95 % bootstrap interval.
 
-    No interval where no case differs, or for a single one: resampling cannot say how rare a difference is that was
-    never seen.
+    The interval is None for a single case or without a difference: resampling cannot tell how rare a difference is that
+    never occurred.
     """
     apart = np.array(one, dtype=float) - np.array(other, dtype=float)
     if not apart.any() or len(apart) < 2:
@@ -28,13 +28,13 @@ def paired_difference(one: Sequence[bool], other: Sequence[bool]) -> tuple[float
 
 
 def lines_of(title: str, rows: Sequence[Row], opened: int, best_of: int) -> list[str]:
-    """The figures of one make, or of all.
+    """Results of one make, or of all makes.
 
     Args:
         title: Name of the make.
-        rows: Cases that leave a set that holds the truth.
-        opened: Cases that were looked at.
-        best_of: Random motions that were tried where nothing was decided.
+        rows: Cases whose findings and rivals include the truth and other effects.
+        opened: Number of cases that were diagnosed.
+        best_of: Number of random motions that were tried for undecided cases.
     """
     asked = [row for row in rows if row["proposed"] is not None]
     out = [
@@ -77,7 +77,7 @@ def _tried_words(rows: Sequence[Row], best_of: int) -> list[str]:
 
 
 def table_of(rows: Sequence[Row], opened: dict[str, int], best_of: int) -> str:
-    """Figures of each make, and of all where there are several."""
+    """Results of each make, and of all makes together."""
     out = []
     for make, count in opened.items():
         out += lines_of(make, [row for row in rows if row["make"] == make], count, best_of)

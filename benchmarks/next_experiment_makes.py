@@ -1,4 +1,4 @@
-"""Cases of every make as robots that can be recorded again, along any motion and with fresh noise."""
+"""Cases of every make as robots that can be recorded again along any motion with new noise."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from phantom_dyn.motion import Motion
 
 Place = tuple[str, str | None]
 
-# Imported when they are asked for: a make must run where what another one is built on is missing.
+# Imported on demand: a make must run without the libraries of another make.
 MODULES = {
     "own": "benchmarks.next_experiment_cases",
     "field": "benchmarks.next_experiment_field",
@@ -23,29 +23,29 @@ MODULES = {
 
 
 class Again(Protocol):
-    """Records the true robot of a case once more; None if it does not follow the motion."""
+    """Function that records the true robot of a case again; None if the robot does not follow the motion."""
 
     def __call__(self, motion: Motion, noise: int, payload: KnownPayload | None = None) -> Recording | None:
-        """A recording.
+        """Record the robot.
 
         Args:
-            motion: The reference, from rest to rest.
-            noise: Number of a noise; each is drawn anew.
-            payload: A known mass that the robot carries then.
+            motion: Reference, from rest to rest.
+            noise: Number of the noise; each number gives other noise.
+            payload: Known mass on the robot, or None.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Case:
-    """An ordinary recording of a robot with one effect, and the robot to be recorded again.
+    """An ordinary recording of a robot with one effect, and a function that records the robot again.
 
     Attributes:
-        name: Of the robot.
-        robot: The model that is given.
-        truth: What a diagnosis has to name.
-        first: The ordinary recording.
-        again: Records the true robot along another motion.
+        name: Name of the robot.
+        robot: Given model.
+        truth: Effect that a diagnosis has to find.
+        first: Ordinary recording.
+        again: Function that records the true robot along another motion.
     """
 
     name: str
@@ -56,5 +56,5 @@ class Case:
 
 
 def cases_of(make: str) -> Callable[[int], Case | None]:
-    """What gives the case of a development seed, None where it has none."""
+    """Function that gives the case of a development seed, or None."""
     return importlib.import_module(MODULES[make]).drawn_case

@@ -1,12 +1,12 @@
-"""Compares the noise floor that is propagated from the sensors with the true one, joint by joint.
+"""Compare the noise floor that is propagated from the sensors with the true floor, joint by joint.
 
     python benchmarks/noise_floor.py given FOLDER...       cases with answers that state the floor of the sensors
-    python benchmarks/noise_floor.py make --seeds 0:20     sealed cases without an effect, whose clean record is known
-    python benchmarks/noise_floor.py repeated FILE...      noise over torque, by diagnoses of repeated motions
+    python benchmarks/noise_floor.py make --seeds 0:20     sealed cases without an effect, with known noise-free signals
+    python benchmarks/noise_floor.py repeated FILE...      noise relative to torque, from diagnoses of repeated motions
 
-The true floor is the root mean square, in a stated band, of the inverse dynamics of the noisy record less that of the
-clean one, on the same run, with friction as it acted. A given answer has it below a frequency of its own
-(``sensor_floor_below_8_hz``), to which the white part is scaled by the root of the band. The goal is a ratio within 1.2
+The true floor is the root mean square, in a stated band, of the inverse dynamics of the noisy signals minus that of the
+noise-free signals of the same run, with the true friction. A given answer states it below a frequency of its own
+(``sensor_floor_below_8_hz``); the white part is scaled to this band. The goal is a ratio within 1.2
 for 95 % of the joints.
 """
 
@@ -41,19 +41,19 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-GIVEN_BAND = 8.0  # [Hz]: in which given answers state the floor
+GIVEN_BAND = 8.0  # edge of the band in which given answers state the floor [Hz]
 WITHIN = 1.2
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A case with the ratio of the propagated to the true floor of each joint, NaN where none is known.
+    """A case with the ratio of the propagated to the true floor of each joint, or NaN.
 
     Attributes:
-        name: Of the case.
-        joints: Their names.
-        ratio: Propagated over true floor.
-        inside: True where the true floor lies inside the interval, the discrepancy not counted.
+        name: Name of the case.
+        joints: Names of the joints.
+        ratio: Propagated floor divided by true floor.
+        inside: True if the true floor is inside the interval, without the discrepancy.
     """
 
     name: str
@@ -63,12 +63,12 @@ class Compared:
 
 
 def propagated(session: Session) -> SensorFloor:
-    """The floor of a session's joints where they may be judged."""
+    """The floor of a session's joints that can be judged, else NaN."""
     return sensor_floor(session, tuple(usable_samples(log).astype(float) for log in session.logs))
 
 
 def given(folder: Path) -> Compared:
-    """A given case: its answer states the floor of the sensors."""
+    """A given case, whose answer states the floor of the sensors."""
     answer = json.loads((folder / "answer.json").read_text())["sensor_floor_below_8_hz"]
     robot = load_robot(folder / "robot.urdf")
     session = session_of(robot, (read_recording(folder / "log.npz", robot),))
@@ -79,7 +79,7 @@ def given(folder: Path) -> Compared:
 
 
 def of_make(seed: int) -> Compared | None:
-    """A sealed null of the first make, of which the clean record is known; None where the seed gives none at once."""
+    """A sealed null of the first make with known noise-free signals, or None if the seed gives none."""
     setup = draw_setup(seed, kind="null")
     run = run_of(setup)
     if not tracks(run, setup):
@@ -115,7 +115,7 @@ def _written(urdf: str, yaml: str) -> Robot:
 
 
 def _rigid_balance(robot: Robot, log: Log) -> Array:
-    """Torque less what the motion needs without friction."""
+    """Torque minus the torque of the motion without friction."""
     return log.tau - inverse_dynamics(robot, log.motion) + modelled_friction(robot, log.motion)
 
 
@@ -127,7 +127,7 @@ def _compared(name: str, robot: Robot, true: Array, found: SensorFloor, wider: f
 
 
 def summary(cases: Sequence[Compared]) -> list[str]:
-    """Lines with how many floors are known, and how many of these are right."""
+    """How many floors are known, and how many of these are right."""
     ratio = np.concatenate([case.ratio for case in cases])
     inside = np.concatenate([case.inside for case in cases])
     known = np.isfinite(ratio)
@@ -153,7 +153,7 @@ def _cases(words: argparse.Namespace) -> Iterator[Compared]:
 
 
 def repeated(diagnosis: Path) -> list[str]:
-    """Lines with noise over torque of the joints whose noise a ``diagnosis.json`` has from repetitions."""
+    """Noise relative to torque of the joints whose noise a ``diagnosis.json`` has from repetitions."""
     return [
         f"{diagnosis} {one['joint']} {100 * one['noise_floor'] / one['rms_torque']:.1f} %"
         for one in json.loads(diagnosis.read_text())["joints"]
@@ -162,7 +162,7 @@ def repeated(diagnosis: Path) -> list[str]:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Reads the command line and prints a line a case, then the figures."""
+    """Read the command line and print one line for each case, then the results."""
     parser = argparse.ArgumentParser(description="The propagated noise floor against the true one.")
     kinds = parser.add_subparsers(dest="kind", required=True)
     kinds.add_parser("given").add_argument("folders", nargs="+", type=Path)

@@ -1,4 +1,4 @@
-"""This library's side of a comparison, in a process of its own: prints seconds and memory as JSON.
+"""Run this library's side of a comparison in a process of its own, and print seconds and memory as JSON.
 
 own_worker.py fit ROBOT RECORDING.npz [EFFECT,...]    file to base parameters, least squares, deviations
 own_worker.py arm ROBOT RECORDING.npz FIELD...        armature and damping beyond those of the given model
@@ -31,20 +31,20 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 FEW = 200
-"""Samples of a first run, which is not timed: what is imported or compiled late counts on neither side."""
+"""Samples of a first run that is not timed, so that late imports and compiling do not count."""
 
 CHUNK = 50_000
-NOISE = 0.1  # N m
+NOISE = 0.1  # standard deviation of the torque noise [N m]
 
 
 def memory_mb(field: str) -> float:
-    """VmRSS (now) or VmHWM (largest so far) of this process [MB]; a parent's memory does not count, as in rusage."""
+    """VmRSS (now) or VmHWM (largest so far) of this process [MB]; unlike in rusage, without the parent's."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(field))
 
 
 def log_of(robot: Robot, motion: Motion, tau: np.ndarray) -> Log:
-    """Samples as they are, without a filter."""
+    """Samples without a filter."""
     rate = 1.0 / float(motion.t[1] - motion.t[0])
     band = Band(rate, rate / 2, np.ones(1), 1)
     return Log("recording", robot.joint_names, motion, tau, band, np.ones(len(tau), dtype=bool))
@@ -58,12 +58,12 @@ def read(robot: Robot, path: str, few: int | None = None) -> Log:
 
 
 def terms(robot: Robot, names: str) -> list[EffectOnJoint]:
-    """Each of these effects on every joint."""
+    """Columns of each effect on every joint."""
     return [(effect_named(name), joint) for name in filter(None, names.split(",")) for joint in robot.joint_names]
 
 
 def fit(robot: Robot, path: str, effects: str = "") -> dict[str, float]:
-    """File to base parameters by `ols`, and by reduction alone, which knows the deviations of white noise only."""
+    """From the file to base parameters by `ols`, and by reduction alone, whose deviations assume white noise."""
     given = terms(robot, effects)
     some = read(robot, path, FEW)
     ols(torque_regressor(robot, some, given))
@@ -89,23 +89,23 @@ def fit(robot: Robot, path: str, effects: str = "") -> dict[str, float]:
 
 
 def from_start_of_step(log: Log, h: float) -> Log:
-    """The recording with the speeds from which a simulator's steps of ``h`` seconds have started."""
+    """The recording with the speeds at the start of a simulator's steps of ``h`` seconds."""
     motion = log.motion
     return replace(log, motion=replace(motion, v=motion.v - 0.5 * h * motion.a))
 
 
 def arm(robot: Robot, path: str, *fields: str) -> dict[str, Any]:
-    """Armature, or armature and damping, of every joint, from positions and torques, derivatives included.
+    """Armature, or armature and damping, of every joint, from positions and torques; derivatives are computed.
 
-    A step ``h`` of MuJoCo, implicit in the damping, starts from the speed half a step before the one that positions
-    show at that time, ``v - h / 2 * a``, and damps the speed at its end, ``h * a`` more. The fit gets the first, so
-    that what it finds beside the acceleration is ``armature + h * damping``; the second part is taken off.
+    A step ``h`` of MuJoCo, implicit in the damping, starts from the speed half a step before that of the positions at
+    this time, ``v - h / 2 * a``, and damps the speed at its end, which is larger by ``h * a``. The fit gets the first
+    speed, so its coefficient of the acceleration is ``armature + h * damping``; the second part is subtracted.
     """
     effects = {"armature": ("rotor_inertia", "inertia"), "damping": ("viscous_friction", "coefficient")}
     stated = {"armature": robot.rotor_inertia, "damping": robot.viscous_friction}
     given, recording = terms(robot, ",".join(effects[f][0] for f in fields)), read_recording(path, robot)
     h = float(np.median(np.diff(recording.t)))
-    # A first run is not timed: what is imported or compiled late does not count.
+    # The first run is not timed, so that late imports and compiling do not count.
     ols(gap_regressor(robot, from_start_of_step(process(recording, robot), h), given))
     start = time.process_time()
     found = ols(gap_regressor(robot, from_start_of_step(process(recording, robot), h), given))

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body quantities of N samples by loops over Pinocchio.
+"""Compute rigid-body quantities of N samples with Python loops over Pinocchio.
 
-The compiled loops of `phantom_dyn._kernels.rigid_body` are compared with them: their speed here, their answers in
-their tests.
+The compiled loops of `phantom_dyn._kernels.rigid_body` are compared with these: their speed in the benchmarks, their
+results in their tests.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def torque(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
 
 
 def torque_slopes(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
-    """Torque of joint i per position (then per velocity) of joint j, ``[0 or 1, j, i, sample]``."""
+    """Derivative of the torque of joint i by position (then velocity) of joint j, ``[0 or 1, j, i, sample]``."""
     data, out = model.createData(), np.empty((2, model.nv, model.nv, len(q)))
     for k in range(len(q)):
         pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
@@ -41,7 +41,7 @@ def torque_slopes(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
 
 
 def weight(model: pin.Model, q: Array, gravity: Array) -> Array:
-    """Torque that holds the tree against gravity [m/s2 in the root frame], shape ``(N, nt)`` [N m or N]."""
+    """Torque that holds the tree against gravity [m/s^2 in the root frame], shape ``(N, nt)`` [N m or N]."""
     turned = model.copy()
     turned.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
     data, out = turned.createData(), np.empty((len(q), model.nv))
@@ -53,12 +53,12 @@ def weight(model: pin.Model, q: Array, gravity: Array) -> Array:
 def mass(model: pin.Model, q: Array) -> Array:
     """Mass matrix of the tree with armature, shape ``(N, nt, nt)``.
 
-    Pinocchio wants the joints of every branch one after the other, as its own readers of robot files leave them.
+    Pinocchio needs the joints of every branch in consecutive order, as its own readers of robot files create them.
     """
     data, out = model.createData(), np.empty((len(q), model.nv, model.nv))
     for k in range(len(q)):
         out[k] = pin.crba(model, data, q[k])
-    # Only the upper triangle is filled.
+    # Pinocchio fills only the upper triangle.
     lower = np.tril_indices(model.nv, -1)
     out[:, lower[0], lower[1]] = out[:, lower[1], lower[0]]
     return out

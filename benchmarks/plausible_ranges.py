@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""What links of public robot models weigh per length, where their centres are, and what friction the files state.
+"""Print mass per length and centre of mass of links of public robot models, and the friction that their files state.
 
     python -m benchmarks.plausible_ranges
 
-The models are those of ``example-robot-data`` that load. A link counts if another joint is 5 cm or more away from its
-own. Printed: quantiles over all links, and for each model the values of friction that its joints have.
+The models are those of ``example-robot-data`` that can be loaded. A link counts if another joint is at least 5 cm away
+from its own. Output: quantiles over all links, and the friction values of each model's joints.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
 
 MODELS = ("ur5", "ur10", "panda", "kinova", "baxter", "romeo", "solo12", "double_pendulum", "z1")
-SHORTEST = 0.05  # m
+SHORTEST = 0.05  # shortest link [m]
 QUANTILES = (0, 5, 50, 95, 100)
 
 
 def links_of(robot: Robot) -> list[tuple[float, float]]:
-    """Mass per length [kg/m], and distance of the centre from the joint over the length, of each link."""
+    """Mass per length [kg/m] of each link, and distance of its centre from the joint divided by the length."""
     model, out = robot.model, []
     for joint in range(1, model.njoints):
         ends = [float(np.linalg.norm(model.jointPlacements[child].translation)) for child in model.children[joint]]

@@ -1,13 +1,14 @@
-"""Says whether two versions of the code give the same answers to forty recordings.
+"""Check whether two versions of the code give the same answers to forty recordings.
 
     python benchmarks/same_answers.py record --out before.json --tree ../before
     python benchmarks/same_answers.py record --out after.json
     python benchmarks/same_answers.py compare before.json after.json
 
-For a change that is to change nothing. Only the command line is used, as ``python -m identification.cli``, so modules
-may move. The recordings are 28 sealed cases of development seeds and 12 real ones (PHANTOM_DYN_DATA); they are kept in
-a cache folder, so that both sides see the same files. Of a diagnosis all is kept but its run, seconds and version; the
-schema, the ledger and sentences are not compared. ``--rule above_chance.LEAST_GAIN=30`` judges with another threshold.
+This is for changes that should not change an answer. Only the command line is used, as ``python -m
+identification.cli``, so modules may move. The recordings are 28 sealed cases of development seeds and 12 real ones
+(PHANTOM_DYN_DATA), kept in a cache folder, so both versions get the same files. Everything in a diagnosis is kept
+except run, seconds and version; the schema, the ledger and sentences are not compared.
+``--rule above_chance.LEAST_GAIN=30`` judges with another threshold.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 from benchmarks.same_answers_cases import CHECKOUT, Recording, fingerprint, prepared, recordings
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "phantom-dyn" / "same_answers"
-TIMEOUT = 1200.0  # seconds
+TIMEOUT = 1200.0  # longest time of a diagnosis [s]
 LIMITS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 NOT_KEPT = ("run", "seconds", "version")
-NOT_COMPARED = ("schema", "robot", "ledger", "files", "data_warnings", "say", "why")  # how it is put, not what it is
-NAMES = ("quantity", "effect", "joint", "parameter", "recording")  # what tells the entries of a list apart
-SHOWN = 4  # differences a line
+NOT_COMPARED = ("schema", "robot", "ledger", "files", "data_warnings", "say", "why")  # wording, which may differ
+NAMES = ("quantity", "effect", "joint", "parameter", "recording")  # keys that identify the entries of a list
+SHOWN = 4  # largest number of differences in a line
 RTOL = 1e-9
 
 Leaf = str | float | bool | None
@@ -51,12 +52,12 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Judge:
-    """The code that judges: a checkout, and decision rules that are given another value.
+    """The code that judges: a checkout, with other values of decision rules.
 
     Attributes:
         tree: The checkout.
-        rules: Such as ``above_chance.LEAST_GAIN=30``: a file of ``identification/gates`` or
-            ``contract_levels``, and a threshold in it; without a file one of ``decision_rules``.
+        rules: Rules such as ``above_chance.LEAST_GAIN=30``: a file of ``identification/gates`` or
+            ``contract_levels`` and a threshold in it; without a file, one of ``decision_rules``.
     """
 
     tree: Path
@@ -64,7 +65,7 @@ class Judge:
 
     @property
     def command(self) -> list[str]:
-        """The words that start the command line."""
+        """The first words of the command line."""
         if not self.rules:
             return [sys.executable, "-m", "identification.cli"]
         lines = ["import importlib", "import sys"]
@@ -78,7 +79,7 @@ class Judge:
 
 
 def module_of(rule: str) -> tuple[str, str]:
-    """The module that holds a threshold, and its name there."""
+    """The module with a threshold, and the threshold's name in it."""
     file, dot, name = rule.rpartition(".")
     if not dot:
         return "identification.diagnosis.decision_rules", name
@@ -87,7 +88,7 @@ def module_of(rule: str) -> tuple[str, str]:
 
 
 def judged(recording: Recording, judge: Judge, cache: Path) -> dict:
-    """What the code of a tree says of one recording, in a process of its own; or why it refused."""
+    """Answer of a tree's code to one recording, from a process of its own; or the reason of its refusal."""
     folder = prepared(recording, cache)
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "diagnosis.json"
@@ -104,7 +105,7 @@ def judged(recording: Recording, judge: Judge, cache: Path) -> dict:
 
 
 def record(chosen: Sequence[Recording], judge: Judge, cache: Path, out: Path, jobs: int) -> None:
-    """Writes the answers of a tree; after each recording the file holds all that is known so far."""
+    """Write the answers of a tree; after each recording the file contains all answers so far."""
     answers: dict[str, dict] = {}
 
     def timed(recording: Recording) -> tuple[dict, float]:
@@ -123,7 +124,7 @@ def record(chosen: Sequence[Recording], judge: Judge, cache: Path, out: Path, jo
 
 
 def entry_name(entry: object, index: int) -> str:
-    """What an entry of a list is called: by what it is about, else by its place."""
+    """Name of a list entry: its effect and joint, or its index."""
     if not isinstance(entry, Mapping):
         return str(index)
     if isinstance(entry.get("effects"), list):
@@ -132,7 +133,7 @@ def entry_name(entry: object, index: int) -> str:
 
 
 def named(entries: Sequence) -> dict[str, object]:
-    """The entries of a list by name; a name that is taken gets its place behind it."""
+    """The entries of a list by name; a repeated name gets its index as a suffix."""
     out: dict[str, object] = {}
     for index, entry in enumerate(entries):
         name = entry_name(entry, index)
@@ -141,7 +142,7 @@ def named(entries: Sequence) -> dict[str, object]:
 
 
 def leaves(value: object, at: str) -> Iterator[tuple[str, Leaf]]:
-    """Every value of an answer under its path; of each list and mapping also what it holds, in its order."""
+    """Every value of an answer by its path; for each list and mapping also its keys in order."""
     if isinstance(value, Mapping | list):
         inside = named(value) if isinstance(value, list) else {key: value[key] for key in sorted(compared_keys(value))}
         yield at, f"[{', '.join(inside)}]"
@@ -153,7 +154,7 @@ def leaves(value: object, at: str) -> Iterator[tuple[str, Leaf]]:
 
 
 def compared_keys(answer: Mapping) -> set[str]:
-    """Keys of an answer without those that say how it is put."""
+    """Keys of an answer without those for wording."""
     return set(answer).difference(NOT_COMPARED)
 
 
@@ -163,7 +164,7 @@ def is_size(value: Leaf) -> bool:
 
 
 def compared(one: Mapping, other: Mapping, rtol: float = RTOL) -> Comparison:
-    """How two answers differ. What only one of them holds shows in the list that holds it."""
+    """How two answers differ; entries that only one of them has are reported by the list that contains them."""
     words, sizes = [], {}
     before, after = (
         {k: v for key in sorted(compared_keys(answer)) for k, v in leaves(answer[key], key)} for answer in (one, other)
@@ -183,13 +184,13 @@ def compared(one: Mapping, other: Mapping, rtol: float = RTOL) -> Comparison:
 
 
 def shortened(entries: Sequence[str]) -> str:
-    """The first few of them, and how many more there are."""
+    """The first words of a list, and the number of the others."""
     more = f"; {len(entries) - SHOWN} more" if len(entries) > SHOWN else ""
     return "; ".join(entries[:SHOWN]) + more
 
 
 def line(found: Comparison) -> str:
-    """A comparison in one line."""
+    """One line for a comparison."""
     parts = []
     if found.words:
         parts.append(f"DIFFERENT: {shortened(found.words)}")
@@ -201,7 +202,7 @@ def line(found: Comparison) -> str:
 
 
 def compare(before: Mapping[str, dict], after: Mapping[str, dict], rtol: float) -> int:
-    """Prints a line for each recording, and a count; returns 0 if all say the same, whatever the sizes."""
+    """Print one line for each recording, and a count; return 0 if all answers are equal except for sizes."""
     same = moved = different = 0
     for name in dict.fromkeys((*before, *after)):
         if name not in before or name not in after:
@@ -218,7 +219,7 @@ def compare(before: Mapping[str, dict], after: Mapping[str, dict], rtol: float) 
 
 
 def chosen(names: Sequence[str] | None) -> tuple[Recording, ...]:
-    """The recordings of some names, or all."""
+    """The recordings with some names, or all."""
     every = {recording.name: recording for recording in recordings()}
     unknown = [name for name in names or () if name not in every]
     if unknown:
@@ -247,11 +248,11 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Records or compares."""
+    """Record or compare."""
     given = parser().parse_args(words)
     if given.command == "record":
         tree = given.tree.resolve()
-        if not any(tree.glob("identification/cli*")):  # the installed packages would judge instead
+        if not any(tree.glob("identification/cli*")):  # otherwise the installed packages would judge
             raise SystemExit(f"{tree} is no checkout: it has no identification/cli")
         record(chosen(given.only), Judge(tree, tuple(given.rule)), given.cache.resolve(), given.out, given.jobs)
         return 0

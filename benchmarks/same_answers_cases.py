@@ -1,6 +1,6 @@
-"""The forty recordings of `same_answers`: sealed development cases, and real ones from the folder PHANTOM_DYN_DATA.
+"""The forty recordings of `same_answers`: sealed development cases, and real ones in the folder PHANTOM_DYN_DATA.
 
-Nothing here imports the two packages: what they move or break cannot change a case.
+This module does not import the two packages, so changes to them cannot change a case.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ import numpy as np
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 EXAMPLES = CHECKOUT / "examples" / "data"
-# Seeds modulo 6 are the robot (one, two, three joints, PHANToM, six joints), modulo 23 the effect, modulo 5 the cause.
+# Seed modulo 6: robot (one, two, three joints, PHANToM, six joints); modulo 23: effect; modulo 5: cause.
 SEEDS: dict[str, tuple[int, ...]] = {
     "single": (2, 3, 4, 6, 7, 13, 18, 19, 31, 32, 43, 44, 56, 62, 80),
     "null": (1, 4, 6, 14),
     "pair": (0, 1, 2, 7, 8),
     "outside": (0, 1, 8, 19),
 }
-SO101_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")  # without the gripper
+SO101_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")  # no gripper
 SO101_RUNS = ("backlash_detection", "friction_gravity", "multisine", "velocity_ramp")
 XL330_RUNS = ("r10h28m10", "r10h28m32", "r10h28m42", "r10h29m04")
-XL330_FULL_SCALE = 885  # of the load register
+XL330_FULL_SCALE = 885  # unit of the load register
 ODRIVE_RUNS = ("slow2_nocomp_1", "slow2_nocomp_2", "slow2_slower_nocomp_0")
 PENDULUM_RUNS = tuple(
     f"C1_sysid_{time}"
-    for time in (143339, 143524, 143601, 143704, 143747, 143906, 144003, 144115, 154220, 154548)  # as recorded
+    for time in (143339, 143524, 143601, 143704, 143747, 143906, 144003, 144115, 154220, 154548)  # columns as recorded
 )
-EMPS_GAIN = 35.1507  # N/V
-STS3215_COUNTS, STS3215_BAND = 4096, 0.225 * 9.81  # a turn; N at the end of the lever
+EMPS_GAIN = 35.1507  # force per voltage [N/V]
+STS3215_COUNTS, STS3215_BAND = 4096, 0.225 * 9.81  # counts per turn; force at the end of the lever [N]
 
 Write = Callable[[Path], None]
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A folder of files, and what stands behind ``diagnose`` when it is judged from inside that folder."""
+    """A folder of files, and the arguments of ``diagnose`` when it runs in that folder."""
 
     name: str
     words: tuple[str, ...]
@@ -60,7 +60,7 @@ def data_folder(name: str) -> Path:
 
 
 def write_sealed(kind: str, seed: int, folder: Path) -> None:
-    """Draws a case of the sealed generator; its answer is thrown away."""
+    """Draw a case of the sealed generator, without its answer."""
     from benchmarks.blind.generate import draw
 
     with tempfile.TemporaryDirectory() as place:
@@ -74,7 +74,7 @@ def save(folder: Path, log: str, columns: Mapping[str, np.ndarray]) -> None:
 
 
 def write_emps(folder: Path) -> None:
-    """Writes the axis with its force in newtons."""
+    """Write the axis with its force in newtons."""
     from scipy.io import loadmat
 
     public = loadmat(data_folder("emps") / "DATA_EMPS.mat", squeeze_me=True)
@@ -82,12 +82,12 @@ def write_emps(folder: Path) -> None:
 
 
 def write_ur10(folder: Path) -> None:
-    """Copies the bag as it is."""
+    """Copy the bag."""
     shutil.copy(data_folder("ur10_unisa") / "ur10_exciting_trajectory.db3", folder)
 
 
 def write_pendulum(model: str, runs: Sequence[str], folder: Path) -> None:
-    """Writes some runs of the double pendulum, beside one of its two models."""
+    """Write some runs of the double pendulum, with one of its two models."""
     source = data_folder("dfki_double_pendulum")
     shutil.copy(source / model, folder / "robot.urdf")
     with np.load(source / "C1_sysid.npz") as every:
@@ -100,7 +100,7 @@ def write_pendulum(model: str, runs: Sequence[str], folder: Path) -> None:
 
 
 def write_xl330(runs: Sequence[str], folder: Path) -> None:
-    """Writes some runs of the servo with its pendulum: position and voltage."""
+    """Write some runs of the servo with its pendulum: position and voltage."""
     with np.load(data_folder("bam_xl330") / "bam_xl330.npz") as every:
         for run in runs:
             volts = every[f"{run}__load"] / XL330_FULL_SCALE * every[f"{run}__input_volts"]
@@ -108,14 +108,14 @@ def write_xl330(runs: Sequence[str], folder: Path) -> None:
 
 
 def write_odrive(runs: Sequence[str], folder: Path) -> None:
-    """Writes some slow runs of the motor, in counts and amperes."""
+    """Write some slow runs of the motor, in counts and amperes."""
     with np.load(data_folder("odrive_cogging") / "slow_and_pull.npz") as every:
         for run in runs:
             save(folder, run, {name: every[f"{run}__{name}"] for name in ("t", "pos_counts", "iq_A")})
 
 
 def write_so101(runs: Sequence[str], folder: Path) -> None:
-    """Writes some motions of the arm: positions and commands."""
+    """Write some motions of the arm: positions and commands."""
     with np.load(data_folder("sage_so101") / "so101.npz") as every:
         for run in runs:
             q = {f"q.{joint}": every[f"{run}__q"][:, k] for k, joint in enumerate(SO101_JOINTS)}
@@ -124,7 +124,7 @@ def write_so101(runs: Sequence[str], folder: Path) -> None:
 
 
 def write_sts3215(folder: Path) -> None:
-    """Writes the servo on its stand: position, target, and the force of the two bands on its lever."""
+    """Write the servo on its stand: position, target, and the force of the two bands on its lever."""
     with (data_folder("robonine_backlash") / "single.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
 
@@ -147,7 +147,7 @@ def write_sts3215(folder: Path) -> None:
 
 
 def with_examples(name: str, write: Write) -> Write:
-    """A writer that also copies the robot and column files of one example."""
+    """A function that also copies the robot and column files of one example."""
 
     def both(folder: Path) -> None:
         shutil.copytree(EXAMPLES / name, folder, dirs_exist_ok=True)
@@ -211,7 +211,7 @@ def recordings() -> tuple[Recording, ...]:
 
 
 def prepared(recording: Recording, cache: Path) -> Path:
-    """The folder of a recording; written once, under another name until it is whole."""
+    """The folder of a recording; it is written once, under a temporary name until it is complete."""
     folder = cache / recording.name
     if not folder.is_dir():
         cache.mkdir(parents=True, exist_ok=True)
@@ -224,7 +224,7 @@ def prepared(recording: Recording, cache: Path) -> Path:
 
 
 def fingerprint(recording: Recording, folder: Path) -> str:
-    """A hash of what is judged: the words of the command, and every file of the folder."""
+    """A hash of the command's arguments and of every file in the folder."""
     said = hashlib.sha256(json.dumps(recording.words).encode())
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         said.update(path.relative_to(folder).as_posix().encode() + hashlib.sha256(path.read_bytes()).digest())

@@ -1,8 +1,8 @@
-"""How many sets of effects the searches of a diagnosis fit for each joint.
+"""Count how many sets of effects the searches of a diagnosis fit for each joint.
 
-    python benchmarks/search_fits.py ROBOT LOG [LOG ...] [OPTION ...]    # as of phantom-dyn diagnose
+    python benchmarks/search_fits.py ROBOT LOG [LOG ...] [OPTION ...]    # as for phantom-dyn diagnose
 
-A search that goes on for far longer than with any robot that the catalogue explains is stopped (`most_fits`).
+A search that takes far longer than for any robot that the catalogue explains is stopped (`most_fits`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from identification.stages import Progress
 
 
 def counted(session: Session, progress: Progress) -> Explanation:
-    """The explanation; the number of fits is printed."""
+    """Explain the gap, and print the number of fits."""
     found = explanation_of(session, progress)
     joints, stopped = session.robot.nv, " (stopped)" if found.endless else ""
     print(f"{found.fits} sets fitted, {found.fits / joints:.0f} for each of {joints} joints{stopped}")

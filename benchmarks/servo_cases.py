@@ -1,10 +1,10 @@
-"""Simulated servos on a bus, written from their equations: recordings, robot files and what is true of them.
+"""Simulate servos on a bus from their equations: recordings, robot files and true causes.
 
-It imports nothing of phantom_dyn or identification. An arm of one or two links moves in a vertical plane, each joint
-driven by a servo with a loop of its own: ``u = clip(k (reference - position))`` at 1 kHz from encoder counts, torque
-``kt (u - kt v) / R``. References come over a bus of 30 to 100 Hz, late, and each acts until the next arrives. The
-bus logs once a frame: positions, references, and as voltage either what the servo puts out at that moment
-(``measured``) or what the logger computes of reference and position (``command``); or neither (``motion``).
+This module does not import phantom_dyn or identification. An arm of one or two links moves in a vertical plane. The
+servo of each joint has a loop of its own: ``u = clip(k (reference - position))`` at 1 kHz from encoder counts, torque
+``kt (u - kt v) / R``. References arrive with a delay over a bus of 30 to 100 Hz, and each acts until the next. The bus
+logs positions and references once per frame. As voltage it logs what the servo applies at that moment
+(``measured``), or what the logger computes from reference and position (``command``), or nothing (``motion``).
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from numba import njit
 Array = np.ndarray
 
 G = 9.81
-STEP = 2.5e-4  # s, of the integration
-LOOP = 4  # steps of the integration in one of the servo's loop
+STEP = 2.5e-4  # integration step [s]
+LOOP = 4  # integration steps in one step of the servo's loop
 COUNTS = 4096
 
 
 @dataclass(frozen=True)
 class Arm:
-    """Uniform rods in a vertical plane that hang at zero, with rotors on the joint side.
+    """Uniform rods in a vertical plane that hang down at zero, with rotors on the joint side.
 
     Attributes:
         mass, length: Of each link [kg], [m].
@@ -41,19 +41,19 @@ class Arm:
 
 @dataclass(frozen=True)
 class Servo:
-    """One drive and its loop.
+    """One drive and its position loop.
 
     Attributes:
         gain: Volts per rad of position error.
         kt, resistance: Torque constant at the joint [N m/A] and resistance [ohm].
         supply: Largest voltage.
-        delay: Time [s] from the bus's sample to the reference that acts.
+        delay: Time [s] from the bus's sample to when the reference acts.
         coulomb, viscous: Friction [N m], [N m s/rad].
-        by_load: Friction per torque that the transmission passes.
-        sag: Volts that the supply loses per ampere of all drives together.
-        drops_beyond: Position error [rad] beyond which the servo protects itself; infinite if it does not.
-        drops_to: Largest share of the supply then.
-        warms: Kelvin per second by which the motor warms from 25 deg C; its copper's resistance grows by 0.393 % each.
+        by_load: Friction per torque that the transmission passes on.
+        sag: Volts that the supply loses per ampere of all drives.
+        drops_beyond: Position error [rad] beyond which the servo protects itself; infinite without protection.
+        drops_to: Largest share of the supply in that case.
+        warms: Kelvin per second by which the motor warms from 25 deg C; the resistance of copper grows by 0.393 % each.
     """
 
     gain: float
@@ -72,12 +72,12 @@ class Servo:
 
 @dataclass(frozen=True)
 class Case:
-    """What is written to files, and the truth.
+    """The files of a case, and its true causes.
 
     Attributes:
         kind: Name of the recipe.
-        truth: By effect the size of its first parameter; empty of a null.
-        robot: URDF of the model that is given.
+        truth: Size of the first parameter by effect; empty for a null.
+        robot: URDF of the given model.
         config: Its robot.yaml.
         log: CSV.
         flags: Of the command line.
@@ -91,7 +91,7 @@ class Case:
     flags: tuple[str, ...] = ()
 
     def write(self, folder: Path) -> tuple[Path, Path, Path]:
-        """Robot, robot.yaml and log in a folder."""
+        """Write robot, robot.yaml and log into a folder."""
         folder.mkdir(parents=True, exist_ok=True)
         paths = folder / "robot.urdf", folder / "robot.yaml", folder / "log.csv"
         for path, text in zip(paths, (self.robot, self.config, self.log), strict=True):
@@ -101,13 +101,13 @@ class Case:
 
 @njit(cache=True)
 def _bias(q, v, mass, length, rotor, tip, matrix):
-    """Torque of gravity and velocities of relative joint angles; the mass matrix is written into ``matrix``."""
+    """Torque of gravity and velocities for relative joint angles; the mass matrix is written into ``matrix``."""
     out = np.zeros(len(q))
     if len(q) == 1:
         matrix[0, 0] = mass[0] * length[0] ** 2 / 3 + tip * length[0] ** 2 + rotor[0]
         out[0] = G * np.sin(q[0]) * (mass[0] * length[0] / 2 + tip * length[0])
         return out
-    # In absolute angles; those of the joints are q1 = a1 and q2 = a2 - a1, so that torques add up.
+    # In absolute angles; the joint angles are q1 = a1 and q2 = a2 - a1, so the torques add up.
     a1, a2, w1, w2 = q[0], q[0] + q[1], v[0], v[0] + v[1]
     first = mass[0] * length[0] ** 2 / 3 + (mass[1] + tip) * length[0] ** 2
     second = mass[1] * length[1] ** 2 / 3 + tip * length[1] ** 2
@@ -140,7 +140,7 @@ def _stepped(t, q_ref, mass, length, rotor, tip, numbers):
             for j in range(n):
                 error = q_ref[active, j] - np.round(q[j] / count) * count
                 most = drops_to if abs(error) > beyond else 1.0
-                # A duty counts in thousandths of the supply, as its register has it.
+                # The register has the duty in thousandths of the supply.
                 duty[j] = np.round(1000 * min(max(gain * error / nominal, -most), most)) / 1000
         u = duty * supply
         while k < len(t) and t[k] <= time + 1e-12:
@@ -155,7 +155,7 @@ def _stepped(t, q_ref, mass, length, rotor, tip, numbers):
             bias = _bias(q, v, mass, length, rotor, tip, matrix)
             for j in range(n):
                 drive[j] = kt * current[j]
-                # Friction by load rubs with the drive's torque: the rotor's share of it is small.
+                # Load-dependent friction is computed with the drive's torque: the rotor's share of it is small.
                 rubbing = coulomb + by_load * abs(drive[j])
                 soft = np.tanh(v[j] / 0.01)
                 rub[j] = viscous * v[j] + rubbing * soft
@@ -171,17 +171,17 @@ def simulated(arm: Arm, servo: Servo, t: Array, q_ref: Array) -> tuple[Array, Ar
     """Readings, voltages, share of the supply and supply at the bus's samples.
 
     Args:
-        arm: True one.
-        servo: The same on every joint.
+        arm: True arm.
+        servo: Servo of every joint.
         t: Times of the bus [s].
-        q_ref: References that are sent then, ``(N, n)``.
+        q_ref: References that are sent at these times, ``(N, n)``.
     """
     numbers = np.array([float(x) for x in astuple(servo)])
     return _stepped(t, q_ref, arm.mass, arm.length, arm.rotor, float(arm.tip), numbers)
 
 
 def reference(rng: np.random.Generator, t: Array, joints: int) -> Array:
-    """Sines of three frequencies and stretches of triangles, ``(N, joints)``."""
+    """Sines of three frequencies and sections of triangles, ``(N, joints)``."""
     out = np.zeros((len(t), joints))
     for j in range(joints):
         f = rng.uniform([0.1, 0.35, 0.8], [0.25, 0.6, 1.2])
@@ -192,7 +192,7 @@ def reference(rng: np.random.Generator, t: Array, joints: int) -> Array:
 
 
 def urdf(arm: Arm) -> str:
-    """The model of an arm: rods, and a mass at the tip where it has one."""
+    """Model of an arm: rods, and a mass at the tip if it has one."""
     links, joints = ['<link name="base"/>'], []
     for j, (m, span) in enumerate(zip(arm.mass, arm.length, strict=True)):
         tip = arm.tip if j == len(arm.mass) - 1 else 0.0
@@ -228,11 +228,11 @@ KINDS = (
 
 
 def case(kind: str, seed: int) -> Case:
-    """One case; the same seed gives the same one.
+    """One case; equal seeds give equal cases.
 
     Args:
         kind: One of `KINDS`.
-        seed: Of everything that is drawn.
+        seed: Seed of all random numbers.
     """
     rng = np.random.default_rng([KINDS.index(kind), seed])
     joints = 1 if rng.random() < 0.6 else 2
@@ -247,7 +247,7 @@ def case(kind: str, seed: int) -> Case:
     true = Arm(given.mass * off[0], length, given.rotor * off[1])
     servo = Servo(gain=float(rng.uniform(12.0, 40.0)))
     truth: dict[str, float] = {}
-    # In a log of the measured voltage, the delay of the reference is no gap of the torque.
+    # The measured voltage already contains the delay of the reference, so the delay causes no gap.
     late = {"null": (0.0, 0.0), "late": (0.02, 0.06)}.get(what, (0.015, 0.04))
     servo = replace(servo, delay=float(rng.uniform(*((0.01, 0.04) if route == "measured" else late))))
     if route != "measured" and what != "null":
@@ -265,7 +265,7 @@ def case(kind: str, seed: int) -> Case:
         servo = replace(servo, warms=float(rng.uniform(1.5, 3.0)))
     q_ref = reference(rng, t, joints)
     if what == "protection":
-        # Beyond errors that the same servo without protection has for some of the time.
+        # Beyond errors that the same servo without protection reaches for some of the time.
         _, u, _, _ = simulated(true, servo, t, q_ref)
         largest = np.abs(u / servo.gain).max(axis=1)
         beyond = float(np.quantile(largest, rng.uniform(0.9, 0.98)))

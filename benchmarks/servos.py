@@ -1,9 +1,9 @@
-"""How often the causes of simulated servos on a bus are named: ``python -m benchmarks.servos --cases 10``.
+"""Measure how often the causes of simulated servos on a bus are found: ``python -m benchmarks.servos --cases 10``.
 
-The cases are those of `benchmarks.servo_cases`, which shares no code with the diagnosis. A case is right if every true
-cause leads a finding and nothing else is stated with more than 90 %; a null if nothing is found with more than 50 %. A
-late reference has to be right within 10 ms.
-``--kinds A,B`` of the recipes, ``--seed`` of the first case.
+The cases are those of `benchmarks.servo_cases`, which shares no code with the diagnosis. A case is right if every
+true cause is found and nothing else is stated with more than 90 %; a null if nothing is stated with more than 50 %. A
+delay of the reference has to be right within 10 ms.
+Options: ``--kinds A,B``, ``--seed`` of the first case.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchmarks.servo_cases import KINDS, Case, case
 from identification.cli.main import main as phantom_dyn
 
 _BOTH = "direction_dependent_friction"
-# Effects that leave the same data, each a right answer for the others.
+# Effects with the same data, each a right answer for the others.
 SAME = {
     "payload": {"payload", "inertial_parameters"},
     "reference_delay": {"reference_delay"},
@@ -29,11 +29,11 @@ SAME = {
     "viscous_friction": {"viscous_friction", _BOTH},
 }
 _WRONG, _FALSE = 0.9, 0.5
-_LATE = 0.010  # s
+_LATE = 0.010  # largest error of the delay [s]
 
 
 def diagnosed(one: Case) -> dict | None:
-    """The diagnosis of a case as its file has it; None if it was refused."""
+    """Diagnose the files of a case; None if it was refused."""
     with tempfile.TemporaryDirectory() as folder:
         robot, config, log = one.write(Path(folder))
         out = Path(folder) / "out.json"
@@ -47,7 +47,7 @@ def diagnosed(one: Case) -> dict | None:
 
 
 def judged(one: Case, found: dict | None) -> tuple[bool, bool, str]:
-    """Whether it is right, whether something wrong is certain, and what was found, in words."""
+    """Whether the answer is right, whether something wrong is certain, and the findings in words."""
     if found is None:
         return False, False, "refused"
     says = "; ".join(
@@ -69,7 +69,7 @@ def judged(one: Case, found: dict | None) -> tuple[bool, bool, str]:
 
 
 def main() -> None:
-    """Print every case and a line for each kind."""
+    """Print every case and one line for each kind."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,11 +1,11 @@
-"""Says whether an effect raises the noise floor by which it is judged, which would hide it.
+"""Check whether an effect raises the noise floor by which it is judged, which would hide it.
 
     python benchmarks/silence.py --seeds 0:20 [--make slow]
 
-Each case of one effect is run twice, with the effect and with the same motion, noise and encoders without it. The floor
-of the joint that the effect changes most may differ by a factor of at most 1.2; the goal is 95 % of the pairs. A floor
-that rises with the effect hides it: a diagnosis then keeps silent where it should speak. An effect also changes how far
-the motion reaches up in frequency, and with it the judged band: a floor counts per root of its band.
+Each case of one effect runs twice, with and without the effect, with the same motion, noise and encoders. The noise
+floor of the joint that the effect changes most may differ by a factor of at most 1.2; the goal is 95 % of the pairs. A
+floor that rises with the effect would make a diagnosis miss it. An effect also changes the highest frequency of the
+motion, and so the judged band; floors are therefore compared per root of their band.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ class Pair:
     """One effect, judged with and without it.
 
     Attributes:
-        seed: Of the case.
-        effect: Its name.
-        joint: Whose torque it changes most.
-        ratio: Noise floor of that joint with the effect over that without it, each per root of its band.
-        source: Of the floor with the effect.
-        verdict: With the effect.
+        seed: Seed of the case.
+        effect: Name of the effect.
+        joint: Joint whose torque the effect changes most.
+        ratio: Noise floor of this joint with the effect divided by the floor without it, each per root of its band.
+        source: Source of the floor with the effect.
+        verdict: Verdict with the effect.
     """
 
     seed: int
@@ -103,7 +103,7 @@ def _density(joint: dict, said: dict) -> float:
 
 
 def summary(found: Sequence[Pair]) -> list[str]:
-    """Lines with the share of pairs whose floor is the same, and how far the others are."""
+    """Share of pairs with equal floors, and how far the others differ."""
     ratio = np.array([pair.ratio for pair in found])
     same = np.maximum(ratio, 1.0 / ratio) <= WITHIN
     return [
@@ -114,7 +114,7 @@ def summary(found: Sequence[Pair]) -> list[str]:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Reads the command line, prints a line a pair, then the figures."""
+    """Read the command line, print one line for each pair, then the results."""
     parser = argparse.ArgumentParser(description="Whether effects raise the floor by which they are judged.")
     parser.add_argument("--seeds", type=seed_range, default=range(20))
     parser.add_argument("--make", choices=MAKES, default=MAKES[0])

@@ -1,6 +1,6 @@
-"""Measures speed and memory beside FIGAROH, MuJoCo's toolbox and bare Pinocchio, and writes the table.
+"""Measure speed and memory of this library, FIGAROH, MuJoCo's toolbox and bare Pinocchio, and write the table.
 
-It goes between the markers of docs/large_work.md.
+The table is written between the markers of docs/large_work.md.
 
     python benchmarks/speed_table.py                     # or: make speed
 
@@ -45,7 +45,7 @@ def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
 
 
 def inside(rows: Sequence[Row], sentences: Sequence[str], day: datetime.date, where: str) -> str:
-    """What stands between the markers."""
+    """Text between the markers."""
     head = (
         f"Measured on {day.isoformat()} with `make speed` in one run on {where}: processor seconds with one thread "
         "each, medians or minima of several runs taken in turn, memory of processes of their own."
@@ -54,7 +54,7 @@ def inside(rows: Sequence[Row], sentences: Sequence[str], day: datetime.date, wh
 
 
 def gathered(parts: Sequence[Callable[[], list[Row]]]) -> tuple[list[Row], list[str]]:
-    """Rows of all comparisons, and a sentence for each that could not be installed."""
+    """Rows of all comparisons, and a sentence for each tool that could not be installed."""
     rows, sentences = [], []
     for part in parts:
         try:
@@ -73,12 +73,12 @@ def _parts(repeats: int) -> list[Callable[[], list[Row]]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, write, print; 1 where a target is missed."""
+    """Measure, write and print; return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description="Speed and memory beside other tools, into docs/large_work.md.")
     parser.add_argument("--page", type=Path, default=PAGE, help="file with the two markers")
     parser.add_argument("--repeats", type=int, default=3, help="processes of each side of the FIGAROH comparison")
     given = parser.parse_args(arguments)
-    # A page without markers is refused before minutes of measuring.
+    # Check the markers before minutes of measuring.
     between_markers(given.page.read_text(), BEGIN, END, "")
     rows, sentences = gathered(_parts(given.repeats))
     text = inside(rows, sentences, datetime.datetime.now(datetime.UTC).date(), machine())

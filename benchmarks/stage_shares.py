@@ -1,9 +1,9 @@
-"""What part of a command's time each of its stages takes, beside the part that the line of progress counts it as.
+"""Measure the share of a command's time that each stage takes, next to the share that the progress line assumes.
 
     python benchmarks/stage_shares.py            # identify, excite, map and diagnose, on small examples
     python benchmarks/stage_shares.py excite map
 
-Each command runs in a fresh process, behind one run that compiles.
+Each command runs in a fresh process, after a run that compiles.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GRID = "x=0:0:1,y=-0.2:0.3:51,z=-0.2:0.2:41"
 
 
 def commands(folder: Path) -> dict[str, list[str]]:
-    """Words of each command, whose files are written into the folder."""
+    """Arguments of each command; its files are written into the folder."""
     diagnose = words_for(1, folder)
     robot, log = diagnose[1], diagnose[2]
     return {
@@ -43,7 +43,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
 
 
 def watched(words: list[str]) -> None:
-    """Run a command and print what each stage of each of its parts took."""
+    """Run a command and print the time of each stage of each part."""
     from identification.cli.main import main as run
     from identification.cli.terminal.progress import Progress
 
@@ -70,7 +70,7 @@ def watched(words: list[str]) -> None:
 
 
 def shares(stages: Mapping[Stage, float], marks: list[tuple[float, Stage | None]]) -> dict[Stage, float]:
-    """Part of the time [%] that each stage took: an announcement of none or an earlier one is of the last."""
+    """Share of the time [%] of each stage; an announcement without a stage belongs to the last stage."""
     order, at, whole = list(stages), 0, marks[-1][0] - marks[0][0]
     out = dict.fromkeys(order, 0.0)
     for (begun, announced), (ended, _) in pairwise(marks):
@@ -80,7 +80,7 @@ def shares(stages: Mapping[Stage, float], marks: list[tuple[float, Stage | None]
 
 
 def main() -> None:
-    """Measure the commands that are named."""
+    """Measure the selected commands."""
     parser = argparse.ArgumentParser(description="What part of its time each stage of a command takes.")
     parser.add_argument("commands", nargs="*", help="diagnose, identify, excite, map (default: all)")
     given = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Regressor, base parameters and fits of a six-joint arm: 2500 samples, 20 s at 1 kHz in a band of 50 Hz."""
+"""Time regressor, base parameters and fits of a six-joint arm: 2500 samples, 20 s at 1 kHz in a band of 50 Hz."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cost of simulated cheap hardware over 10 000 cycles of six motors, effect by effect, like the published Figure 10.
+"""Time simulated cheap hardware over 10 000 cycles of six motors for each effect, as in the published Figure 10.
 
 Divide by 60 000 for one cycle of one motor; ``one cycle at a time`` is 1000 calls from Python.
 """
@@ -16,7 +16,7 @@ CYCLES, MOTORS = 10_000, 6
 
 @pytest.fixture(scope="module")
 def hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times of a rate between 500 and 2000 Hz, six moving probes, six forces."""
+    """Times with a rate between 500 and 2000 Hz, six moving probes, six forces."""
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(1 / 2000, 1 / 500, CYCLES))
     q = 0.01 * np.sin(np.outer(t, 3.0 + np.arange(MOTORS)))
@@ -26,7 +26,7 @@ def hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("name", EFFECTS)
 def test_ten_thousand_cycles_of_six_motors(benchmark, hand, name):
     t, q, force = hand
-    rendered(EFFECTS[name], t[:10], q[:10, 0], force[:10, 0])  # compiled before it is timed
+    rendered(EFFECTS[name], t[:10], q[:10, 0], force[:10, 0])  # compile before timing
     given = benchmark(rendered_axes, (EFFECTS[name],) * MOTORS, t, q, force)
     benchmark.extra_info["us_per_cycle_and_motor"] = 1e6 * _mean(benchmark) / (CYCLES * MOTORS)
     assert given.shape == (CYCLES, MOTORS)
@@ -46,5 +46,5 @@ def test_one_cycle_at_a_time(benchmark, hand):
 
 
 def _mean(benchmark) -> float:
-    """Mean time [s]; nothing where benchmarks are switched off."""
+    """Mean time [s]; None if benchmarks are switched off."""
     return benchmark.stats.stats.mean if benchmark.stats else np.nan

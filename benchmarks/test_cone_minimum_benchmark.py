@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""The best body that can exist, of a quadratic loss: by the compiled interior-point method, and by Clarabel.
+"""Time the best physically possible body for a quadratic loss, with the compiled interior-point method and Clarabel.
 
     pytest benchmarks/test_cone_minimum_benchmark.py --benchmark-enable -n 0
 
-cvxpy states the program once; what is timed of Clarabel is its own solver on the arrays that cvxpy hands it.
+cvxpy states the program once; of Clarabel only its solver is timed, on the arrays from cvxpy.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from identification.estimators.consistent.consistent_bodies import PSEUDO
 from phantom_dyn.array_types import Array
 
 ROUNDS = 1000
-# A box about the origin that holds a ball of unit mass, with the centre of mass off its middle.
+# A box about the origin that contains a ball of unit mass, whose centre is not the middle of the box.
 GIVEN = np.array([1.0, 0.1, -0.05, 0.2, 0.5, 0.0, 0.6, 0.0, 0.0, 0.4])
 REACH = np.array([[1.0, *(sign * (np.arange(3) == axis))] + [0.0] * 6 for axis in range(3) for sign in (1.0, -1.0)])
 
 
 @pytest.fixture
 def loss() -> tuple[Array, Array]:
-    """Quadratic and linear part of a loss whose minimum is no body that can exist."""
+    """Quadratic and linear part of a loss whose minimum is not a possible body."""
     rng = np.random.default_rng(0)
     rows = rng.standard_normal((30, 10)) * 10.0 ** rng.uniform(-3, 3, 10)
     a = rows.T @ rows

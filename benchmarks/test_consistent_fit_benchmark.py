@@ -1,4 +1,4 @@
-"""Physically consistent least squares of a six-joint arm from made equations."""
+"""Time physically consistent least squares of a six-joint arm with random equations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
 
-SIGMA = 2.0  # noise [N m] at which constraints act
+SIGMA = 2.0  # noise [N m] at which constraints are active
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
-"""The stages of a diagnosis: 10 s at 1 kHz of a pendulum with two joints that has friction its model lacks.
+"""Time the stages of a diagnosis: 10 s at 1 kHz of a pendulum with two joints and friction that its model lacks.
 
-The cost of six joints, imports included, is measured by ``benchmarks/diagnosis_cost.py``.
+``benchmarks/diagnosis_cost.py`` measures six joints, with imports.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from phantom_dyn import load_robot
 
 @dataclass(frozen=True)
 class Stages:
-    """What each stage hands to the next."""
+    """Result of each stage for the next stage."""
 
     session: Session
     recording: Recording

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body quantities of a six-joint arm, compiled, against a loop over Pinocchio and against writing the result.
+"""Time rigid-body quantities of a six-joint arm: compiled, with a loop over Pinocchio, and only writing the result.
 
-Each group is one quantity: `pytest --benchmark-enable` shows them. `core_speed` holds the regressor's ratios to their
-targets.
+Each group is one quantity: `pytest --benchmark-enable` shows them. `core_speed` compares the regressor's ratios with
+their goals.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from phantom_dyn.motion import Motion
 
 ROBOTS = Path(__file__).resolve().parents[1] / "tests" / "robots"
 SAMPLES = 15000
-"""As many as a minute of recording: the regressor of 43 MB does not fit in a cache."""
+"""As many as in a minute of recording: the regressor of 43 MB does not fit into a cache."""
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def test_writing_the_jacobian(benchmark):
 
 
 CHAIN_SAMPLES = 500
-"""Of a trajectory whose loop is closed sample by sample."""
+"""Samples of a trajectory whose loop is closed sample by sample."""
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A 10-s motion of a six-joint arm, five harmonics: what it takes, beside the best of 200 random feasible motions.
+"""Time the design of a 10 s motion of a six-joint arm, and compare it with the best of 200 random feasible motions.
 
 ``python benchmarks/test_excitation_benchmark.py`` prints both condition numbers and the seconds of the design.
 """
@@ -23,7 +23,7 @@ from phantom_dyn.model.robot import Robot
 
 RANDOM = 200
 FEW = 20
-"""In place of all of them where nothing is measured: seconds less."""
+"""Number of random motions if nothing is measured: this takes seconds less."""
 RATIO = 1.3
 
 
@@ -44,7 +44,7 @@ def arm() -> Arm:
 
 
 def best_random(arm: Arm, shapes: FourierSeries, seed: int, count: int) -> float:
-    """Condition number of the best of many random motions, each as large as the limits let it be."""
+    """Condition number of the best of many random motions, each as large as the limits allow."""
     problem = DesignProblem(arm.robot, base_of(arm.robot, planned=1001.0), ConditionNumber(), arm.limits)
     grid, rng = Grid.of(shapes, shapes.samples), np.random.default_rng(seed)
     postures = feasible_postures(problem, rng)
@@ -71,7 +71,7 @@ def test_it_is_no_worse_than_the_best_of_many_random_motions(benchmark, arm):
     ids=["splines", "triangles"],
 )
 def test_other_families(benchmark, arm, shapes, short):
-    shapes = short if benchmark.disabled else shapes  # seconds less where nothing is measured
+    shapes = short if benchmark.disabled else shapes  # takes seconds less if nothing is measured
     design = benchmark.pedantic(lambda: excite(arm.robot, shapes, limits=arm.limits), rounds=1)
     benchmark.extra_info.update(condition=design.condition)
     assert design.condition < design.start

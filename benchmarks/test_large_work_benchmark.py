@@ -1,7 +1,7 @@
-"""Eight recordings of a pendulum, each diagnosed by itself, and a map, by the number of processes or threads.
+"""Time eight recordings of a pendulum that are diagnosed separately, and a map, by the number of processes or threads.
 
-Eight only where timing is on (``make bench``); the test suite takes one. The first round of two processes starts them,
-which takes as long as importing the libraries; it is not counted.
+There are eight only if timing is on (``make bench``); the test suite uses one. The first round of two processes starts
+them, which takes as long as importing the libraries, and does not count.
 """
 
 from __future__ import annotations

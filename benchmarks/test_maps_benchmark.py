@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""Maps of the PHANToM: a million configurations in seconds and megabytes, and 1000 against a bare loop over Pinocchio.
+"""Time maps of the PHANToM: a million configurations in seconds and megabytes, and 1000 with a loop over Pinocchio.
 
-A million only where timing is on (``make bench``); the test suite draws a hundredth of it.
+A million is computed only if timing is on (``make bench``); the test suite computes a hundredth of it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from phantom_dyn.maps.quantities import felt_at
 SAMPLES = 1000
 NAMES = ("manipulability", "apparent_mass", "apparent_mass_matrix", "viscous_friction", "gravity_force")
 
-# Its own process, so that the memory is that of the map alone; workers are counted by the largest of them.
+# A process of its own, so that the memory is that of the map alone; of the workers the largest one counts.
 ALONE = """
 import json, resource, sys, time
 from phantom_dyn import load_robot
@@ -65,7 +65,7 @@ def test_a_million_configurations(benchmark, axes, jobs):
     words = ["-c", grid, ",".join(NAMES), str(jobs)]
 
     def run():
-        if benchmark.disabled:  # in this process, as nobody looks at its memory
+        if benchmark.disabled:  # in this process, because its memory does not matter
             with patch.object(sys, "argv", words), redirect_stdout(StringIO()) as printed:
                 exec(ALONE, {})
             return json.loads(printed.getvalue())
@@ -97,7 +97,7 @@ def test_jacobian_mass_matrix_and_weight_of_bare_pinocchio(benchmark, configurat
 
 
 def test_branches_by_newton(benchmark, model):
-    # What a three-joint robot without a closed form pays for a point.
+    # Cost per point of a three-joint robot without a closed form.
     from dataclasses import replace
 
     searching = replace(model, branches=None)

@@ -1,4 +1,4 @@
-"""Reduction of 100000 rows and 70 columns, as of a six-joint arm, against block-wise TSQR and a full QR."""
+"""Time the reduction of 100000 rows and 70 columns, as for a six-joint arm, with block-wise TSQR and a full QR."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from identification.estimators.fit import refit
 from identification.regression.reduction import Reduction, reduce_blocks
 
 JOINTS, SAMPLES = 5, 20_000
-"""Five rows a sample: 100000 rows."""
+"""Five rows for each sample: 100000 rows."""
 
 EDGES = (0, 14, 28, 42, 56, 70)
-"""Columns of the bodies: a joint sees those from its own on."""
+"""First columns of the bodies: a joint depends on its own body and later ones."""
 
 BASE, BLOCK = 8, 1400
-"""Independent columns of the 14 of a body, about as of rigid bodies with friction; rows of a block of the TSQR."""
+"""Independent columns of the 14 of a body, about as for rigid bodies with friction; rows of a block of the TSQR."""
 
 OWN = tuple(tuple(range(first, EDGES[-1])) for first in EDGES[:-1])
 

@@ -1,8 +1,8 @@
-"""Steps a second of compiled simulations with stick, bristle, play and delay, and what two threads make of them.
+"""Time compiled simulations with stiction, bristle, backlash and delay in steps per second, also with two threads.
 
-As a script it prints a table with the goals beside and ends with 1 where one is missed:
-``python -m benchmarks.test_simulation_benchmark``. Times are those of the processor, the best of several runs, so that
-a busy machine changes them little; those of two threads are of the clock.
+As a script it prints a table with the goals and returns 1 if one is missed:
+``python -m benchmarks.test_simulation_benchmark``. Times are processor time, the best of several runs, so that other
+programs change them little; times of two threads are wall-clock time.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
 ROBOTS = Path(__file__).resolve().parents[1] / "tests" / "robots"
 STEP, SAMPLE = 1e-5, 1e-3
-# Steps a second to reach.
+# Goals in steps per second.
 GOALS = {"two-mass axis": 20e6, "three-joint arm": 1e6}
 SECONDS = {"two-mass axis": 20.0, "three-joint arm": 2.0}
 REPEATS = 7
@@ -40,7 +40,7 @@ def robot_of(name: str) -> Robot:
 
 
 def causes_of(robot: Robot) -> tuple[Cause, ...]:
-    """Friction that sticks, a bristle and a play on the first joint, and a drive that is late."""
+    """Stiction, a bristle and backlash on the first joint, and a delayed drive."""
     first = robot.joint_names[0]
     late = None if robot.nv > 1 else first
     laws = (("coulomb_friction", first, [0.1]), ("presliding_friction", first, [0.2, 0.01]),
@@ -49,7 +49,7 @@ def causes_of(robot: Robot) -> tuple[Cause, ...]:
 
 
 def simulation_of(name: str, seconds: float) -> tuple[Callable[[], Simulation], int]:
-    """One simulation, ready to be run, and its number of steps."""
+    """One simulation as a function, and its number of steps."""
     robot = robot_of(name)
     t = np.arange(0.0, seconds, SAMPLE)
     push = torque_over_time(t, 2.0 * np.sin(np.outer(t, 7.0 + np.arange(robot.nv))))
@@ -58,7 +58,7 @@ def simulation_of(name: str, seconds: float) -> tuple[Callable[[], Simulation], 
 
 
 def best(run: Callable[[], object], clock: Callable[[], float]) -> float:
-    """Shortest time [s] of a few runs."""
+    """Shortest time [s] of several runs."""
     times = []
     for _ in range(REPEATS):
         start = clock()
@@ -68,7 +68,7 @@ def best(run: Callable[[], object], clock: Callable[[], float]) -> float:
 
 
 def thread_ratio(name: str) -> float:
-    """Time of two simulations in two threads over that of one after the other."""
+    """Time of two simulations in two threads divided by their time one after the other."""
     run, _ = simulation_of(name, SECONDS[name])
     with ThreadPoolExecutor(2) as threads:
         both = best(lambda: [future.result() for future in [threads.submit(run), threads.submit(run)]], time.monotonic)
@@ -77,7 +77,7 @@ def thread_ratio(name: str) -> float:
 
 @pytest.mark.parametrize("name", GOALS)
 def test_a_simulation_with_effects_that_have_a_memory(benchmark, name):
-    simulation_of(name, 0.01)[0]()  # compiled before it is timed
+    simulation_of(name, 0.01)[0]()  # compile before timing
     run, steps = simulation_of(name, 1.0 if benchmark.enabled else 0.02)
     s = benchmark(run)
     if benchmark.stats:
@@ -86,7 +86,7 @@ def test_a_simulation_with_effects_that_have_a_memory(benchmark, name):
 
 
 def main() -> int:
-    """Print the table; 1 if a goal is missed."""
+    """Print the table; return 1 if a goal is missed."""
     missed = False
     for name, goal in GOALS.items():
         simulation_of(name, 0.01)[0]()

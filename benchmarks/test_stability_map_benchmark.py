@@ -1,6 +1,6 @@
-"""Stability map of the LHIfAM: 100 x 100 points of damping and delay, to be had in 5 s on two cores.
+"""Time the stability map of the LHIfAM with 100 x 100 points of damping and delay; the goal is 5 s on two cores.
 
-Full size only where timing is on (``make bench``); the test suite draws a tenth in each direction.
+The full size is computed only if timing is on (``make bench``); the test suite computes a tenth in each direction.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def test_map_over_damping_and_delay(benchmark, varied):
     count = 10 if benchmark.disabled else 100
     delay, damping = np.linspace(0.0, 8e-3, count), np.linspace(0.0, 60.0, count)
     axes = {"delay": delay, varied: damping}
-    stability_map(LHIFAM_NEW_CABLE, period=[PERIOD])  # compiled, or loaded, outside the clock
+    stability_map(LHIFAM_NEW_CABLE, period=[PERIOD])  # compile or load before timing
     found = benchmark.pedantic(
         stability_map, (LHIFAM_NEW_CABLE,), {"period": [PERIOD], **axes}, rounds=1 if benchmark.disabled else 3
     )

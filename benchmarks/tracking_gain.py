@@ -1,11 +1,11 @@
-"""How much better a controller of the corrected model tracks on the true robot: ``python -m benchmarks.tracking_gain``.
+"""Measure how much better a controller with the corrected model tracks on the true robot.
 
-A planar arm of two joints gets one to three effects that its model lacks (friction of two kinds, a load, a torque
-constant, a constant torque), moves for ten seconds under a plain position controller, and is diagnosed. Then it has to
-follow a motion that no recording holds. Two controllers of the same kind, feedforward from a model and gains for the
-same poles by the same model's mass matrix, differ in the model alone: the given or the corrected one. The ratio of
-their errors on the true robot is printed for each case, and its geometric mean with a bootstrap interval.
-``--cases``, ``--seed``.
+Run ``python -m benchmarks.tracking_gain``. A planar arm of two joints gets one to three effects that its model lacks
+(friction of two kinds, a load, a torque constant, a constant torque), moves for ten seconds under position control, and
+is diagnosed. Then it follows a motion that no recording contains, with two controllers: feedforward from a model,
+and gains for the same poles with that model's mass matrix. One uses the given and the other the corrected model. The
+script prints the ratio of their errors for each case, and its geometric mean with a bootstrap interval.
+Options: ``--cases``, ``--seed``.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ Array = np.ndarray
 ARM = Path(__file__).parents[1] / "tests" / "robots" / "planar2.urdf"
 _RATE = 200.0
 _POLE = 12.0
-"""Of both controllers [rad/s]."""
+"""Poles of both controllers [rad/s]."""
 
 
 def drawn_causes(rng: np.random.Generator) -> tuple[Cause, ...]:
-    """One to three effects, each of a size that is plain to see."""
+    """One to three effects with sizes that are easy to find."""
     joint = str(rng.choice(["shoulder", "elbow"]))
     other = "elbow" if joint == "shoulder" else "shoulder"
     kinds = [
@@ -53,7 +53,7 @@ def drawn_causes(rng: np.random.Generator) -> tuple[Cause, ...]:
 
 
 def sines(rng: np.random.Generator, seconds: float, nv: int) -> Motion:
-    """A motion of three sines a joint."""
+    """A motion of three sines for each joint."""
     t = np.arange(seconds * _RATE) / _RATE
     q, v, a = (np.zeros((len(t), nv)) for _ in range(3))
     for j in range(nv):
@@ -77,7 +77,7 @@ def recorded(robot: Robot, causes: tuple[Cause, ...], rng: np.random.Generator) 
 
 
 def corrected_by(robot: Robot, diagnosis: Diagnosis) -> CorrectedModel:
-    """The given model with what was found."""
+    """The given model with the findings."""
     found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
     try:
         return corrected_model(robot_within_tolerances(robot, diagnosis.adjusted), found)
@@ -105,7 +105,7 @@ def tracking_error(robot: Robot, causes: tuple[Cause, ...], law: Tracking, refer
 
 
 def error_ratio(robot: Robot, rng: np.random.Generator) -> tuple[str, float, float]:
-    """What the robot has, and the errors of the controllers of the given and of the corrected model."""
+    """The effects of the robot, and the errors of the controllers with the given and the corrected model."""
     causes = drawn_causes(rng)
     diagnosis = diagnose(robot, (recorded(robot, causes, rng),))
     reference = sines(rng, 6.0, robot.nv)
@@ -115,7 +115,7 @@ def error_ratio(robot: Robot, rng: np.random.Generator) -> tuple[str, float, flo
 
 
 def mean_ratio(ratios: Array, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Geometric mean and its 95 % interval over cases that are drawn again."""
+    """Geometric mean and its 95 % bootstrap interval over the cases."""
     logs = np.log(ratios)
     again = logs[rng.integers(0, len(logs), (4000, len(logs)))].mean(axis=1)
     low, high = np.exp(np.quantile(again, [0.025, 0.975]))

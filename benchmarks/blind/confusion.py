@@ -1,4 +1,4 @@
-"""Which effect was taken for which, as text and as a figure."""
+"""Confusion matrix of true and reported effects, as text and as a figure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.gapbench.scoring.judged import Judged
 
 @dataclass(frozen=True)
 class Confusion:
-    """Counts of true effect (rows) against the leading finding or, without one, the verdict (columns)."""
+    """Counts by true effect (rows) and leading finding, or verdict without a finding (columns)."""
 
     rows: tuple[str, ...]
     columns: tuple[str, ...]
@@ -19,9 +19,9 @@ class Confusion:
 
 
 def confusion(cases: Sequence[Judged]) -> Confusion:
-    """Counts over all cases but pairs, the effects first, then nulls, then causes outside the catalogue.
+    """Counts over all cases except pairs, with rows for the effects, nulls, and causes outside the catalogue.
 
-    A twin of the truth counts as the truth. A column that is also a row comes in the order of the rows.
+    A twin of the truth counts as the truth. Columns that are also rows come first, in the order of the rows.
     """
     kinds = ("single", "null", "outside")
     cases = [x for x in cases if x.kind in kinds]
@@ -37,7 +37,7 @@ def _said(case: Judged) -> str:
 
 
 def confusion_text(table: Confusion) -> str:
-    """Rows by name, columns by number with a legend below."""
+    """The matrix as text: rows have names, columns have numbers with a legend below."""
     width = max((len(r) for r in table.rows), default=0)
     lines = [" " * width + "".join(f"{i:>4}" for i in range(1, len(table.columns) + 1))]
     for name, row in zip(table.rows, table.counts, strict=True):
@@ -47,7 +47,7 @@ def confusion_text(table: Confusion) -> str:
 
 
 def draw_confusion(table: Confusion, path: Path) -> None:
-    """The same as a picture: numbers are cases, the shade is the share of the row."""
+    """The matrix as a figure: numbers are counts, the shade is the share of the row."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(3.0 + 0.32 * len(table.columns), 2.6 + 0.27 * len(table.rows)), layout="constrained")
@@ -64,7 +64,7 @@ def draw_confusion(table: Confusion, path: Path) -> None:
     axes.set_yticks(range(len(table.rows)), [_plain(r) for r in table.rows])
     axes.set_xlabel("leading finding, or the verdict without one")
     axes.set_ylabel("truth")
-    # Without the date and the version in the file, the same counts give the same bytes.
+    # Without date and version in the file, the same counts give the same bytes.
     figure.savefig(path, dpi=110, metadata={"Software": None})
 
 

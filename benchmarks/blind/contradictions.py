@@ -1,4 +1,4 @@
-"""Whether a verdict is borne out by the figures beside it, by the table of the contract of ``diagnosis.json``."""
+"""Check whether the numbers in a ``diagnosis.json`` support its verdict, by the table of the file format's contract."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ FLOORS, SHARE, LITTLE, FAR = 1.5, 0.1, 0.1, 2.0
 
 
 def contradiction(diagnosis: dict) -> str | None:
-    """What in a diagnosis contradicts its verdict ``no_gap`` or ``explained``, in words; None if nothing does."""
+    """Description of what contradicts the verdict ``no_gap`` or ``explained`` of a diagnosis, or None."""
     verdict, left = diagnosis["verdict"], diagnosis["unexplained"]
     if verdict not in ("no_gap", "explained"):
         return None

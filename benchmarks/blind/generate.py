@@ -1,8 +1,8 @@
-"""Writes sealed cases: what the diagnosis may see into one folder, the answers into another.
+"""Write sealed cases: the input of the diagnosis into one folder, the answers into another.
 
 Example: ``python -m benchmarks.blind.generate --singles 0:120 --nulls 0:60 --cases DIR --answers DIR``, or one kind
-with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`). ``--make drake``, ``--make
-field`` or ``--make real`` takes the cases of another make. Cases that are there are kept.
+with ``--seeds 0:40 --kind single``. Without seeds, the reporting ranges (`REPORTING`) are drawn. ``--make drake``,
+``--make field`` or ``--make real`` selects another make. Existing cases are kept.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from benchmarks.blind.makes import make_named
 from benchmarks.gapbench import cases as drawing
 
 KINDS = ("mixed", "null", "single", "pair", "outside")
-# Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 10999 were opened
-# for earlier reports. From 11000 on: opened once, for the report. 15000 to 18039 and 20000 to 23029 were opened to
-# check later methods.
+# Every kind has its own random stream, so a seed can be used once for each. Seeds below 1000 are for development.
+# 1000 to 10999 were opened for earlier reports, 15000 to 18039 and 20000 to 23029 to check later methods. Those
+# from 11000 were opened once, for the report.
 REPORTING = {
     "single": range(11000, 11250),
     "null": range(12000, 12300),
@@ -35,7 +35,7 @@ FIRST = MAKES[0]
 
 
 def seed_range(text: str) -> range:
-    """``A:B`` as the seeds from A up to and without B; ``A`` as that seed alone."""
+    """Seeds from A up to, but without, B for ``A:B``; the seed A for ``A``."""
     first, _, end = text.partition(":")
     try:
         seeds = range(int(first), int(end) if end else int(first) + 1)
@@ -47,36 +47,36 @@ def seed_range(text: str) -> range:
 
 
 def draw(seed: int, kind: str, cases: Path, answers: Path, make: str = FIRST) -> str:
-    """Generates a case and its answer unless both are there; returns its id.
+    """Generate a case and its answer unless both exist, and return its id.
 
     Raises:
-        NoCase: If the seed gives none.
+        NoCase: If the seed gives no case.
     """
     return drawing.draw(seed, kind, cases, answers, make_named(make))
 
 
 def draw_one(seed: int, folder: Path, answers_folder: Path) -> tuple[Path, Path]:
-    """Draws a robot with an effect, never a null: the folder of the case and the file of its answer."""
+    """Draw a robot with an effect, never a null; return the case folder and the answer file."""
     name = draw(seed, "single", Path(folder), Path(answers_folder))
     return Path(folder) / name, Path(answers_folder) / f"{name}.json"
 
 
 def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int, make: str = FIRST) -> list[str]:
-    """Generates the cases of many seeds, ``jobs`` at a time, skipping those that are there; ids of those that exist."""
+    """Generate the cases of many seeds, ``jobs`` in parallel, except those that exist; return the ids of all."""
     by = make_named(make)
     names = drawing.draw_all([(by, seed, kind) for seed in seeds], cases, answers, jobs)
     return [name for name in names if name is not None]
 
 
 def case_ids(batches: Iterable[tuple[str, range]], make: str = FIRST) -> list[str]:
-    """Ids of the cases of some kinds and seeds, each once, without drawing any."""
+    """Ids of the cases of some kinds and seeds without repetition, without drawing a case."""
     by = make_named(make)
     names = (by.case_id(seed, by.resolved_kind(seed, kind)) for kind, seeds in batches for seed in seeds)
     return list(dict.fromkeys(names))
 
 
 def add_seed_options(to: argparse.ArgumentParser) -> None:
-    """Adds the options that `chosen_batches` reads; without any of them it takes the reporting ranges."""
+    """Add the options that `chosen_batches` reads."""
     to.add_argument("--seeds", type=seed_range, metavar="FIRST:END", help="of --kind")
     to.add_argument("--kind", choices=KINDS, default="mixed", help="of --seeds")
     for kind, option in OPTIONS.items():
@@ -85,7 +85,7 @@ def add_seed_options(to: argparse.ArgumentParser) -> None:
 
 
 def chosen_batches(given: argparse.Namespace) -> list[tuple[str, range]]:
-    """Kinds and seeds that were asked for; the reporting ranges where nothing was."""
+    """Kinds and seeds from the command line, or the reporting ranges without any."""
     batches = [(given.kind, given.seeds)] if given.seeds else []
     batches += [(kind, seeds) for kind in OPTIONS if (seeds := getattr(given, kind))]
     return batches or list(REPORTING.items())
@@ -102,7 +102,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Writes the cases that are not there yet."""
+    """Write the cases that do not exist yet."""
     given = parser().parse_args(arguments)
     count = 0
     for kind, seeds in chosen_batches(given):

@@ -1,8 +1,8 @@
-"""A fit that is given the true cause: what the best explanation would close of the gap.
+"""Fit with the known true cause: how much of the gap the best explanation would close.
 
-``python oracle.py robot.urdf log.csv --json FILE`` in a folder that also holds the ``answer.json`` of the case. Same
-columns, nuisances, noise, blocks and refits as a diagnosis, but in the place of its search stand the true effects, each
-with the best of its shapes. Run after the diagnoses, in a process of its own, because it opens answers.
+Run ``python oracle.py robot.urdf log.csv --json FILE`` in a folder that also contains the case's ``answer.json``. The
+columns, nuisances, noise, blocks and refits are those of a diagnosis, but the search returns the true effects, each
+with its best shape. It runs after the diagnoses in a process of its own, because it opens answers.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ Place = tuple[str, str | None]
 
 
 def true_set(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
-    """A search that returns the true effects; those that leave no trace in the recording are left out."""
+    """A search that returns the true effects, without those that leave no trace in the recording."""
 
     def given_set(search: Search, progress: Progress, *_: object) -> frozenset[Term]:
         by_place: dict[Place, list[Term]] = {}
         for term in search.terms:
             if term.effect_joint in truth:
                 by_place.setdefault(term.effect_joint, []).append(term)
-        del progress  # a set is chosen at once
+        del progress  # the whole set is selected in one step
         sets = [frozenset(chosen) for chosen in product(*by_place.values())]
         return min(sets, key=search.score)
 
@@ -42,9 +42,9 @@ def true_set(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
 
 
 def oracle(robot_file: Path, log_file: Path, truth: frozenset[Place], json_file: Path) -> None:
-    """Writes the diagnosis of a case whose search is given the true causes."""
+    """Write the diagnosis of a case whose search gets the true causes."""
     robot = load_robot(robot_file)
-    # The one place where pieces of the diagnosis are exchanged: this process does nothing else.
+    # This process replaces a part of the diagnosis and does nothing else.
     pieces.explain = true_set(truth)
     pieces.with_leading_rivals = lambda _, chosen: chosen
     diagnosis = diagnose(robot, (read_recording(log_file, robot),))

@@ -1,8 +1,8 @@
-"""Checks ``bounds``: is an effect of exactly the stated size found in 90 to 99 % of recordings?
+"""Check ``bounds``: is an effect of exactly the stated size found in 90 to 99 % of the recordings?
 
-Example: ``python benchmarks/blind/power.py --seeds 700:760 --work build/power``. Every seed is recorded twice, with the
-same robot, motion and noise: without any effect, where the diagnosis states its bounds, and again with one of these
-effects at the stated size. Resumable.
+Example: ``python benchmarks/blind/power.py --seeds 700:760 --work build/power``. Every seed is recorded twice with the
+same robot, motion and noise: first without an effect, for which the diagnosis states its bounds, then with one of
+these effects at the stated size. An interrupted run can be continued.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from benchmarks.gapbench.scoring.proportions import proportion
 from benchmarks.gapbench.scoring.tables import table
 from benchmarks.gapbench.seal import sealed
 
-# Effects that one number describes, and what is added to the stated size to get that number.
+# Effects with one parameter, and what is added to the stated size to get this parameter.
 ONE_NUMBER = {
     "viscous_friction": 0.0,
     "coulomb_friction": 0.0,
@@ -54,9 +54,9 @@ class Found:
     """Outcome of one effect at its stated size.
 
     Attributes:
-        effect, joint: What was put in.
-        seen: Any finding, or a verdict other than ``no_gap``.
-        listed: The effect at its joint is a finding or one of its rivals.
+        effect, joint: The effect that was added.
+        seen: True if there is any finding, or a verdict other than ``no_gap``.
+        listed: True if the effect at its joint is a finding or one of its rivals.
     """
 
     effect: str
@@ -66,7 +66,7 @@ class Found:
 
 
 def setup_of(seed: int) -> tuple[Setup, Run] | None:
-    """Setup of a seed and its recording without any effect; None if no draw can be moved."""
+    """Setup of a seed and its recording without an effect, or None if no drawn motion can be executed."""
     for attempt in range(ATTEMPTS):
         setup = draw_setup(seed, attempt, kind="null")
         run = run_of(setup)
@@ -76,7 +76,7 @@ def setup_of(seed: int) -> tuple[Setup, Run] | None:
 
 
 def recorded(name: str, setup: Setup, run: Run) -> Case:
-    """Files of a recording; the answer is kept apart."""
+    """Write the files of a recording; the answer goes to another folder."""
     owner, session = setup.owner, setup.session
     header = ("t", *(f"q.{j}" for j in owner.joints), *(f"tau.{j}" for j in owner.joints))
     log = np.column_stack([run.t, run.measured, logged_torque(run, setup.torque_hold)])
@@ -87,7 +87,7 @@ def recorded(name: str, setup: Setup, run: Run) -> Case:
 
 
 def chosen_bound(bounds: Sequence[dict], seed: int) -> dict | None:
-    """One of the stated bounds, by the seed: effects in turn, then joints in turn; None if none can be put in."""
+    """One of the stated bounds, selected by the seed in turn over effects and joints; None if none can be simulated."""
     order = list(ONE_NUMBER)
     for shift in range(len(order)):
         mine = [
@@ -110,7 +110,7 @@ def _name(seed: int, what: str) -> str:
 
 
 def draw_without(seed: int, cases: Path) -> str | None:
-    """Writes the recording without any effect; its name, or None if the seed gives none."""
+    """Write the recording without an effect; return its name, or None if the seed gives none."""
     name = _name(seed, "a")
     if not all((cases / name / f).is_file() for f in FILES):
         drawn = setup_of(seed)
@@ -121,7 +121,7 @@ def draw_without(seed: int, cases: Path) -> str | None:
 
 
 def draw_with(seed: int, results: Path, cases: Path, answers: Path) -> str | None:
-    """Writes the same recording with an effect at its bound; None without a ``no_gap`` or a bound to put in."""
+    """Write the same recording with an effect at its bound; None without ``no_gap`` or a suitable bound."""
     name = _name(seed, "b")
     if (answers / f"{name}.json").is_file():
         return name
@@ -140,7 +140,7 @@ def draw_with(seed: int, results: Path, cases: Path, answers: Path) -> str | Non
 
 
 def found(bound: dict, diagnosis: dict | None) -> Found:
-    """Whether a diagnosis sees an effect that was put in."""
+    """Judge whether a diagnosis finds an effect that was added."""
     wanted = {"effect": bound["effect"], "joint": bound["joint"]}
     findings = diagnosis["findings"] if diagnosis else []
     named = [{"effect": f["effect"], "joint": f["joint"]} for f in findings]
@@ -150,7 +150,7 @@ def found(bound: dict, diagnosis: dict | None) -> Found:
 
 
 def report(outcomes: Sequence[Found]) -> str:
-    """How often an effect of the stated size is seen, in all and by effect."""
+    """Share of effects of the stated size that are found, in all and by effect."""
     rows: list[tuple[object, ...]] = []
     for effect in ("all", *sorted({x.effect for x in outcomes})):
         mine = [x for x in outcomes if effect in ("all", x.effect)]
@@ -165,7 +165,7 @@ def _drawn(jobs: int, draw, *each: Sequence) -> list:
 
 
 def check(seeds: range, work: Path, jobs: int, command: Sequence[str]) -> list[Found]:
-    """Draws and diagnoses both recordings of every seed."""
+    """Draw and diagnose both recordings of every seed."""
     cases, answers, results = (work / name for name in ("cases", "answers", "results"))
     answers.mkdir(parents=True, exist_ok=True)
     names = _drawn(jobs, draw_without, seeds, [cases] * len(seeds))

@@ -1,4 +1,4 @@
-"""One process for each case, in a folder of its own that holds the case and nothing else."""
+"""Run each case in a process of its own, in a folder that contains only the case."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from benchmarks.gapbench.cases import robot_and_log
 
 TIMEOUT = 600.0
-HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD", "PHANTOM_DYN_DATA")  # the last names the recordings that cases are made from
+HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD", "PHANTOM_DYN_DATA")  # the last names the real recordings
 BESIDE = ("robot.yaml", "corrected.yaml")
 HERE = Path(__file__).resolve().parent
 BASELINES = (sys.executable, str(HERE / "baselines" / "answers.py"))
@@ -24,7 +24,7 @@ ORACLE = (sys.executable, str(HERE / "oracle.py"))
 
 
 def default_command() -> list[str]:
-    """The installed command beside this interpreter, else the one on the search path."""
+    """The installed command beside this interpreter, or the first on the search path."""
     beside = Path(sys.executable).with_name("phantom-dyn")
     found = str(beside) if beside.is_file() else shutil.which("phantom-dyn")
     if found is None:
@@ -33,20 +33,20 @@ def default_command() -> list[str]:
 
 
 def case_inputs(case: Path, found: tuple[str, str]) -> list[str]:
-    """Names of the robot file and of every log in the folder of a case, in the order in which they are given."""
+    """Names of the robot file and of every log in a case folder, in the order of the command line."""
     robot, log = found
     return [robot, *sorted(path.name for path in case.glob("log*") if path.suffix == Path(log).suffix)]
 
 
 def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | None = None) -> Path:
-    """One case in its own process: it gets a copy of the case folder at a random place, and nothing else.
+    """Run one case in a process of its own, on a copy of the case folder in a random folder.
 
     Args:
-        command: Called with robot, logs, ``--with corrected.yaml`` where the case has one, and ``--json FILE``.
+        command: Command, called with robot, logs, ``--with corrected.yaml`` if there is one, and ``--json FILE``.
         case: Folder of the case.
-        results: Where the result file ``<id>.json`` goes: what the command wrote, or what went wrong, with the seconds
-            of the whole process.
-        answer: Put beside the case as ``answer.json``; only for what runs after the diagnoses.
+        results: Folder of the result file ``<id>.json``: the output of the command or its error, and the seconds of the
+            whole process.
+        answer: File that is copied as ``answer.json`` to the case; only for programs that run after the diagnoses.
     """
     result = results / f"{case.name}.json"
     with tempfile.TemporaryDirectory(prefix="case-") as place:
@@ -95,7 +95,7 @@ def run_all(
     what: str,
     answers: Path | None = None,
 ) -> None:
-    """Runs a command on the cases that have no result yet; ``answers`` only for what may open them."""
+    """Run a command on the cases without a result; ``answers`` only for programs that may open them."""
     results.mkdir(parents=True, exist_ok=True)
     waiting = [name for name in names if not (results / f"{name}.json").is_file()]
     with ThreadPoolExecutor(jobs) as pool:

@@ -1,7 +1,7 @@
-"""Writes the table of the sealed cases and the confusion matrix into the documentation.
+"""Write the table of the sealed cases and the confusion matrix into the documentation.
 
 Example: ``python benchmarks/blind/publish.py --score build/blind/score``, with the seeds that were run (``--singles
-100:140 --nulls 100:120``) unless these were the reporting ranges.
+100:140 --nulls 100:120``), or without seeds after a run of the reporting ranges.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ CAPTION = "*Truth (rows) against the leading finding, or the verdict without one
 
 
 def command(batches: Sequence[tuple[str, range]]) -> str:
-    """What draws, diagnoses and scores these cases."""
+    """Command that draws, diagnoses and scores these cases."""
     if set(case_ids(batches)) == set(case_ids(REPORTING.items())):
         return "make blind"
     options = [f"{OPTIONS.get(kind, f'--kind {kind} --seeds')} {r.start}:{r.stop}" for kind, r in batches]
@@ -37,7 +37,7 @@ def command(batches: Sequence[tuple[str, range]]) -> str:
 
 
 def heading(batches: Sequence[tuple[str, range]], day: datetime.date) -> str:
-    """When and with which command, how many cases, how much of the reporting ranges, and which seeds."""
+    """Date, command, number of cases, share of the reporting ranges, and seeds."""
     mine, whole = set(case_ids(batches)), set(case_ids(REPORTING.items()))
     if mine == whole:
         extent = "the reporting ranges; seeds, opened once"
@@ -51,7 +51,7 @@ def heading(batches: Sequence[tuple[str, range]], day: datetime.date) -> str:
 
 
 def publish(score: Path, batches: Sequence[tuple[str, range]], checkout: Path) -> None:
-    """Puts ``score.md`` between the markers of the page and the confusion matrix beside it.
+    """Write ``score.md`` between the markers of the page, and the confusion matrix beside the page.
 
     Raises:
         ValueError: If the score is not that of these seeds.

@@ -1,8 +1,8 @@
-"""Diagnoses sealed cases through the command line, while no answer can be read, and scores the results.
+"""Diagnose sealed cases with the command line while the answers are encrypted, and score the results.
 
-Example: ``python benchmarks/blind/run.py --singles 100:140 --nulls 100:120``, which are scored together. Without any
-seeds: the reporting ranges. ``--make NAME`` takes the cases of another make. Resumable: a case that has its result
-is not diagnosed again.
+Example: ``python benchmarks/blind/run.py --singles 100:140 --nulls 100:120`` scores both ranges together. Without
+seeds, the reporting ranges are used. ``--make NAME`` selects another make. An interrupted run can be continued: a case
+with a result is not diagnosed again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from benchmarks.blind.score import load_baselines, load_pairs, write_score
 from benchmarks.blind.worst import TABLE, finished, scored, worst_of_makes
 from benchmarks.gapbench.seal import sealed
 
-# Baselines and oracle are asked on so many of each kind: enough to tell them apart, and a third of the time.
+# Baselines and oracle run on this many cases of each kind: enough to distinguish them, in a third of the time.
 BESIDE = 100
 INSIDE = ("single", "pair", "mixed")
 
@@ -32,7 +32,7 @@ INSIDE = ("single", "pair", "mixed")
 def diagnose_all(
     names: Sequence[str], cases: Path, answers: Path, results: Path, *, command: Sequence[str], jobs: int
 ) -> None:
-    """Diagnoses the cases that have no result yet, the answers sealed all the while."""
+    """Diagnose the cases without a result while the answers are sealed."""
     with sealed(answers):
         run_all(command, names, cases, results, jobs=jobs, what="diagnosed")
 
@@ -54,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def work_folder(given: argparse.Namespace) -> Path:
-    """Where cases and results go: every make has a folder of its own."""
+    """Folder for cases and results; every make has its own."""
     return given.work or Path("build") / ("blind" if given.make == FIRST else f"blind-{given.make}")
 
 
@@ -77,7 +77,7 @@ def main(arguments: list[str] | None = None) -> int:
         tried = [name for name in case_ids(first, given.make) if name in names]
         with sealed(answers):
             run_all(BASELINES, tried, cases, baselines, jobs=given.jobs, what="baselines")
-        # From here on answers are open: every diagnosis is written.
+        # From here on the answers are open: every diagnosis is finished.
         within = case_ids((b for b in first if b[0] in INSIDE), given.make)
         inside = [name for name in within if name in names]
         run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="given the true cause", answers=answers)

@@ -1,6 +1,6 @@
-"""Opens diagnoses and answers and says how good the diagnosis is.
+"""Compare diagnoses with the answers, and compute how good the diagnosis is.
 
-Example: ``python benchmarks/blind/score.py --answers DIR --results DIR --out DIR``; several folders, in the same order,
+Example: ``python benchmarks/blind/score.py --answers DIR --results DIR --out DIR``; several folders in the same order
 are scored together.
 """
 
@@ -35,7 +35,7 @@ def _read(path: Path) -> dict:
 def load_pairs(
     answers: Path, results: Path, names: Sequence[str] | None = None, *, oracle: Path | None = None
 ) -> list[Judged]:
-    """Judges every case that has both an answer and a result; ``names`` restricts and must all be there."""
+    """Judge every case that has an answer and a result; with ``names`` only these cases, which must all exist."""
     wanted = sorted(p.stem for p in results.glob("*.json")) if names is None else names
     missing = [n for n in wanted if not (answers / f"{n}.json").is_file() or not (results / f"{n}.json").is_file()]
     if missing:
@@ -50,7 +50,7 @@ def load_pairs(
 
 
 def load_baselines(answers: Path, results: Path, names: Sequence[str]) -> dict[str, list[Judged]]:
-    """The same for the baselines; each over the cases that it was given."""
+    """Judge the baselines, each over the cases that it was given."""
     out: dict[str, list[Judged]] = {name: [] for name in BASELINES}
     for case in names:
         path = results / f"{case}.json"
@@ -66,14 +66,14 @@ def load_baselines(answers: Path, results: Path, names: Sequence[str]) -> dict[s
             if diagnosis and diagnosis["verdict"] == "failed":
                 diagnosis = None
             if diagnosis and diagnosis["joints"]:
-                # A baseline states no noise floor: its residuals are judged by the true ones.
+                # A baseline states no noise floor: the true one is used for its residuals.
                 diagnosis = {**diagnosis, "joints": in_true_floors(answer, diagnosis["joints"])}
             cases.append(judged(answer, {**entry, "diagnosis": diagnosis, "seconds": seconds}))
     return out
 
 
 def report(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | None = None) -> str:
-    """The figures as markdown."""
+    """The results as markdown."""
     failed = proportion(x.verdict == "failed" for x in cases)
     lines = [
         wrapped(
@@ -97,7 +97,7 @@ def report(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | 
 
 
 def as_json(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | None = None) -> dict:
-    """The same figures for programs, and the outcome of every case."""
+    """The same results for programs, with the outcome of every case."""
     groups = {f"gap >= {floor:g}": beyond(cases, floor) for floor in (*FLOORS, 0.0)}
     return {
         "schema": "blind-score/2",
@@ -115,7 +115,7 @@ def as_json(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] |
 
 
 def write_score(cases: Sequence[Judged], out: Path, baselines: Mapping[str, Sequence[Judged]] | None = None) -> str:
-    """Writes ``score.md``, ``score.json`` and ``confusion.png``; returns the text of the first."""
+    """Write ``score.md``, ``score.json`` and ``confusion.png``; return the text of the first."""
     out.mkdir(parents=True, exist_ok=True)
     text, counts = report(cases, baselines), confusion(cases)
     (out / "score.md").write_text(text)

@@ -1,7 +1,7 @@
-"""One table of every figure for each make of sealed cases, and the worst of them.
+"""Table of every result for each make of sealed cases, with the worst make.
 
-Example: ``python benchmarks/blind/worst.py build/blind build/blind-drake --out worst.md``. Each folder is
-that of a finished run (`run.py`); without any: all of them in ``build``. A figure that no run has measured stays empty.
+Example: ``python benchmarks/blind/worst.py build/blind build/blind-drake --out worst.md``. Each folder belongs to a
+finished run (`run.py`); the default is all of them in ``build``. A result that no run has measured stays empty.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from benchmarks.gapbench.scoring.proportions import Average, Proportion
 from benchmarks.gapbench.scoring.tables import FLOORS, table
 
 GROUP = f"gap >= {FLOORS[0]:g}"
-OPENED = 1000  # seeds below are for development
+OPENED = 1000  # lower seeds are for development
 TABLE = "worst_of_makes.md"
 
 
@@ -33,8 +33,8 @@ class Scored:
 
     Attributes:
         make: Its name.
-        figures: What ``score.json`` says of each figure, for gaps of at least two noise floors.
-        seeds: Those of its cases, by kind.
+        figures: Values of ``score.json`` for gaps of at least two noise floors.
+        seeds: Seeds of the cases by kind.
     """
 
     make: str
@@ -43,10 +43,10 @@ class Scored:
 
 
 def scored(folder: Path) -> Scored:
-    """The run in a folder.
+    """Read the run in a folder.
 
     Raises:
-        ValueError: If it was not scored, or holds cases of several makes.
+        ValueError: If it was not scored, or contains cases of several makes.
     """
     file = folder / "score" / "score.json"
     if not file.is_file():
@@ -63,7 +63,7 @@ def scored(folder: Path) -> Scored:
 
 
 def score_of(figure: Figure, said: Mapping | None) -> Score | None:
-    """A figure as it was measured; None where it was not."""
+    """A measured value, or None."""
     if not said or not said["total"]:
         return None
     if "hits" in said:
@@ -73,7 +73,7 @@ def score_of(figure: Figure, said: Mapping | None) -> Score | None:
 
 
 def worst(figure: Figure, scores: Mapping[str, Score | None]) -> str:
-    """The make with the worst value of a figure and that value; empty without two makes that have it."""
+    """The make with the worst value of a result, and this value; empty if fewer than two makes have one."""
     measured = {make: score for make, score in scores.items() if score is not None and isfinite(score.value)}
     if len(measured) < 2:
         return ""
@@ -88,10 +88,10 @@ def _cases(run: Scored) -> str:
 
 
 def worst_of_makes(runs: Sequence[Scored]) -> str:
-    """Every figure of every run, beside what is to be reached and the worst, as a markdown table.
+    """Every result of every run with the goal and the worst make, as a markdown table.
 
     Raises:
-        ValueError: If two runs are of the same make.
+        ValueError: If two runs have the same make.
     """
     names = [run.make for run in runs]
     if len(set(names)) < len(names):
@@ -104,13 +104,13 @@ def worst_of_makes(runs: Sequence[Scored]) -> str:
 
 
 def finished(build: Path) -> list[Path]:
-    """Folders of finished runs, the first make first."""
+    """Folders of finished runs, that of the first make first."""
     folders = [build / ("blind" if name == NAMES[0] else f"blind-{name}") for name in NAMES]
     return [folder for folder in folders if (folder / "score" / "score.json").is_file()]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Prints the table and writes it where it is asked for."""
+    """Print the table, and write it to a file if one is given."""
     parser = argparse.ArgumentParser(description="Every figure of sealed cases for each make, and the worst.")
     parser.add_argument("runs", type=Path, nargs="*", metavar="DIR", help="default: the finished runs in build")
     parser.add_argument("--out", type=Path, metavar="FILE")

@@ -1,1 +1,1 @@
-"""Laws that are met on real robots and are no effect of the catalogue: cases with known answers."""
+"""Cases with known answers for laws that real robots have and the catalogue of effects does not."""

@@ -1,6 +1,6 @@
-"""Robots, motions and recordings of the cases, drawn by a seed; equations of motion in closed form.
+"""Draw robots, motions and recordings of the cases from a seed, with equations of motion in closed form.
 
-The torque is computed along a prescribed motion, so that every law acts on exactly the motion that is logged. Masses,
+The torque is computed along a prescribed motion, so every law acts on exactly the logged motion. Masses,
 inertias, friction and rotors of the model are wrong within the stated tolerances. Seeds below 1000 are for development.
 """
 
@@ -29,9 +29,9 @@ class Robot:
 
     Attributes:
         joints: Names.
-        axes: Of each joint as URDF has it: type, axis, unit of travel.
+        axes: Type, axis and unit of travel of each joint, as in URDF.
         torque: Torque of the links from parameters and motion.
-        draw: Parameters, and which tolerance each has.
+        draw: Function that draws the parameters, and the tolerance of each.
         links: Mass, centre along x, inertia about y, and length of each link for the URDF.
     """
 
@@ -43,14 +43,14 @@ class Robot:
 
 @dataclass(frozen=True)
 class Case:
-    """A recording with its answer.
+    """A recording with its true law.
 
     Attributes:
-        name: Kind of law, ``null`` without one.
-        folder: Holds robot.urdf, robot.yaml and log.csv.
-        joint: Where the law acts.
-        gap: Root mean square that the tolerances cannot explain over that of the noise, both below the band's edge.
-        law: What acts, at its true amplitude; None for a null.
+        name: Kind of law, or ``null``.
+        folder: Folder with robot.urdf, robot.yaml and log.csv.
+        joint: Joint on which the law acts.
+        gap: Root mean square that tolerances cannot explain, divided by that of the noise, both below the band's edge.
+        law: True law with its amplitude, or None for a null.
     """
 
     name: str
@@ -102,7 +102,7 @@ ROBOTS: tuple[Robot, ...] = (
 
 
 def _motion(rng: np.random.Generator, count: int, linear: bool) -> tuple[Array, Array, Array, Array]:
-    """Time, position, velocity and acceleration: sums of sines, slow and fast, or moves from point to point."""
+    """Time, position, velocity and acceleration: sums of slow and fast sines, or moves from point to point."""
     t = np.arange(int(RATE * SECONDS)) / RATE
     reach = 0.25 if linear else 1.0
     q, v, a = (np.zeros((len(t), count)) for _ in range(3))
@@ -127,7 +127,7 @@ def _motion(rng: np.random.Generator, count: int, linear: bool) -> tuple[Array, 
 
 
 def _drive(robot: Robot, p: dict[str, float], q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """Drive torque, and that of the links alone."""
+    """Torque of the drive, and torque of the links alone."""
     link = np.asarray(robot.torque(p, q, v, a)).reshape(q.shape)
     nv = range(1, q.shape[1] + 1)
     own = [p[f"r{k}"] * a[:, k - 1] + p[f"d{k}"] * v[:, k - 1] + p[f"f{k}"] * np.sign(v[:, k - 1]) for k in nv]
@@ -141,10 +141,10 @@ def _kind(name: str) -> str:
 def _beyond(
     robot: Robot, given: dict[str, float], motion: tuple[Array, ...], torque: Array, *, dynamic: bool = False
 ) -> Array:
-    """What is left of a torque when the model changes within two tolerances as well as it can.
+    """Part of a torque that no change of the model within two tolerances can explain.
 
-    Of a dynamic law what any offset, spring, damping, friction and inertia of a joint explains is taken off too: they
-    are effects of the catalogue, and what memory adds to them is what the law is about.
+    For a dynamic law, the part that an offset, spring, damping, friction and inertia of a joint explain is subtracted
+    too: these are effects of the catalogue, and the law is about what memory adds to them.
     """
     base = _drive(robot, given, *motion)[0]
     names = [name for name in given if name[0] != "l"]
@@ -171,8 +171,8 @@ def make(seed: int, folder: Path, *, null: bool = False, dynamic: bool = False) 
     """Write the files of a case.
 
     Args:
-        seed: The law takes turns with it, all else is drawn.
-        folder: Where to.
+        seed: Selects the law in turn; everything else is random.
+        folder: Folder for the files.
         null: True for a recording without a law.
         dynamic: True for a law whose answer changes with the frequency.
     """

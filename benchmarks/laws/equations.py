@@ -1,7 +1,7 @@
-"""The laws of the cases, written from their equations; nothing here imports what is tested.
+"""The laws of the cases, written from their equations; this module does not import the code under test.
 
-Each gives torque that the drive of one joint has to give beyond the modelled one, and the inputs that it depends on.
-Inputs that say the same are one: ``v`` and ``dx`` both hold the direction of motion, ``tl`` and ``tau`` both the load.
+Each gives the torque that the drive of one joint has to give in addition to the modelled torque, and its inputs.
+Equivalent inputs are one: ``v`` and ``dx`` both contain the direction of motion, ``tl`` and ``tau`` both the load.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class State:
-    """What a joint and its robot do, full rate, SI units.
+    """Motion and torque of a joint and its robot at the full rate, in SI units.
 
     Attributes:
         t: Time, ``(N,)``.
         q, v: Motion of all joints, ``(N, nv)``.
         need: Torque of the true robot without the law, ``(N, nv)``.
-        link: The same without friction and rotors.
-        j: The joint.
-        names: Of the joints.
+        link: The same torque without friction and rotors.
+        j: Index of the joint.
+        names: Names of the joints.
     """
 
     t: Array
@@ -40,7 +40,7 @@ class State:
         return float(self.t[1] - self.t[0])
 
     def name(self, kind: str) -> str:
-        """Of an input of the joint; ``freq(v)`` is that its answer to ``v`` changes with the frequency."""
+        """Name of an input of the joint; ``freq(v)`` means that its response to ``v`` depends on the frequency."""
         own = self.names[self.j]
         if kind.startswith("freq("):
             return f"{kind[:-1]}.{own})"
@@ -49,13 +49,13 @@ class State:
 
 @dataclass(frozen=True)
 class Law:
-    """A law at work.
+    """A law with its inputs.
 
     Attributes:
-        parts: What its amplitudes multiply, at unit amplitudes, ``(N, k)``: their sum is the law.
-        required: Inputs that an answer has to name, each a set of which one is enough.
-        allowed: Inputs that an answer may name beside them.
-        temperature: Of the drive of the joint [deg C], None if nobody logs it.
+        parts: Torque for unit amplitudes, ``(N, k)``: the law is their weighted sum.
+        required: Inputs that an answer has to name, each a set of equivalent inputs.
+        allowed: Other inputs that an answer may name.
+        temperature: Temperature of the joint's drive [deg C], or None if it is not logged.
     """
 
     parts: Array
@@ -65,7 +65,7 @@ class Law:
 
 
 def _law(state: State, parts: list[Array], required: str, allowed: str = "", temperature: Array | None = None) -> Law:
-    """``required`` as ``"q v|dx"``."""
+    """Make a law; ``required`` has the form ``"q v|dx"``."""
     needs = tuple(frozenset(state.name(k) for k in group.split("|")) for group in required.split())
     also = frozenset(state.name(k) for k in allowed.split()).union(*needs)
     return Law(np.column_stack(parts), needs, also, temperature)
@@ -82,7 +82,7 @@ def _dahl(x: Array, reach: float) -> Array:
 
 
 def _slip(x: Array, reach: float) -> Array:
-    """An elastic element that slides at one: the element of Maxwell."""
+    """An elastic element that slides at a force of one: the Maxwell element."""
     z = np.zeros(len(x))
     for k in range(1, len(x)):
         z[k] = min(1.0, max(-1.0, z[k - 1] + (x[k] - x[k - 1]) / reach))
@@ -90,7 +90,7 @@ def _slip(x: Array, reach: float) -> Array:
 
 
 def _lugre(x: Array, v: Array, dt: float, reach: float, excess: float, speed: float) -> Array:
-    """Bristle deflection over its steady value, ``g(v) = 1 + excess exp(-(v/speed)^2)``."""
+    """Bristle deflection divided by its steady value, with ``g(v) = 1 + excess exp(-(v/speed)^2)``."""
     z = np.zeros(len(x))
     for k in range(1, len(x)):
         g = 1.0 + excess * np.exp(-((v[k] / speed) ** 2))
@@ -100,7 +100,7 @@ def _lugre(x: Array, v: Array, dt: float, reach: float, excess: float, speed: fl
 
 
 def harmonic_drive_hysteresis(state: State, rng: np.random.Generator) -> Law:
-    """Torque that the flexspline loses: a hysteresis over displacement whose height grows with the load."""
+    """Torque loss in the flexspline: a hysteresis over displacement whose height grows with the load."""
     j, x = state.j, state.q[:, state.j]
     z = _dahl(x, rng.uniform(0.02, 0.08) * np.ptp(x))
     load = np.abs(state.link[:, j])
@@ -108,28 +108,28 @@ def harmonic_drive_hysteresis(state: State, rng: np.random.Generator) -> Law:
 
 
 def _heated(state: State, rng: np.random.Generator) -> Array:
-    """Temperature of a drive that losses heat towards a final one, with a slow swing of its cooling."""
+    """Temperature of a drive that losses heat towards a final temperature, with slowly varying cooling."""
     t = state.t
     rise = 1.0 - np.exp(-t / rng.uniform(0.25, 0.6) / t[-1])
     return 25.0 + rng.uniform(8, 25) * (rise + 0.15 * np.sin(2 * np.pi * t / t[-1] * rng.uniform(1.2, 2.2)))
 
 
 def friction_with_temperature(state: State, rng: np.random.Generator) -> Law:
-    """Coulomb friction that grows with the temperature, which is logged."""
+    """Coulomb friction that grows with the logged temperature."""
     warm = _heated(state, rng)
     s = np.sign(state.v[:, state.j])
     return _law(state, [s * (warm - 25.0) / 10.0, rng.uniform(0, 0.5) * s], "v|dx temp", "", warm)
 
 
 def friction_with_hidden_temperature(state: State, rng: np.random.Generator) -> Law:
-    """The same, but nobody logs the temperature: the friction changes with time."""
+    """Coulomb friction that grows with a temperature that is not logged, so it changes with time."""
     warm = _heated(state, rng)
     s = np.sign(state.v[:, state.j])
     return _law(state, [s * (warm - 25.0) / 10.0, rng.uniform(0, 0.5) * s], "v|dx t")
 
 
 def voltage_sag(state: State, rng: np.random.Generator) -> Law:
-    """A drive that gives less when all of them ask for more: the command is larger by the share that is lost."""
+    """A drive that gives less when all drives command more: the command is larger by the lost share."""
     load = np.abs(state.need).sum(axis=1)
     behind, keep = np.zeros(len(load)), np.exp(-state.dt / rng.uniform(0.02, 0.3))
     behind[0] = load[0]
@@ -154,28 +154,28 @@ def friction_with_position(state: State, rng: np.random.Generator) -> Law:
 
 
 def ripple_with_torque(state: State, rng: np.random.Generator) -> Law:
-    """Torque ripple of a motor or gear: periodic in its angle, as high as the torque."""
+    """Torque ripple of a motor or gear: periodic in its angle, proportional to the torque."""
     x, load = state.q[:, state.j], state.link[:, state.j]
     order = rng.integers(6, 16) * 2 * np.pi / np.ptp(x)
     return _law(state, [load * np.sin(order * x + rng.uniform(0, 6.28))], "q tl|tau", "tl tau")
 
 
 def drifting_cable(state: State, rng: np.random.Generator) -> Law:
-    """A cable that loses or gains tension: it pulls the joint less or more as time passes."""
+    """A cable that loses or gains tension: its pull on the joint changes with time."""
     t = state.t / state.t[-1]
     shape = np.exp(-t / rng.uniform(0.15, 0.5)) if rng.random() < 0.6 else np.cos(np.pi * t * rng.uniform(0.8, 2.0))
     return _law(state, [shape], "t")
 
 
 def hose(state: State, rng: np.random.Generator) -> Law:
-    """A hose: slack over part of the travel, then a pull that grows with the cube or the square of the stretch."""
+    """A hose: slack over part of the travel, then a pull with the cube or the square of the stretch."""
     x = state.q[:, state.j] * rng.choice([-1.0, 1.0])
     stretch = np.maximum(x - (x.min() + rng.uniform(0.3, 0.6) * np.ptp(x)), 0.0)
     return _law(state, [stretch ** rng.choice([2.0, 3.0])], "q")
 
 
 def hardening_spring(state: State, rng: np.random.Generator) -> Law:
-    """A spring that hardens: linear and cubic in the distance from its rest."""
+    """A hardening spring: linear and cubic in the distance from its rest position."""
     x = state.q[:, state.j]
     d = (x - (x.min() + rng.uniform(0.3, 0.7) * np.ptp(x))) / np.ptp(x)
     return _law(state, [d**3, rng.uniform(0.0, 0.1) * d], "q")
@@ -197,7 +197,7 @@ def lugre_friction(state: State, rng: np.random.Generator) -> Law:
 
 
 def maxwell_slip(state: State, rng: np.random.Generator) -> Law:
-    """Generalised Maxwell slip: elements that let go one after the other."""
+    """Generalised Maxwell slip: elements that begin to slide one after the other."""
     x = state.q[:, state.j]
     reaches = np.array([0.03, 0.1, 0.3]) * rng.uniform(0.6, 1.2) * np.ptp(x)
     shares = rng.dirichlet([2.0, 2.0, 2.0])
@@ -205,7 +205,7 @@ def maxwell_slip(state: State, rng: np.random.Generator) -> Law:
 
 
 def friction_by_direction_and_position(state: State, rng: np.random.Generator) -> Law:
-    """Coulomb friction that depends on the position, otherwise forwards than backwards."""
+    """Coulomb friction that depends on the position, differently forwards and backwards."""
     x, s = state.q[:, state.j], np.sign(state.v[:, state.j])
     u = (x - x.min()) / np.ptp(x)
     forwards = np.where(s > 0, 0.3 + rng.uniform(0.5, 1.0) * u**2, 0.0)
@@ -237,11 +237,11 @@ def _second_order(x: Array, dt: float, hz: float, damping: float) -> Array:
 
 
 def _dynamic(state: State, part: Array, *, of_torque: bool) -> Law:
-    """A law that answers the motion or the torque, with the inputs that say the same.
+    """A law that responds dynamically to the motion or the torque, with the equivalent inputs.
 
-    The answer to a position is one to its velocity, with another gain and phase; ``tl`` and ``tau`` differ by friction,
-    whose steps come late with the torque and depend on ``v`` or ``dx``. On a linear axis all torque but friction is
-    acceleration and weight, so that motion and torque say the same.
+    A response to a position is a response to its velocity with another gain and phase. ``tl`` and ``tau`` differ by
+    friction, whose steps are delayed with the torque and depend on ``v`` or ``dx``. On a linear axis all torque except
+    friction is acceleration and weight, so motion and torque are equivalent.
     """
     motion, load = "freq(q)|freq(v)|freq(a)", "freq(tl)|freq(tau)"
     a = np.gradient(state.v[:, state.j], state.dt)
@@ -251,25 +251,25 @@ def _dynamic(state: State, part: Array, *, of_torque: bool) -> Law:
 
 
 def viscoelastic_hose(state: State, rng: np.random.Generator) -> Law:
-    """A hose that creeps: a spring and a damper in series (Maxwell), stiff when it is moved fast, soft when slowly."""
+    """A hose that creeps: spring and damper in series (Maxwell), stiff in fast motion, soft in slow motion."""
     pull = _first_order(state.v[:, state.j], state.dt, np.exp(rng.uniform(np.log(0.15), np.log(1.5))))
     return _dynamic(state, pull, of_torque=False)
 
 
 def elastic_appendage(state: State, rng: np.random.Generator) -> Law:
-    """A tool, a load or a liquid on a spring, with a resonance: its reaction to the acceleration of the joint."""
+    """A tool, a load or a liquid on a spring with a resonance: its reaction to the joint's acceleration."""
     a = np.gradient(state.v[:, state.j], state.dt)
     return _dynamic(state, _second_order(a, state.dt, rng.uniform(0.7, 2.5), rng.uniform(0.05, 0.3)), of_torque=False)
 
 
 def filtered_torque(state: State, rng: np.random.Generator) -> Law:
-    """A torque that was filtered in the drive or the sensor with a low corner: what the filter takes off."""
+    """A torque that a filter with a low corner frequency changed in the drive or the sensor: the lost part."""
     need = state.need[:, state.j]
     return _dynamic(state, _first_order(need, state.dt, rng.uniform(1.0, 4.0)) - need, of_torque=True)
 
 
 def late_torque(state: State, rng: np.random.Generator) -> Law:
-    """A torque that comes late, by a bus or a buffer that no time stamp shows."""
+    """A torque that is delayed by a bus or a buffer, without a trace in the time stamps."""
     need = state.need[:, state.j]
     late = np.interp(state.t - rng.uniform(0.02, 0.1), state.t, need)
     return _dynamic(state, late - need, of_torque=True)
@@ -294,8 +294,8 @@ LAWS: dict[str, Callable[[State, np.random.Generator], Law]] = {
     )
 }
 
-# Linear, but dynamic: gain and phase change with the frequency. They have turns of their own, so that the seeds of the
-# others keep their cases.
+# Linear but dynamic laws: gain and phase depend on the frequency. They alternate separately, so that the seeds of
+# the others keep their cases.
 DYNAMIC: dict[str, Callable[[State, np.random.Generator], Law]] = {
     law.__name__: law for law in (viscoelastic_hose, elastic_appendage, filtered_torque, late_torque)
 }

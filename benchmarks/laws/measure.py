@@ -1,11 +1,11 @@
-"""How often the inputs of a law outside the catalogue are named, and how much its formula foresees.
+"""Measure how often the inputs of a law outside the catalogue are found, and how well its formula predicts.
 
 ``python -m benchmarks.laws.measure --laws 3000:3100 --nulls 3000:3100``. Each case is drawn by its seed, diagnosed as
-``phantom-dyn diagnose`` does it up to the verdict, and scored against the law that its generator put in. An oracle that
+by ``phantom-dyn diagnose`` up to the verdict, and compared with its true law. An oracle that
 knows the law fits its amplitudes to the same residual, on the same blocks and with the same freedom of the model.
 
-A case that the catalogue explains has no structured residual to look at; it is counted apart. What its findings name is
-compared with the law too: friction with memory may rightly be called presliding, and friction by temperature is in the
+A case that the catalogue explains has no structured residual; it is counted separately. Its findings are compared
+with the law too: friction with memory may rightly be called presliding, and friction by temperature is in the
 catalogue.
 """
 
@@ -38,7 +38,7 @@ from phantom_dyn.errors import PhantomDynError
 
 FLOORS = 4.0
 CLOSES = 0.8
-# What findings say that a torque depends on.
+# Inputs of the torques of findings.
 _FINDINGS = {
     "presliding_friction": "dx v",
     "coulomb_friction": "v",
@@ -57,17 +57,17 @@ _FINDINGS = {
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of one case.
+    """Result of one case.
 
     Attributes:
         case: The case.
-        verdict: Of the diagnosis; ``refused`` where there is none.
-        looked: True if a structured residual was looked at.
-        law: True if a law was shown.
-        right: True if the named inputs are those of the law.
-        explained: True if the findings name them.
-        closed: What the formula foresees over what the oracle does.
-        seconds: That the law took.
+        verdict: Verdict of the diagnosis, or ``refused``.
+        looked: True if the diagnosis examined a structured residual.
+        law: True if a law was found.
+        right: True if the inputs of the found law are those of the true law.
+        explained: True if the findings have these inputs.
+        closed: Share that the formula predicts divided by that of the oracle.
+        seconds: Time for the law.
         text: The formula, or the findings.
     """
 
@@ -84,7 +84,7 @@ class Answer:
 
 @one_blas_thread()
 def diagnosed(case: Case) -> tuple[Judgement, Shown, float]:
-    """Judgement with its law, the fits behind it, and how long the law took."""
+    """Judgement with its law, the fits on which it is based, and the time for the law."""
     robot = load_robot(case.folder / "robot.urdf")
     recording = read_recording(case.folder / "log.csv", robot)
     before, shown = judgement_of(explanation_of(session_of(robot, (recording,))), lambda _: None)
@@ -93,7 +93,7 @@ def diagnosed(case: Case) -> tuple[Judgement, Shown, float]:
 
 
 def answer_of(case: Case) -> Answer:
-    """Diagnose a case and score it."""
+    """Diagnose a case and compare it with its true law."""
     try:
         judgement, shown, seconds = diagnosed(case)
     except PhantomDynError as error:
@@ -122,7 +122,7 @@ def _names(case: Case, named: frozenset[str]) -> bool:
 
 
 def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
-    """Share of the residual that the true law foresees on held-out blocks, its amplitudes fitted to the others."""
+    """Share of the residual that the true law predicts on held-out blocks, with amplitudes from the others."""
     assert case.law is not None
     residual = joint_residual(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))
     columns = columns_of(residual)

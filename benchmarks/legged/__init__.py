@@ -1,1 +1,1 @@
-"""Cases of a quadruped that trots, or hangs in the hand: how often its joints are diagnosed rightly."""
+"""Cases of robots on moving bases, to measure how often their joints are diagnosed right."""

@@ -1,11 +1,11 @@
-"""Writes cases of robots on bases that move in the form of `benchmarks.given_cases`.
+"""Write cases of robots on moving bases in the form of `benchmarks.given_cases`.
 
     python -m benchmarks.legged.cases --out DIR --nulls 0:6 --singles 0:12 --outsides 0:4
 
-Seeds go through a quadruped, a biped and an arm. Masses, friction and rotors of every robot differ from its model by
-what the model's tolerances allow, and its inertial sensor is as wrong as such sensors are. A single has one cause on
-one joint, drawn anew where free swings hardly show it; outside of the catalogue are soft ground and a sensor on a loose
-mount. How much shows is measured from the simulated truth, and from no diagnosis.
+The robots alternate between a quadruped, a biped and an arm. Masses, friction and rotors of every robot differ from its
+model within the model's tolerances, and its inertial sensor has usual errors. A single has one cause on one joint,
+which is drawn again if free swings hardly show it. Causes outside the catalogue are soft ground and a sensor on a loose
+mount. The size of the gap is computed from the simulated truth, without any diagnosis.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from benchmarks.legged.visible import gap_over_floor
 
 Array = np.ndarray
 Rng = np.random.Generator
-DRAWS = 3  # of joint and size, while the swings show less than `LEAST_FLOORS` of a cause
-TRUSTED = 0.5  # of a tolerance of one sigma: how far the robot is from its model
+DRAWS = 3  # number of draws of joint and size while the swings show less than `LEAST_FLOORS` of a cause
+TRUSTED = 0.5  # deviation of the robot from its model, in standard deviations of its tolerances
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ KINDS = ("null", "single", "outside")
 
 
 def _accepted(name: str, joint: str) -> list[list[list[str | None]]]:
-    """Of a delay and a lag no slow motion tells which; a mass is that of a body where nobody states payload_frame."""
+    """Slow motions cannot distinguish a delay and a lag; without payload_frame, a mass is a change of its body."""
     if name == "input_delay":
         return [[[near, joint]] for near in ("input_delay", "actuator_lag")]
     if name == "payload":
@@ -119,7 +119,7 @@ def _near_model(given: Numbers, rng: Rng) -> Numbers:
 
 
 def _sensor(rng: Rng) -> Sensor:
-    """Errors of ordinary sensors, at half of what their makers state."""
+    """Errors of ordinary inertial sensors, half of their specified values."""
     offsets = np.array([[0.5 * np.pi / 180], [0.1]]) * rng.normal(size=(2, 3))
     scales = 1 + 0.005 * rng.normal(size=(2, 3))
     turn, shift = 0.5 * np.pi / 180 * rng.normal(size=3), 0.005 * rng.normal(size=3)
@@ -140,7 +140,7 @@ def _task(robot: Robot, rng: Rng) -> Task:
 def _single(
     seed: int, healthy: Plant, task: Task, sensor: Sensor, ground: Ground, rng: Rng
 ) -> tuple[list[dict], Run, float]:
-    """One cause on one joint, the run with it, and its gap; drawn anew while the swings hardly show it."""
+    """One cause on one joint, its run, and its gap; drawn again while the swings hardly show it."""
     robot, name = healthy.robot, list(CAUSES)[seed // len(ROBOTS) % len(CAUSES)]
     joints = robot.carries if name == "payload" else range(len(robot.parts))
     drawn: tuple[list[dict], Run, float] | None = None
@@ -157,12 +157,12 @@ def _single(
 
 
 def write_case(folder: Path, kind: str, seed: int) -> None:
-    """Writes the case of a kind and a seed into a folder of its own; it is kept if it is there.
+    """Write the case of a kind and a seed into a folder of its own, unless it exists.
 
     Args:
-        folder: Of all cases.
+        folder: Folder of all cases.
         kind: One of ``KINDS``.
-        seed: Of the draw; the robots take turns.
+        seed: Seed of the draw; the robots alternate.
     """
     case = folder / f"{kind}{seed:03d}"
     if (case / "answer.json").is_file():
@@ -210,7 +210,7 @@ def _write_run(folder: Path, robot: Robot, run: Run) -> None:
 
 
 def write_trot(folder: Path, seconds: float, rate: float) -> None:
-    """Writes a quadruped that trots, with friction that its model lacks, for what a diagnosis of so much costs."""
+    """Write a trotting quadruped with friction that its model lacks, to measure the cost of a diagnosis."""
     rng, robot = np.random.default_rng(7), quadruped()
     count = len(robot.parts)
     near = Plant(robot, _near_model(robot.numbers, rng), Drive(np.ones(count), np.zeros(count)))
@@ -220,7 +220,7 @@ def write_trot(folder: Path, seconds: float, rate: float) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Writes the cases that are not there yet."""
+    """Write the cases that do not exist yet."""
     parser = argparse.ArgumentParser(description="Write cases of robots on bases that move.")
     parser.add_argument("--out", type=Path, required=True)
     for kind in KINDS:

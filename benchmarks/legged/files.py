@@ -14,15 +14,15 @@ def _text(values: Array | tuple[float, ...]) -> str:
 
 
 def plant(robot: Robot, numbers: Numbers, step: float, rubs: float = 0.8, softness: float = 0.02) -> str:
-    """MJCF on flat ground, with an inertial sensor on the base and a sensor of touch at every end.
+    """MJCF of a robot on flat ground, with an inertial sensor on the base and a touch sensor at every end.
 
-    Dry friction is left out: MuJoCo's is softer than that of gears.
+    Dry friction is not included: MuJoCo's is softer than that of gears.
 
     Args:
-        robot: Its parts.
-        numbers: Of the robot that moves.
-        step: Of the simulation [s].
-        rubs: Coefficient of friction of the ground.
+        robot: Links, joints and ends.
+        numbers: Inertial and joint numbers of the simulated robot.
+        step: Integration step [s].
+        rubs: Friction coefficient of the ground.
         softness: Time constant of contacts [s].
     """
     mass, moments = robot.trunk
@@ -39,7 +39,7 @@ def plant(robot: Robot, numbers: Numbers, step: float, rubs: float = 0.8, softne
 
 
 def _bodies(robot: Robot, numbers: Numbers, before: int) -> str:
-    """Links that hang on one, with all that hangs on them."""
+    """The links on one link, with all their descendants."""
     out = []
     for j, part in enumerate(robot.parts):
         if part.before != before:
@@ -61,7 +61,7 @@ def _bodies(robot: Robot, numbers: Numbers, before: int) -> str:
 
 
 def urdf(robot: Robot) -> str:
-    """What the diagnosis is given."""
+    """URDF that the diagnosis gets."""
     numbers = robot.numbers
     mass, (xx, yy, zz) = robot.trunk
     out = [

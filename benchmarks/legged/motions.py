@@ -1,4 +1,4 @@
-"""What the controllers of each robot are asked for."""
+"""Reference motions of the robots' controllers."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Task:
-    """How the robot moves.
+    """Kind of motion.
 
     Attributes:
-        hangs: In the hand; or else it walks.
-        seconds: How long.
-        rate: Of control and record [Hz].
-        gait: Steps of a leg a second [Hz].
-        duty: Share of the time that a foot is on the ground.
-        stride, lift: Of a foot [m].
-        stiff: Gains of the controllers over those of the robot.
+        hangs: True if the robot hangs in a hand, False if it walks.
+        seconds: Duration [s].
+        rate: Rate of control and recording [Hz].
+        gait: Steps of each leg per second [Hz].
+        duty: Share of the time in which a foot is on the ground.
+        stride, lift: Length and height of a step [m].
+        stiff: Gains of the controllers as a multiple of the robot's.
     """
 
     hangs: bool
@@ -36,7 +36,7 @@ class Task:
 
 
 def phases_of(robot: Robot, task: Task, rng: np.random.Generator) -> Array:
-    """Of the limbs [turns]: diagonal legs or left and right by turns; in the hand any."""
+    """Phases of the limbs [turns]: diagonal legs, or left and right alternately; random in the hand."""
     if robot.name == "arm":
         return rng.uniform(0, 1, 6)
     phases = np.array([0.0, 0.5, 0.5, 0.0]) if robot.name == "quadruped" else np.array([0.0, 0.5])
@@ -44,19 +44,19 @@ def phases_of(robot: Robot, task: Task, rng: np.random.Generator) -> Array:
 
 
 def references(robot: Robot, task: Task, t: float, phases: Array) -> Array:
-    """Positions that the controllers are asked for; no step is as long or as high as the one before."""
+    """Reference positions of the controllers; every step has another length and height."""
     return {"quadruped": _quadruped, "biped": _biped, "arm": _arm}[robot.name](task, t, phases)
 
 
 def _steps(task: Task, t: float) -> tuple[float, float, float]:
-    """Stride and lift [m], and how many steps were made."""
+    """Stride and lift [m], and the number of steps."""
     stride = task.stride * (0.4 + 0.9 * np.sin(2 * np.pi * 0.083 * t))
     lift = task.lift * (1 + 0.35 * np.sin(2 * np.pi * 0.21 * t + 1))
     return stride, lift, task.gait * (t + 0.25 * np.sin(2 * np.pi * 0.11 * t))
 
 
 def _knee(x: float, z: float, link: float) -> tuple[float, float]:
-    """Thigh and knee of two links of one length that reach to a place below the hip."""
+    """Hip and knee angle for which two equal links reach a place below the hip."""
     reach = np.clip(np.hypot(x, z), 0.1, 2 * link - 0.005)
     half = np.arccos(reach / (2 * link))
     return np.arctan2(-x, -z) + half, -2 * half

@@ -1,4 +1,4 @@
-"""A quadruped, a biped and an arm on bases that move, as numbers."""
+"""Numbers of a quadruped, a biped and an arm on moving bases."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class Part:
     """A link and the joint that moves it.
 
     Attributes:
-        name: Of the link; the joint is called the same with ``_joint`` behind it.
-        before: Index of the link before it, -1 for the trunk.
-        place: Of the joint on that link [m].
-        axis: Of the joint.
+        name: Name of the link; the joint's name has the suffix ``_joint``.
+        before: Index of the parent link, -1 for the trunk.
+        place: Position of the joint on the parent link [m].
+        axis: Axis of the joint.
     """
 
     name: str
@@ -30,13 +30,13 @@ class Part:
 
 @dataclass(frozen=True)
 class End:
-    """A ball at the end of a limb, whose contacts a sensor shows.
+    """A ball at the end of a limb, whose contacts a sensor detects.
 
     Attributes:
-        name: Of its frame.
-        part: Index of the link that it is on.
-        place: There [m].
-        radius: [m].
+        name: Name of its frame.
+        part: Index of its link.
+        place: Position on the link [m].
+        radius: Radius [m].
     """
 
     name: str
@@ -47,15 +47,15 @@ class End:
 
 @dataclass(frozen=True)
 class Numbers:
-    """What differs between a robot and its model: inertial numbers of the links and numbers of the joints.
+    """Numbers that differ between a robot and its model.
 
     Attributes:
-        mass: Of the links [kg], ``(n,)``; so are all others, in the order of the parts.
+        mass: Masses of the links [kg], ``(n,)``; all others have the same order.
         center: Centres of mass [m], ``(n, 3)``.
         radius: Radii of gyration about the centres [m], ``(n, 3)``.
         armature: Rotor inertia on the joint side [kg m^2].
-        damping: [N m s/rad].
-        friction: [N m].
+        damping: Viscous friction [N m s/rad].
+        friction: Coulomb friction [N m].
     """
 
     mass: Array
@@ -71,18 +71,18 @@ class Robot:
     """A robot whose base is not bolted down.
 
     Attributes:
-        name: Of the robot.
+        name: Name of the robot.
         parts: Links and joints.
-        ends: Where it touches the ground.
-        numbers: Of its file.
+        ends: Ends that may touch the ground.
+        numbers: Numbers of the model.
         trunk: Mass [kg] and moments of inertia [kg m^2] of the base.
-        imu_at: Of the inertial sensor on the base [m].
-        imu_turned: Roll, pitch and yaw of it [rad].
-        height: Of the base above the ground while it stands [m].
-        kp: Gains of the controllers while it stands [N m/rad], ``(n,)``.
-        kd: The same [N m s/rad].
+        imu_at: Position of the inertial sensor on the base [m].
+        imu_turned: Roll, pitch and yaw of the sensor [rad].
+        height: Height of the base above the ground while it stands [m].
+        kp: Position gains while it stands [N m/rad], ``(n,)``.
+        kd: Velocity gains [N m s/rad].
         slow: Joints that hardly turn while it walks.
-        carries: Links that a payload may be on.
+        carries: Links that may carry a payload.
     """
 
     name: str
@@ -105,12 +105,12 @@ class Robot:
 
     @property
     def weight(self) -> float:
-        """Of all [N]."""
+        """Weight of the whole robot [N]."""
         return 9.81 * (self.trunk[0] + float(self.numbers.mass.sum()))
 
 
 def quadruped() -> Robot:
-    """Twelve joints and 15 kg, the numbers rounded from those of common ones."""
+    """Twelve joints and 15 kg, with rounded numbers of common quadrupeds."""
     legs = ("FL", "FR", "RL", "RR")
     parts, ends, center = [], [], []
     for k, leg in enumerate(legs):
@@ -148,7 +148,7 @@ def quadruped() -> Robot:
 
 
 def biped() -> Robot:
-    """Ten joints and 24 kg: of each leg yaw, roll and pitch of the hip, knee and ankle, heel and toe."""
+    """Ten joints and 24 kg: each leg has yaw, roll and pitch of the hip, knee and ankle, heel and toe."""
     parts, ends, center = [], [], []
     for k, leg in enumerate(("L", "R")):
         y = 1.0 if leg == "L" else -1.0
@@ -193,7 +193,7 @@ def biped() -> Robot:
 
 
 def arm() -> Robot:
-    """Six joints and 15 kg, of which the arm that hangs from the base is 7 kg; it touches nothing."""
+    """Six joints and 15 kg; the arm of 7 kg hangs from the base and touches nothing."""
     places = [(0.0, 0.0, -0.06), (0.0, 0.05, -0.05), (0.0, 0.0, -0.3), (0.0, 0.0, -0.25), (0.0, 0.0, -0.08)]
     axes = (Z, Y, Y, X, Y, Z)
     parts = [Part(f"link{k + 1}", k - 1, place, axes[k]) for k, place in enumerate([*places, (0.0, 0.0, -0.07)])]
@@ -209,7 +209,7 @@ def arm() -> Robot:
     return Robot(
         "arm",
         tuple(parts),
-        # A log without a contact of any frame has contacts detected, and a wrong torque looks like one.
+        # Without contacts in the log, contacts are detected, and a wrong torque looks like a contact.
         (End("hand", 5, (0.0, 0.0, -0.1), 0.02),),
         numbers,
         trunk=(8.0, (0.12, 0.1, 0.1)),

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot under position control in MuJoCo, which walks on flat ground or hangs in a hand that sways."""
+"""Simulate a robot under position control in MuJoCo, which walks on flat ground or hangs in a swaying hand."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from benchmarks.legged.robots import Numbers, Robot
 Array = np.ndarray
 Rng = np.random.Generator
 
-STEP = 0.0005  # [s]
-TOUCHING = 4.0  # force on a foot from which on it touches [N]
+STEP = 0.0005  # integration step [s]
+TOUCHING = 4.0  # least force on a foot that counts as contact [N]
 HAND = 3000.0, 180.0  # stiffness [N/m] and damping [N s/m] of the hand that holds the trunk
-TILTS = 200.0, 12.0  # the same against turning [N m/rad, N m s/rad]
-GANTRY = 0.6  # share of a biped's weight that a gantry bears while it walks
-RIPPLE = 0.1  # of the drives from millisecond to millisecond, in no log [N m]
+TILTS = 200.0, 12.0  # rotational stiffness [N m/rad] and damping [N m s/rad] of the hand
+GANTRY = 0.6  # share of a biped's weight that a gantry carries while it walks
+RIPPLE = 0.1  # torque ripple of the drives in each millisecond, not logged [N m]
 CREEPS = 0.02  # speed at which dry friction is 76 % of its torque [rad/s]
-ENCODER = 2 * np.pi / 2**15  # step of a position [rad]
+ENCODER = 2 * np.pi / 2**15  # resolution of a position [rad]
 SHAKES = 1e-5  # noise of a position [rad]
-GYROSCOPE, ACCELEROMETER = 0.003, 0.05  # noise of a reading [rad/s, m/s^2]
+GYROSCOPE, ACCELEROMETER = 0.003, 0.05  # noise of the inertial sensor [rad/s, m/s^2]
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What the drives make of the torque that is commanded, each ``(n,)``.
+    """Errors of the drives, each ``(n,)``.
 
     Attributes:
-        scale: Torque over commanded torque.
-        delay: By which it comes late [s].
+        scale: Actual torque divided by commanded torque.
+        delay: Delay of the torque [s].
     """
 
     scale: Array
@@ -43,15 +43,15 @@ class Drive:
 
 @dataclass(frozen=True)
 class Sensor:
-    """What is wrong with the inertial sensor, as with any.
+    """Errors of the inertial sensor.
 
     Attributes:
-        offsets: Of gyroscope [rad/s] and accelerometer [m/s^2], ``(2, 3)``.
-        scales: Readings over what there is, ``(2, 3)``.
-        turn: By which its axes are turned, a vector [rad].
-        shift: By which it sits elsewhere on the base [m].
-        late: [s].
-        mount: Natural frequency of what it sits on [Hz]; infinite: it is fixed to the base.
+        offsets: Offsets of gyroscope [rad/s] and accelerometer [m/s^2], ``(2, 3)``.
+        scales: Readings divided by true values, ``(2, 3)``.
+        turn: Rotation vector of its axes [rad].
+        shift: Error of its position on the base [m].
+        late: Delay [s].
+        mount: Natural frequency of its mount [Hz]; infinite for a rigid mount.
     """
 
     offsets: Array
@@ -64,7 +64,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Ground:
-    """What the robot walks on: coefficient of friction, and time constant of contacts [s]."""
+    """The ground: friction coefficient, and time constant of contacts [s]."""
 
     rubs: float = 0.8
     softness: float = 0.02
@@ -72,14 +72,14 @@ class Ground:
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its log, and what nobody measures, at the same times.
+    """One run: its log, and true values at the same times.
 
     Attributes:
-        log: Columns as the diagnosis reads them.
-        qpos, qvel: Of base and joints, as MuJoCo has them.
-        asked, given: Torque that was commanded and what the drives made of it, their ripple left out [N m], ``(N, n)``.
-        touched: 1 where an end touches, ``(N, ends)``.
-        shaken: What gyroscope and accelerometer read more as they sit on a loose mount [rad/s, m/s^2], ``(N, 6)``.
+        log: Columns of the log.
+        qpos, qvel: MuJoCo's positions and velocities of base and joints.
+        asked, given: Commanded torque, and torque of the drives without their ripple [N m], ``(N, n)``.
+        touched: 1 where an end has contact, ``(N, ends)``.
+        shaken: Error of gyroscope and accelerometer because of a loose mount [rad/s, m/s^2], ``(N, 6)``.
     """
 
     log: Mapping[str, Array]
@@ -92,9 +92,9 @@ class Run:
 
 
 def simulate(robot: Robot, numbers: Numbers, drive: Drive, sensor: Sensor, ground: Ground, task: Task, rng: Rng) -> Run:
-    """One run of a robot.
+    """Simulate one run of a robot.
 
-    The torque is the one that was commanded, without the ripple of the drives; the inertial sensor averages over the
+    The logged torque is the commanded torque, without the ripple of the drives; the inertial sensor averages over the
     time between two samples.
 
     Raises:
@@ -158,7 +158,7 @@ def simulate(robot: Robot, numbers: Numbers, drive: Drive, sensor: Sensor, groun
 
 
 def read_by(sensor: Sensor, there: Array, rate: float) -> Array:
-    """What the sensor makes of angular velocity and specific force where it sits, ``(N, 6)``."""
+    """Readings of the sensor for true angular velocity and specific force at its place, ``(N, 6)``."""
     if np.isfinite(sensor.mount):
         there = _on_springs(there, sensor.mount, rate)
     matrix, flat = np.zeros(9), np.zeros(4)
@@ -172,7 +172,7 @@ def read_by(sensor: Sensor, there: Array, rate: float) -> Array:
 
 
 def _on_springs(there: Array, hz: float, rate: float) -> Array:
-    """Each reading as a mass on a spring with a tenth of the critical damping follows it."""
+    """Response of a mass on a spring with a tenth of the critical damping to each reading."""
     w, inner = 2 * np.pi * hz, 8
     out, x, v = np.empty_like(there), there[0].copy(), np.zeros(there.shape[1])
     for n, now in enumerate(there):
@@ -185,7 +185,7 @@ def _on_springs(there: Array, hz: float, rate: float) -> Array:
 
 @dataclass(frozen=True)
 class _Held:
-    """How a hand or a gantry holds the trunk: its height [m], how far it sways [m, rad], share of the weight."""
+    """How a hand or gantry holds the trunk: its height [m], how far it sways [m, rad], share of the weight."""
 
     height: float
     sway: float
@@ -202,7 +202,7 @@ def _held(robot: Robot, task: Task) -> _Held:
 
 
 def _hand(data: mujoco.MjData, t: float, sways: tuple[Array, Array], held: _Held) -> Array:
-    """Force and moment of a hand on the trunk, which it moves and turns about slowly."""
+    """Force and moment on the trunk of a hand that moves and turns it slowly."""
     speed, start = sways
     place = held.sway * np.sin(2 * np.pi * speed[:3] * t + start[:3]) + np.array([0.0, 0.0, held.height])
     turn = held.tilt * np.sin(2 * np.pi * speed[3:] * t + start[3:])

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""How much of an effect shows while nothing touches what a joint carries, in the noise that was put in.
+"""Compute how large an effect is relative to the true noise while a joint's descendants have no contact.
 
-Everything is taken from the simulated truth, and nothing from a diagnosis: the torque that the effect adds along the
-motion as it was, less what links, rotors and friction within two tolerances make, below `BAND` and in free swings, over
-the ripple of drives and the noise of encoders and inertial sensors in the same band and swings.
+Everything is computed from the simulated truth, without any diagnosis: the torque that the effect adds along the
+motion, minus the part that links, rotors and friction within two tolerances explain, below `BAND` and in free swings,
+divided by the ripple of drives and the noise of encoders and inertial sensors in the same band and swings.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from benchmarks.legged.simulate import ACCELEROMETER, CREEPS, ENCODER, GYROSCOPE
 
 Array = np.ndarray
 
-BAND = 20.0  # half of an oscillation of so many Hz passes
-_WIDTH = np.sqrt(2 * np.log(2)) / (2 * np.pi * BAND)  # of the bell that smooths [s]
-_REACH = 3.0  # widths of that bell
-_MARGIN = 0.02  # beside a contact [s]
-_RATE = 250.0  # at which torques are compared [Hz]
+BAND = 20.0  # frequency at which the low pass has half of the amplitude [Hz]
+_WIDTH = np.sqrt(2 * np.log(2)) / (2 * np.pi * BAND)  # standard deviation of the smoothing Gaussian [s]
+_REACH = 3.0  # length of this Gaussian in standard deviations
+_MARGIN = 0.02  # time next to a contact that is excluded [s]
+_RATE = 250.0  # rate at which torques are compared [Hz]
 _TOLERANCES = {"mass": 0.05, "armature": 0.1, "damping": 0.05, "friction": 0.05}
 
 
 def gap_over_floor(robot: Robot, healthy: Numbers, changed: Numbers, run: Run, rate: float) -> float:
-    """What an effect leaves beyond two tolerances in free swings [noise floors], over the joints that it reaches.
+    """Part of an effect beyond two tolerances in free swings [noise floors], over the joints that it changes.
 
     Args:
-        robot: Its parts.
+        robot: Links, joints and ends.
         healthy: Numbers of the robot without the effect.
-        changed: Those that moved.
-        run: Of the robot with the effect.
-        rate: Of its record [Hz].
+        changed: Numbers that the effect changes.
+        run: Run of the robot with the effect.
+        rate: Rate of its recording [Hz].
     """
     step = max(1, round(rate / _RATE))
     mass, axes = _mass(robot, healthy, np.median(run.qpos, axis=0))
@@ -58,7 +58,7 @@ def gap_over_floor(robot: Robot, healthy: Numbers, changed: Numbers, run: Run, r
 
 
 def _free(robot: Robot, run: Run, rate: float) -> Array:
-    """True where nothing touches what a joint carries as far as the filter reaches, ``(N, n)``."""
+    """True while a joint's descendants have no contact within the length of the filter, ``(N, n)``."""
     out = np.ones(run.asked.shape, dtype=bool)
     reach = round((_MARGIN + _REACH * _WIDTH) * rate)
     for end, touches in zip(robot.ends, run.touched.T, strict=True):
@@ -79,7 +79,7 @@ def _rms(x: Array, free: Array) -> Array:
 
 
 def _needed(robot: Robot, numbers: Numbers, q: Array, v: Array, a: Array) -> Array:
-    """Torque that links, rotors and friction need on the joints, without any contact [N m], ``(N, n)``."""
+    """Torque that links, rotors and friction need on the joints without contacts [N m], ``(N, n)``."""
     model = mujoco.MjModel.from_xml_string(plant(robot, numbers, STEP))
     data, torque, out = mujoco.MjData(model), np.empty(model.nv), np.empty((len(q), len(robot.parts)))
     for k in range(len(q)):
@@ -94,7 +94,7 @@ def _needed(robot: Robot, numbers: Numbers, q: Array, v: Array, a: Array) -> Arr
 
 
 def _mass(robot: Robot, numbers: Numbers, q: Array) -> tuple[Array, Array]:
-    """Mass matrix of base and joints with the base upright, and the axes of the inertial sensor on it."""
+    """Mass matrix of base and joints with an upright base, and the axes of the inertial sensor."""
     model = mujoco.MjModel.from_xml_string(plant(robot, numbers, STEP))
     data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
     data.qpos[:] = q
@@ -105,12 +105,12 @@ def _mass(robot: Robot, numbers: Numbers, q: Array) -> tuple[Array, Array]:
 
 
 def _of_base(mass: Array, w: Array, sf: Array, rate: float) -> Array:
-    """Torque that a little more angular velocity and specific force of the base feign on the joints [N m]."""
+    """Change of the joint torques for small errors of the base's angular velocity and specific force [N m]."""
     return _smooth(np.hstack([sf, np.gradient(w, 1 / rate, axis=0)]), rate) @ mass[6:, :6].T
 
 
 def _noise(mass: Array, shape: tuple[int, int], rate: float) -> Array:
-    """Torque that noise alone feigns below the band [N m], ``(N, n)``."""
+    """Torque error below the band because of noise [N m], ``(N, n)``."""
     rng = np.random.default_rng(0)
     errors = SHAKES * rng.normal(size=shape) + ENCODER * rng.uniform(-0.5, 0.5, shape)
     joints = np.gradient(np.gradient(_smooth(errors, rate), 1 / rate, axis=0), 1 / rate, axis=0)
@@ -128,7 +128,7 @@ def _beyond_tolerance(
     weight: Array,
     rate: float,
 ) -> Array:
-    """What is left of a change when links, rotors and friction move within two tolerances to explain it."""
+    """Part of a change that links, rotors and friction within two tolerances cannot explain."""
     reached = np.sqrt((change**2).mean(axis=0))
     rows = np.flatnonzero(reached >= 0.1 * reached.max())
     columns = []

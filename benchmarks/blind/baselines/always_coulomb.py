@@ -1,4 +1,4 @@
-"""Baseline: whatever the recording, Coulomb friction, on the joint where it takes most off the residual."""
+"""Baseline that always answers Coulomb friction, on the joint where it reduces the residual most."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ EFFECT = "coulomb_friction"
 
 
 def always_coulomb(task: Task) -> dict:
-    """The answer in the shape of ``diagnosis.json``."""
+    """The answer in the form of ``diagnosis.json``."""
     nothing = np.zeros(len(task.prior))
     before = np.array([squares(row, nothing) for row in task.rows])
     bare = Task(task.robot, task.rows, task.choices, 0, task.prior)

@@ -1,6 +1,6 @@
-"""What every baseline says of one case: ``python answers.py robot.urdf log.csv --json FILE``.
+"""Answers of every baseline to one case: ``python answers.py robot.urdf log.csv --json FILE``.
 
-Called like the diagnosis, in a folder that holds the case and nothing else.
+The script is called like the diagnosis, in a folder that contains only the case.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from benchmarks.gapbench.baselines.mujoco_sysid import mujoco_sysid
 
 
 def timed(say: Callable[[], dict], before: float = 0.0) -> dict:
-    """An answer with the seconds that it took; one that fails is no answer, and its sentence is kept."""
+    """An answer and the seconds that it took; after an error, the error message is kept instead."""
     start = time.perf_counter()
     try:
         with contextlib.redirect_stdout(sys.stderr):  # the toolbox prints every iteration
             said = say()
-    except Exception as error:  # a baseline that breaks must not take the others with it
+    except Exception as error:  # an error in one baseline must not stop the others
         said = {"verdict": "failed", "findings": [], "joints": [], "said": f"{type(error).__name__}: {error}"}
     return {**said, "seconds": before + time.perf_counter() - start}
 

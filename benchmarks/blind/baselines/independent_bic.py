@@ -1,4 +1,4 @@
-"""Baseline: least squares over the same catalogue, each sample taken as independent, chosen by BIC.
+"""Baseline: least squares over the same catalogue with independent samples, and model selection by BIC.
 
 Forward selection with removal. The score is ``sum_j n_j log(RSS_j / n_j) + k log n``, plus what changes within the
 tolerance cost. Each finding's rivals are the effects that could stand in its place, with the usual weights
@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.blind.baselines.least_squares import Choice, Task, fit, joints_of, residual_rms, squares
 
-MOST = 6  # effects; on coloured residuals the criterion would go on for long
+MOST = 6  # largest number of effects; with coloured residuals BIC would select many more
 LISTED = 0.05
 
 Chosen = tuple[Choice, ...]
@@ -37,13 +37,13 @@ def _can_join(chosen: Chosen, choice: Choice) -> bool:
 
 
 def _ranked(task: Task, chosen: Chosen, sigma: np.ndarray) -> tuple[float, Chosen]:
-    """The best set with one effect more."""
+    """The sets with one effect more, the best first."""
     more = ((*chosen, choice) for choice in task.choices if _can_join(chosen, choice))
     return min(((bic(task, one, sigma), one) for one in more), key=lambda pair: pair[0], default=(np.inf, chosen))
 
 
 def select(task: Task) -> tuple[Chosen, np.ndarray]:
-    """The chosen effects, and the standard deviations of the rows with them."""
+    """The selected effects, and the standard deviation of each row's residual."""
     chosen: Chosen = ()
     sigma = residual_rms(task, fit(task, (), np.sqrt([row.c / row.count for row in task.rows])))
     while len(chosen) < MOST:
@@ -95,7 +95,7 @@ def _loss(task: Task, theta: np.ndarray, sigma: np.ndarray) -> float:
 
 
 def independent_bic(task: Task) -> dict:
-    """The answer in the shape of ``diagnosis.json``."""
+    """The answer in the form of ``diagnosis.json``."""
     # A column that leaves no trace cannot be chosen; without it the products stay well conditioned.
     seen = {int(k) for row in task.rows for k, d in zip(row.index, np.diag(row.a), strict=True) if d > 0}
     task = replace(task, choices=tuple(c for c in task.choices if set(c.columns) & seen))

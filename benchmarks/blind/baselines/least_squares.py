@@ -1,4 +1,4 @@
-"""What both least-squares baselines work on: this library's columns, and their products row by row."""
+"""Columns of this library and their products for both least-squares baselines."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class Row:
-    """Products of the columns that touch one joint's torque, every sample counted as independent.
+    """Products of the columns that act on one joint's torque; every sample counts as independent.
 
     Attributes:
-        index: The columns, ``(k,)``.
-        a, b, c: Columns by columns, columns by residual, residual by residual.
-        count: Samples.
+        index: Indices of the columns, ``(k,)``.
+        a, b, c: Products of columns with columns, columns with the residual, residual with itself.
+        count: Number of samples.
     """
 
     index: np.ndarray
@@ -35,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Choice:
-    """An effect of the catalogue in one place with one shape: columns that it sets free, and their number."""
+    """An effect of the catalogue with its joint and shape: the indices of its columns, and their number."""
 
     effect: str
     joint: str | None
@@ -45,14 +45,14 @@ class Choice:
 
 @dataclass(frozen=True)
 class Task:
-    """One recording, ready for least squares.
+    """One recording prepared for least squares.
 
     Attributes:
         robot: The given model.
-        rows: One per joint.
-        choices: The catalogue.
+        rows: Products of each joint.
+        choices: All effects with joints and shapes.
         nuisances: Number of leading columns that every fit contains.
-        prior: Prior precision of every column; zero but for the tolerances.
+        prior: Prior precision of every column; zero except for the tolerances.
     """
 
     robot: Robot
@@ -72,7 +72,7 @@ def _rows(columns: Columns, residual: tuple[np.ndarray, ...]) -> tuple[Row, ...]
 
 
 def prepare(robot_file: Path, log_file: Path) -> Task:
-    """Reads a case and computes the columns of the whole catalogue."""
+    """Read a case and compute the columns of the whole catalogue."""
     robot = load_robot(robot_file)
     logs, cutoff_hz = process_all((read_recording(log_file, robot),), robot)
     session = session_of_logs(robot, logs, cutoff_hz)
@@ -91,7 +91,7 @@ def prepare(robot_file: Path, log_file: Path) -> Task:
 
 
 def squares(row: Row, theta: np.ndarray) -> float:
-    """Summed squared residual of a row."""
+    """Sum of squared residuals of a row."""
     x = theta[row.index]
     return max(float(row.c - 2.0 * row.b @ x + x @ row.a @ x), 1e-12 * row.c, 1e-300)
 
@@ -109,19 +109,19 @@ def fit(task: Task, columns: tuple[int, ...], sigma: np.ndarray) -> np.ndarray:
         b[at] += row.b[mine] / s**2
     scale = np.sqrt(np.maximum(np.diag(a), 1e-300))
     theta = np.zeros(len(task.prior))
-    # The hair on the diagonal halves exact twins evenly and keeps columns without a trace at zero.
+    # The small diagonal splits exact twins evenly and keeps columns of zeros at zero.
     normal = a / np.outer(scale, scale) + 1e-10 * np.eye(len(active))
     theta[active] = np.linalg.solve(normal, b / scale) / scale
     return theta
 
 
 def residual_rms(task: Task, theta: np.ndarray) -> np.ndarray:
-    """Root mean square of what is left on each row."""
+    """Root mean square of the residual of each row."""
     return np.sqrt([squares(row, theta) / row.count for row in task.rows])
 
 
 def joints_of(task: Task, theta: np.ndarray) -> list[dict]:
-    """The gap before and after as in ``diagnosis.json``; the scorer puts in the true noise floors."""
+    """The gap before and after as in ``diagnosis.json``; the scorer adds the true noise floors."""
     before, after = residual_rms(task, np.zeros(len(task.prior))), residual_rms(task, theta)
     return [
         {"joint": name, "rms_before": float(b), "rms_after": float(x), "noise_floor": float(x)}
