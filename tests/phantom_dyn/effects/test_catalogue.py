@@ -11,6 +11,7 @@ from phantom_dyn.effects.described import ModelNumbers
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.effects.user import trial
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
@@ -86,7 +87,7 @@ def test_names_are_words_joined_by_underscores():
 
 
 def test_regimes_are_those_of_the_contract():
-    assert {effect.regime for effect in EFFECTS} <= REGIMES
+    assert {effect.regime for effect in EFFECTS} <= REGIMES == set(trial.REGIMES)
 
 
 def test_an_effect_is_found_by_its_name():
@@ -162,6 +163,14 @@ def test_columns_have_a_name_a_unit_and_no_more_bounds_than_there_are(arm, opera
         assert signature.columns.shape == (40, len(signature.rows), len(signature.names)), effect.name
         assert len(signature.units) == len(signature.names), effect.name
         assert len(effect.coefficient_bounds(arm, place, shape)) in {0, len(signature.names)}, effect.name
+
+
+@pytest.mark.parametrize("name", ["torque_saturation", "input_delay", "actuator_lag"])
+def test_a_torque_sensor_behind_the_drive_does_not_show_what_the_drive_does(arm, smooth, name):
+    effect = effect_named(name)
+    why = effect.untestable(replace(arm, torque_source="sensor"), smooth, "tilt")
+    assert re.search(r"behind the drive: the \w+ of the drive leaves no trace in them$", str(why))
+    assert effect.untestable(arm, smooth, "tilt") is None
 
 
 LISTS = {"cogging", "torque_ripple", "position_dependent_friction"}

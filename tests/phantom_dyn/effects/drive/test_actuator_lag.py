@@ -43,33 +43,9 @@ def test_only_the_named_drive_lags(arm, given_in_steps, rng):
     assert np.abs(given[1:, 1] - command[1:, 1]).min() > 0
 
 
-def test_uneven_steps_give_the_same_impulse_as_even_ones(arm, given_in_steps, rng):
-    # The exact solution for a held command: a step cut in parts gives the mean of the parts.
-    command = rng.normal(size=(20, 3))
-    simulated = EFFECT.simulated(arm, None, THETA)
-    whole = given_in_steps(simulated, np.arange(20) * 0.01, command)
-    uneven = np.array([0.0, 0.002, 0.009])
-    t = (np.arange(20)[:, None] * 0.01 + uneven).ravel()
-    parts = given_in_steps(simulated, t, np.repeat(command, 3, axis=0)).reshape(20, 3, 3)
-    weights = np.array([0.2, 0.7, 0.1])
-    np.testing.assert_allclose(np.einsum("p,kpj->kj", weights, parts)[:-1], whole[:-1], atol=1e-12)
-
-
 def test_it_starts_at_the_first_command(arm, given_in_steps):
     given = given_in_steps(EFFECT.simulated(arm, None, THETA), np.arange(5) * 0.01, np.full((5, 3), 1.7))
     np.testing.assert_allclose(given, 1.7, rtol=1e-14)
-
-
-def test_without_a_time_constant_the_command_is_given(arm, given_in_steps, rng):
-    command = rng.normal(size=(10, 3))
-    given = given_in_steps(EFFECT.simulated(arm, None, np.zeros(1)), np.arange(10) * 0.01, command)
-    np.testing.assert_array_equal(given, command)
-
-
-def test_a_sensor_behind_the_drive_does_not_show_it(arm, sine):
-    why = EFFECT.untestable(replace(arm, torque_source="sensor"), sine, None)
-    assert why is not None
-    assert why.endswith("behind the drive: the lag of the drive leaves no trace in them")
 
 
 def test_a_ramp_is_followed_a_time_constant_late():

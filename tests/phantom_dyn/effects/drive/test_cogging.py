@@ -8,7 +8,6 @@ from phantom_dyn import load_robot
 from phantom_dyn.effects.drive.cogging import Cogging
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.position_waves import comes_back, order_range, orders_in
-from phantom_dyn.motion import Motion
 from places import ROBOTS
 from tilt import recorded
 
@@ -21,15 +20,6 @@ def test_the_torque_follows_the_contract(arm, wide):
     q = wide.q[:, 1]
     expected = 0.03 * np.sin(6 * q + 0.7) + 0.01 * np.sin(24.5 * q - 2.0)
     np.testing.assert_allclose(EFFECT.torque(arm, wide, "tilt", THETA)[:, 1], expected, atol=1e-14)
-
-
-def test_the_drive_makes_up_for_the_torque(arm, wide):
-    # Addition theorem: A sin(n q + p) = A cos(p) sin(n q) + A sin(p) cos(n q).
-    coefficients = np.array([0.03 * np.cos(0.7), 0.03 * np.sin(0.7), 0.01 * np.cos(-2.0), 0.01 * np.sin(-2.0)])
-    np.testing.assert_allclose(EFFECT.from_coefficients(arm, "tilt", coefficients, (6.0, 24.5)), THETA)
-    columns = EFFECT.signature(arm, wide, "tilt", (6.0, 24.5)).columns
-    torque = EFFECT.torque(arm, wide, "tilt", THETA)[:, 1]
-    np.testing.assert_allclose(torque, -columns[:, 0] @ coefficients, atol=1e-14)
 
 
 @pytest.mark.parametrize("order", [6.0, 17.0, 48.0])
@@ -102,12 +92,6 @@ def test_the_orders_of_a_real_motor_are_those_of_its_published_map(data_folder, 
     assert set(shapes[2]) <= {7.0, 28.0, 14.0, 36.0, 12.0}
 
 
-def test_orders_go_from_one_period_of_the_range_to_a_fifth_of_the_sampling_rate(wide):
-    low, high = order_range(wide, 1)
-    assert low == pytest.approx(2 * np.pi / np.ptp(wide.q[:, 1]), rel=0.02)
-    assert high * np.percentile(np.abs(wide.v[:, 1]), 95) / (2 * np.pi) == pytest.approx(0.2 * 250.0)
-
-
 def test_a_wave_that_lies_above_the_judged_band_most_of_the_time_is_tried(arm, wide):
     # Known truth: at the speed of the slowest quarter of the time the wave is above the band's edge. Below that speed
     # the joint still turns it three times.
@@ -125,13 +109,6 @@ def test_orders_end_where_the_slowest_eighth_of_the_time_is_above_the_judged_ban
     assert high == pytest.approx(2 * np.pi * 0.5 / np.percentile(np.abs(wide.v[:, 1]), 12.5))
 
 
-def test_a_wave_that_turns_less_than_five_times_on_the_whole_way_is_not_tried(arm, wide):
-    # Closed form: 4.9 periods on the way, and 5.1.
-    once = 2 * np.pi / np.abs(np.diff(wide.q[:, 1])).sum()
-    assert not comes_back(wide, 1, 4.9 * once)
-    assert comes_back(wide, 1, 5.1 * once)
-
-
 def test_a_joint_at_rest_cannot_show_it(arm, wide):
     assert EFFECT.untestable(arm, wide, "turn") == (
         "turn travels less than one period of any cogging that its sampling rate can show"
@@ -140,24 +117,7 @@ def test_a_joint_at_rest_cannot_show_it(arm, wide):
     assert EFFECT.untestable(arm, wide, "tilt") is None
 
 
-def test_parameters_are_lists_of_orders_amplitudes_and_phases(arm):
-    assert [(p.name, p.unit) for p in EFFECT.parameters(arm, "tilt")] == [
-        ("order", "1"),
-        ("amplitude", "N m"),
-        ("phase", "rad"),
-    ]
-    assert EFFECT.parameters(arm, "slide")[0].unit == "rad/m"
-
-
 def test_the_probe_is_a_wave_of_amplitude_one_and_phase_zero(arm, wide):
     name, direction = EFFECT.probe(arm, wide, "tilt")
     assert name == "amplitude"
     np.testing.assert_allclose(EFFECT.from_coefficients(arm, "tilt", direction, (6.0,)), [6.0, 1.0, 0.0], atol=1e-15)
-
-
-def test_orders_end_where_averaging_over_ten_milliseconds_takes_their_wave_out(arm):
-    # Closed form: at 2 rad/s throughout, half a wave of order n lasts pi / 2 n seconds: 10 ms at order 157.
-    t = np.arange(4000) / 1000.0
-    states = np.zeros((3, len(t), 3))
-    states[0, :, 1], states[1, :, 1] = 2.0 * t, 2.0
-    assert order_range(Operation.of(arm, Motion(t, *states)), 1)[1] == pytest.approx(2.0 * np.pi * 25.0)

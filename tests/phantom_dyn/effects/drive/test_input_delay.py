@@ -55,18 +55,6 @@ def test_the_next_shape_is_the_last_estimate(arm):
     assert EFFECT.refined(np.array([-0.001]), (0.002,)) == ((1e-5,),)
 
 
-def test_estimates_settle_on_the_delay(arm, sine):
-    # Known truth: a delay of 8 ms, found from a first shape of one sample.
-    truth = 0.008
-    measured = np.sin(W * (sine.t + truth)) * 3.0 - sine.expected[:, 0]
-    shape = EFFECT.shapes(arm, sine, "turn")[0]
-    for _ in range(4):
-        column = EFFECT.signature(arm, sine, "turn", shape).columns[:-10, 0, 0]
-        estimate = column @ measured[:-10] / (column @ column)
-        shape = EFFECT.refined(np.array([estimate]), shape)[0]
-    assert shape[0] == pytest.approx(truth, rel=1e-4)
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.0051, 0.0199])
 def test_a_simulated_drive_is_late_by_the_delay(arm, given_in_steps, sine, delay):
     # Closed form, up to what the hold leaves: a command is given in the step that it is asked for, if nothing is late.
@@ -81,12 +69,6 @@ def test_a_delay_of_whole_steps_shifts_the_commands(arm, given_in_steps, rng):
     given = given_in_steps(EFFECT.simulated(arm, "tilt", np.array([0.03])), np.arange(30) * 0.01, command)
     np.testing.assert_allclose(given[3:, 1], command[:-3, 1], atol=1e-12)
     np.testing.assert_array_equal(given[:, [0, 2]], command[:, [0, 2]])
-
-
-def test_before_the_first_command_that_one_is_given(arm, given_in_steps, rng):
-    command = rng.normal(size=(30, 3))
-    given = given_in_steps(EFFECT.simulated(arm, None, np.array([0.03])), np.arange(30) * 0.01, command)
-    np.testing.assert_allclose(given[:3], command[[0, 0, 0]], atol=1e-12)
 
 
 def test_uneven_steps_give_the_same_impulse_as_even_ones(arm, given_in_steps, rng):
@@ -110,12 +92,6 @@ def test_on_a_robot_with_one_joint_the_delay_is_that_joint_s(arm):
     pendulum = load_robot(arm.source.replace("arm3", "pendulum"))
     assert EFFECT.places(pendulum) == pendulum.joint_names
     assert EFFECT.places(arm) == (None, "turn", "tilt", "slide")
-
-
-def test_a_sensor_behind_the_drive_does_not_show_it(arm, sine):
-    why = EFFECT.untestable(replace(arm, torque_source="sensor"), sine, None)
-    assert why is not None
-    assert why.endswith("behind the drive: the delay of the drive leaves no trace in them")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from phantom_dyn.effects.drive.torque_offset import TorqueOffset
 from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _is_flat, _plateau, _plausible, largest_given
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
-from pinocchio_torque import pinocchio_torque
 
 EFFECT = TorqueSaturation()
 
@@ -30,10 +29,6 @@ def test_the_true_torque_is_the_command_within_the_limit(arm, saturated):
     true = saturated.logged + EFFECT.torque(arm, saturated, "tilt", np.array([2.5]))
     np.testing.assert_allclose(true[:, 1], np.clip(saturated.logged[:, 1], -2.5, 2.5), atol=4e-3)
     np.testing.assert_array_equal(true[:, [0, 2]], saturated.logged[:, [0, 2]])
-
-
-def test_below_the_limit_there_is_nothing(arm, saturated):
-    assert np.all(EFFECT.torque(arm, saturated, "tilt", np.array([4.1])) == 0)
 
 
 def test_the_drive_is_asked_for_the_excess_with_coefficient_one(arm, saturated):
@@ -99,20 +94,6 @@ def test_a_simulated_drive_holds_the_limit(arm, given_in_steps):
     command = np.array([[3.0, -3.0, 3.0], [1.0, 1.0, 1.0], [-9.0, 9.0, 9.0]])
     given = given_in_steps(EFFECT.simulated(arm, "tilt", np.array([2.0])), np.arange(3) * 0.01, command)
     np.testing.assert_array_equal(given, [[3.0, -2.0, 3.0], [1.0, 1.0, 1.0], [-9.0, 2.0, 9.0]])
-
-
-def test_holding_the_limit_twice_is_holding_it_once(arm, given_in_steps, rng):
-    simulated, t = EFFECT.simulated(arm, "tilt", np.array([0.5])), np.arange(20) * 0.01
-    once = given_in_steps(simulated, t, rng.normal(size=(20, 3)))
-    np.testing.assert_array_equal(given_in_steps(simulated, t, once), once)
-
-
-def test_a_sensor_behind_the_drive_does_not_show_it(arm, saturated):
-    why = EFFECT.untestable(replace(arm, torque_source="sensor"), saturated, "tilt")
-    assert why == (
-        "the torque columns come from a sensor, behind the drive: the limit of the drive leaves no trace in them"
-    )
-    assert EFFECT.untestable(arm, saturated, "tilt") is None
 
 
 def beyond(arm, smooth, runs: tuple[int, ...], needed: float) -> tuple[Operation, np.ndarray]:
@@ -303,40 +284,12 @@ def test_the_true_torque_is_ratio_times_the_logged_one(arm, operation, ratio):
     np.testing.assert_allclose(ratio * logged[:, 1], needed[:, 1])
 
 
-def test_other_joints_are_logged_right(arm, operation):
-    assert np.all(TorqueConstant().torque(arm, operation, "tilt", np.array([0.7]))[:, [0, 2]] == 0)
-
-
-@pytest.mark.parametrize("ratio", [0.6, 1.0, 1.7])
-def test_the_coefficient_is_the_relative_excess_of_the_logged_torque(arm, operation, ratio):
-    effect = TorqueConstant()
-    coefficient = np.array([1 / ratio - 1])
-    assert effect.from_coefficients(arm, "tilt", coefficient, ()) == pytest.approx(np.array([ratio]))
-    columns = effect.signature(arm, operation, "tilt", ()).columns
-    torque = effect.torque(arm, operation, "tilt", np.array([ratio]))[:, 1]
-    np.testing.assert_allclose(torque, -columns[:, 0] @ coefficient, atol=1e-12)
-
-
 def test_the_torque_is_constant(arm, operation):
     torque = TorqueOffset().torque(arm, operation, "slide", np.array([-1.3]))
     np.testing.assert_array_equal(torque, np.tile([0.0, 0.0, -1.3], (40, 1)))
-
-
-def test_the_drive_gives_less_by_a_torque_that_pushes_forwards(arm, operation):
-    np.testing.assert_array_equal(TorqueOffset().signature(arm, operation, "turn", ()).columns, -1.0)
 
 
 def test_the_torque_is_minus_i_a(arm, operation):
     # Contract: -I a.
     torque = RotorInertia().torque(arm, operation, "tilt", np.array([0.3]))
     np.testing.assert_array_equal(torque, np.column_stack([0 * operation.t, -0.3 * operation.a[:, 1], 0 * operation.t]))
-
-
-def test_it_is_the_armature_of_pinocchio(arm, operation):
-    # Pinocchio: rnea of the model with that armature asks the drive for more by minus the effect's torque.
-    heavier = arm.model.copy()
-    heavier.armature = arm.model.armature + np.array([0.0, 0.3, 0.0])
-    torque = RotorInertia().torque(arm, operation, "tilt", np.array([0.3]))
-    np.testing.assert_allclose(
-        torque, pinocchio_torque(arm.model, operation) - pinocchio_torque(heavier, operation), atol=1e-12
-    )

@@ -79,11 +79,3 @@ def test_the_probe_is_an_amplitude_of_phase_zero(arm, operation):
     name, direction = EFFECT.probe(arm, operation, "tilt")
     assert name == "amplitude"
     np.testing.assert_array_equal(EFFECT.from_coefficients(arm, "tilt", direction, ()), [1.0, 0.0, 1.0])
-
-
-def test_a_simulated_encoder_errs_by_the_law_on_its_own_joint(arm):
-    # Contract: q + A sin(n q + p).
-    reading = EFFECT.simulated(arm, "tilt", np.array([0.05, 0.7, 2.0])).reading
-    assert reading is not None
-    q = np.array([0.3, -0.4, 0.1])
-    np.testing.assert_allclose(reading(q), [0.3, -0.4 + 0.05 * np.sin(2.0 * -0.4 + 0.7), 0.1])

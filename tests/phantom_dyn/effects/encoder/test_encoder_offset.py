@@ -36,18 +36,10 @@ def test_the_recording_shows_the_law_exactly(planar, swinging):
     np.testing.assert_allclose((s.tau - read.tau + law)[steady][1:-1], 0.0, atol=0.01)
 
 
-def test_the_next_shape_is_the_last_estimate():
-    assert EFFECT.refined(np.array([0.07]), (0.0,)) == ((0.07,),)
-
-
 def test_a_first_joint_that_stands_upright_has_no_zero(arm, operation):
     assert EFFECT.untestable(arm, operation, "turn") == (
         "no torque depends on the position of this joint: its zero leaves no trace"
     )
-
-
-def test_an_inclined_joint_has_a_zero(arm, operation):
-    assert EFFECT.untestable(arm, operation, "tilt") is None
 
 
 def test_the_side_of_the_encoder_makes_no_difference(arm, operation):
@@ -73,8 +65,3 @@ def test_a_zero_that_changes_a_millionth_of_the_torque_leaves_no_trace(arm, oper
     size = np.abs(operation.partials[0][:, :, 1]).max() / share
     driven = replace(operation, tau=-size * np.eye(40, 3))
     assert (EFFECT.untestable(arm, driven, "tilt") is not None) is hidden
-
-
-def test_a_simulated_encoder_reads_its_own_joint_off_by_the_offset(arm):
-    read = EFFECT.simulated(arm, "tilt", np.array([0.03])).reading
-    np.testing.assert_allclose(read(np.array([0.1, 0.2, 0.3])), [0.1, 0.23, 0.3])

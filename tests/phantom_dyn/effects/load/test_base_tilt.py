@@ -74,11 +74,6 @@ def test_the_tangent_is_the_slope_of_the_law(arm, operation):
         np.testing.assert_allclose((ends[1] - ends[0]) / 2e-6, -columns[:, :, axis], atol=1e-6)
 
 
-def test_the_law_is_exact_where_coefficients_and_shape_agree(arm, operation):
-    columns = EFFECT.signature(arm, operation, None, (0.2, -0.3)).columns
-    np.testing.assert_allclose(EFFECT.torque(arm, operation, None, THETA), -columns @ THETA[:2], atol=1e-9)
-
-
 def test_roll_of_an_arm_that_turns_about_y_is_left_out(planar):
     # Closed form: gravity turned about x gains a component along the joints' axes, which moves nothing.
     q = np.linspace(-1.0, 1.0, 40)[:, None] * np.ones(2)
@@ -100,12 +95,6 @@ def test_a_robot_without_weight_shows_no_tilt(planar):
 
 def test_wide_postures_can_show_it(arm, operation):
     assert EFFECT.untestable(arm, operation, None) is None
-
-
-def test_a_simulated_base_is_tilted_by_both_angles(arm):
-    simulated = EFFECT.simulated(arm, None, THETA)
-    assert simulated.robot is not None
-    assert simulated.robot(arm).model.gravity.linear == pytest.approx(turned(THETA, np.array([0.0, 0.0, -9.81])))
 
 
 def test_a_base_turns_by_no_more_than_a_right_angle_about_each_axis_that_leaves_a_trace(arm):

@@ -6,10 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters, bodies_of
+from phantom_dyn.effects.load.inertial_parameters import InertialParameters
 from phantom_dyn.effects.load.payload import Payload, carrying, most_removed
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.errors import RobotError
 from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
@@ -40,11 +39,6 @@ def test_a_payload_frame_says_which_link_carries_it(arm, operation):
     np.testing.assert_allclose(Payload().torque(loaded, operation, None, THETA), expected, atol=1e-12)
 
 
-def test_ten_parameters_of_a_point_mass_are_those_of_pinocchio():
-    point = pin.Inertia(0.8, np.array([0.1, -0.05, 0.2]), np.zeros((3, 3)))
-    np.testing.assert_allclose(point_mass_parameters(0.8, THETA[1:]), point.toDynamicParameters(), atol=1e-15)
-
-
 def test_columns_of_a_point_mass_give_its_torque(arm, operation):
     columns = Payload().signature(arm, operation, None, ()).columns
     coefficients = point_mass_parameters(THETA[0], THETA[1:])
@@ -68,12 +62,6 @@ def test_parameters_are_a_mass_and_a_place(arm):
 
 def test_no_mass_has_a_finite_center(arm):
     assert np.all(np.isfinite(Payload().from_coefficients(arm, None, np.zeros(10), ())))
-
-
-def test_a_mass_straight_below_its_joint_has_first_moments_of_zero_across(arm):
-    # By hand: 0.5 kg, 0.3 m down: first moments 0, 0, -0.15 kg m.
-    coefficients = np.array([0.5, 0.0, 0.0, -0.15, *np.zeros(6)])
-    np.testing.assert_allclose(Payload().from_coefficients(arm, None, coefficients, ()), [0.5, 0.0, 0.0, -0.3])
 
 
 def test_less_mass_than_modelled_has_a_center_too(arm):
@@ -242,8 +230,3 @@ def test_the_probe_is_one_kilogram_at_the_center_of_the_last_free_link(arm, oper
     assert name == EFFECT.parameters(arm, None)[20].name
     point = pin.Inertia(1.0, arm.model.inertias[3].lever, np.zeros((3, 3)))
     np.testing.assert_allclose(direction, [*np.zeros(20), *point.toDynamicParameters()], atol=1e-15)
-
-
-def test_bodies_of_an_unknown_joint_are_refused(arm):
-    with pytest.raises(RobotError, match=r"No joint 'knee' in this robot: its joints are turn, tilt, slide\."):
-        bodies_of(arm, "knee")

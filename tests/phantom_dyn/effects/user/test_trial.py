@@ -16,7 +16,7 @@ from phantom_dyn.effects.author import (
     torque_on_joint,
 )
 from phantom_dyn.effects.catalogue import EFFECTS
-from phantom_dyn.effects.user.trial import REGIMES, tried
+from phantom_dyn.effects.user.trial import tried
 from phantom_dyn.errors import EffectError
 
 # Effects that are made wrong on purpose would not pass the checks of annotations.
@@ -73,11 +73,6 @@ def test_every_effect_of_the_catalogue_passes(arm, effect):
 @pytest.mark.parametrize("effect", [Drag(), Fading()], ids=lambda effect: type(effect).__name__)
 def test_a_law_alone_passes(arm, effect):
     assert tried(effect, arm, "x.py") is effect
-
-
-def test_regimes_are_those_of_the_catalogue_and_of_the_contract():
-    assert {effect.regime for effect in EFFECTS} <= set(REGIMES)
-    assert len(REGIMES) == 11
 
 
 @pytest.mark.parametrize(
