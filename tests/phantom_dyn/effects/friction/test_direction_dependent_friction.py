@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.friction.direction_dependent_friction import DirectionDependentFriction, two_way_law
 
 THETA = np.array([0.5, 0.3, 0.11, 0.23])  # T+, T-, c+, c-
@@ -19,32 +18,10 @@ def test_there_is_no_torque_at_rest(arm, operation):
     assert DirectionDependentFriction().torque(arm, operation, "turn", THETA)[0, 0] == 0.0
 
 
-def test_equal_sides_are_coulomb_and_viscous_friction(arm, operation):
-    both = DirectionDependentFriction().torque(arm, operation, "tilt", np.array([0.4, 0.4, 0.2, 0.2]))
-    coulomb = effect_named("coulomb_friction").torque(arm, operation, "tilt", np.array([0.4]))
-    viscous = effect_named("viscous_friction").torque(arm, operation, "tilt", np.array([0.2]))
-    np.testing.assert_allclose(both, coulomb + viscous, atol=1e-15)
-
-
-def test_different_steps_are_coulomb_friction_and_an_offset(arm, operation):
-    # T+ = T - o, T- = T + o: the offset o pushes forwards, wherever the joint moves.
-    both = DirectionDependentFriction().torque(arm, operation, "tilt", np.array([0.3, 0.5, 0.0, 0.0]))
-    coulomb = effect_named("coulomb_friction").torque(arm, operation, "tilt", np.array([0.4]))
-    offset = effect_named("torque_offset").torque(arm, operation, "tilt", np.array([0.1]))
-    np.testing.assert_allclose(both, coulomb + offset, atol=1e-15)
-
-
 @pytest.mark.parametrize(("v", "torque"), [(2.0, -0.1 - 0.22), (-2.0, -0.1 + 0.46), (0.0, -0.1)])
 def test_besides_the_mean_level_there_is_half_the_difference_and_the_slope_of_the_direction(v, torque):
     # By hand: half the difference of 0.5 and 0.3, and 0.11 or 0.23 times the speed.
     assert two_way_law(v, 0.1, 0.11, 0.23) == pytest.approx(torque)
-
-
-def test_the_probe_is_a_slope_in_one_direction(arm, operation):
-    name, direction = DirectionDependentFriction().probe(arm, operation, "tilt")
-    assert name == "coefficient_positive"
-    torque = DirectionDependentFriction().torque(arm, operation, "tilt", direction)[:, 1]
-    np.testing.assert_array_equal(torque, -np.maximum(operation.v[:, 1], 0.0))
 
 
 def test_a_joint_at_rest_has_no_direction(arm, operation):

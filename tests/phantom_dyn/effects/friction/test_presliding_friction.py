@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.friction.presliding_friction import (
     PreslidingFriction,
     bristle,
@@ -48,36 +47,10 @@ def test_one_sample_has_no_deflection():
     np.testing.assert_array_equal(bristle(np.array([0.7]), 0.1), [0.0])
 
 
-def test_a_loop_loses_the_area_of_its_hysteresis(arm):
-    # Closed form: the loop is a parallelogram of height 2 T and width w - 2 d.
-    operation = there_and_back(arm, 0.5, 0.4, 4000)
-    torque = EFFECT.torque(arm, operation, "tilt", np.array([0.6, 0.05]))[:, 1]
-    last = slice(2 * 4000, 4 * 4000 + 1)
-    q, torque = operation.q[last, 1], torque[last]
-    work = np.sum(0.5 * (torque[1:] + torque[:-1]) * np.diff(q))
-    assert work == pytest.approx(-2 * 0.6 * (0.4 - 2 * 0.05), rel=1e-3)
-
-
 def test_within_its_displacement_it_is_a_spring_of_torque_over_displacement(arm):
     operation = there_and_back(arm, 0.1, 0.04, 100)
     torque = EFFECT.torque(arm, operation, "tilt", np.array([0.6, 0.05]))[:, 1]
     np.testing.assert_allclose(torque, -0.6 / 0.05 * operation.q[:, 1], atol=1e-12)
-
-
-def test_a_short_displacement_is_coulomb_friction(arm, smooth):
-    coulomb = effect_named("coulomb_friction").torque(arm, smooth, "tilt", np.array([0.6]))[:, 1]
-    torque = EFFECT.torque(arm, smooth, "tilt", np.array([0.6, 1e-9]))[:, 1]
-    slip = np.abs(np.diff(smooth.q[:, 1], prepend=smooth.q[0, 1])) > 1e-6
-    slip &= np.sign(np.diff(smooth.q[:, 1], prepend=smooth.q[0, 1])) == np.sign(smooth.v[:, 1])
-    np.testing.assert_allclose(torque[slip], coulomb[slip])
-
-
-def test_the_torque_does_not_depend_on_speed(arm):
-    slow, fast = there_and_back(arm, 0.1, 0.4, 500), there_and_back(arm, 10.0, 0.4, 500)
-    theta = np.array([0.6, 0.05])
-    np.testing.assert_allclose(
-        EFFECT.torque(arm, slow, "tilt", theta), EFFECT.torque(arm, fast, "tilt", theta), atol=1e-12
-    )
 
 
 def test_a_bristle_in_the_place_of_coulomb_friction_leaves_no_step(arm, smooth):
@@ -128,28 +101,6 @@ THETAS = [np.array([0.5, 0.02]), STICKING, np.array([0.5, 0.02, 0.0]), np.array(
 def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps, theta):
     expected = EFFECT.torque(arm, smooth, "tilt", theta)
     np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", theta), smooth), expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("theta", [np.array([0.5, 0.02]), STICKING], ids=["bristle", "sticking"])
-def test_half_the_samples_give_the_same_torque(arm, smooth, theta):
-    # Time-step independence: away from reversals, where the turning point itself falls between samples.
-    half = Operation.of(arm, Motion(*(x[::2] for x in (smooth.t, smooth.q, smooth.v, smooth.a))))
-    whole = EFFECT.torque(arm, smooth, "tilt", theta)[::2, 1]
-    error = np.abs(EFFECT.torque(arm, half, "tilt", theta)[:, 1] - whole)
-    assert np.quantile(error, 0.9) < 0.05 * theta[0]
-
-
-def test_a_stuck_joint_breaks_loose_at_the_static_ratio(arm):
-    # Published value: seed model of haptic hardware, 1.05 times the slip friction.
-    operation = there_and_back(arm, 0.01, 0.2, 4000, turns=1)
-    torque = EFFECT.torque(arm, operation, "tilt", STICKING)[:, 1]
-    assert np.abs(torque).max() == pytest.approx(1.05 * 0.5, rel=6e-3)
-
-
-def test_above_the_stick_velocity_it_slips(arm):
-    operation = there_and_back(arm, 0.5, 0.2, 400)
-    torque = EFFECT.torque(arm, operation, "tilt", STICKING)[:, 1]
-    np.testing.assert_array_equal(torque, -0.5 * np.sign(operation.v[:, 1]))
 
 
 def test_on_sticking_the_torque_drops_to_almost_nothing(arm):
@@ -235,19 +186,6 @@ def test_strokes_are_the_ways_between_turning_points(arm):
     states[0, :, 1], states[1, :, 1] = q, np.gradient(q)
     found = strokes(Operation.of(arm, Motion(np.arange(1001) / 100.0, *states)), 1)
     np.testing.assert_allclose(found, [0.3, 0.5, 0.2], atol=2e-3)
-
-
-def test_a_bristle_of_dahl_yields_as_an_exponential_after_a_reversal():
-    # Closed form: from -1 on the way back by x it gives 1 - 2 exp(-x / d).
-    d, way = 0.02, np.linspace(0.0, 0.1, 200)
-    q = np.concatenate([np.linspace(1.0, 0.0, 50), way[1:]])
-    np.testing.assert_allclose(dahl(q, d)[49:], 1.0 - 2.0 * np.exp(-way / d), atol=1e-12)
-
-
-def test_from_rest_the_slope_of_a_bristle_of_dahl_is_one_over_its_displacement():
-    # The contract's initial stiffness: torque / displacement.
-    q = np.array([0.3, 0.3 + 1e-7])
-    assert np.isclose(dahl(q, 0.02)[1] / 1e-7, 1.0 / 0.02, rtol=1e-4)
 
 
 def test_a_bristle_of_dahl_follows_its_differential_equation(rng):

@@ -20,22 +20,8 @@ def test_the_torque_follows_the_contract(arm, operation):
     np.testing.assert_allclose(StribeckFriction().torque(arm, operation, "tilt", THETA)[:, 1], expected)
 
 
-@pytest.mark.parametrize(("v", "level"), [(1e-9, 0.9), (0.2, 0.4 + 0.5 / np.e), (50.0, 0.4)])
-def test_the_level_falls_from_static_to_coulomb_torque(arm, v, level):
-    assert -StribeckFriction().torque(arm, at_speed(arm, v), "tilt", THETA)[0, 1] == pytest.approx(level)
-
-
 def test_there_is_no_torque_at_rest(arm):
     assert StribeckFriction().torque(arm, at_speed(arm, 0.0), "tilt", THETA)[0, 1] == 0.0
-
-
-def test_coefficients_and_shape_give_the_three_parameters(arm, operation, rng):
-    effect = StribeckFriction()
-    coefficients = rng.uniform(0.1, 1.0, 2)
-    theta = effect.from_coefficients(arm, "tilt", coefficients, (0.35,))
-    np.testing.assert_allclose(theta, [coefficients[0], coefficients.sum(), 0.35])
-    columns = effect.signature(arm, operation, "tilt", (0.35,)).columns
-    np.testing.assert_allclose(effect.torque(arm, operation, "tilt", theta)[:, 1], -columns[:, 0] @ coefficients)
 
 
 def test_velocities_that_are_tried_go_from_a_fiftieth_to_half_of_top_speed(arm, operation):

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.friction.temperature_dependent_friction import TemperatureDependentFriction
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
@@ -17,24 +16,6 @@ def test_the_torque_follows_the_law(arm, smooth):
     v, d = smooth.v[:, 1], smooth.temperature[:, 1] - 35.0
     expected = -(0.9 - 0.02 * d) * np.sign(v) - (0.3 - 0.005 * d) * v
     np.testing.assert_allclose(EFFECT.torque(arm, smooth, "tilt", THETA)[:, 1], expected, atol=1e-12)
-
-
-def test_without_slopes_it_is_plain_friction(arm, smooth):
-    # Oracle: the two effects that it then is.
-    plain = sum(
-        effect_named(name).torque(arm, smooth, "tilt", np.array([size]))
-        for name, size in (("coulomb_friction", 0.9), ("viscous_friction", 0.3))
-    )
-    found = EFFECT.torque(arm, smooth, "tilt", np.array([0.9, 0.3, 0.0, 0.0, 35.0]))
-    np.testing.assert_allclose(found, plain, atol=1e-12)
-
-
-def test_another_reference_is_the_same_law(arm, smooth):
-    # Closed form: ten degrees on, the levels are ten slopes higher.
-    moved = np.array([0.9 - 0.2, 0.3 - 0.05, -0.02, -0.005, 45.0])
-    np.testing.assert_allclose(
-        EFFECT.torque(arm, smooth, "tilt", moved), EFFECT.torque(arm, smooth, "tilt", THETA), atol=1e-12
-    )
 
 
 @pytest.mark.parametrize("temperature", [None, np.full((2000, 3), np.nan)], ids=["no joint", "not this joint"])
