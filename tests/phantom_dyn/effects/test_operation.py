@@ -69,11 +69,6 @@ def test_partials_are_those_of_pinocchio(planar, moving):
     np.testing.assert_allclose(mass, pin.crba(planar.model, planar.model.createData(), moving.q[3]), atol=1e-12)
 
 
-def test_the_time_step_of_two_samples_is_what_lies_between_them(planar, moving):
-    two = Operation.of(planar, Motion(*(x[:2] for x in (moving.t, moving.q, moving.v, moving.a))))
-    assert two.dt == pytest.approx(0.05)
-
-
 def test_what_effects_keep_in_a_copy_short_lived_copy_is_not_kept_in_the_operation(moving):
     moving.kept["before", 0] = moving.tau
     short = moving.short_lived_copy()

@@ -253,14 +253,6 @@ def test_a_link_ahead_of_its_motor_is_where_it_swings(arm, smooth):
     assert not ahead[:, [0, 2]].any()
 
 
-def test_the_column_is_the_torque_of_the_displaced_link_over_the_compliance(arm, smooth):
-    # To first order, as close as squares of the deflection allow.
-    stiffness = 1e5
-    column = EFFECT.signature(arm, smooth, "tilt", (1 / stiffness, 0.1)).columns[:, :, 0]
-    law = EFFECT.torque(arm, smooth, "tilt", np.array([stiffness]))
-    np.testing.assert_allclose(law, -column / stiffness, atol=1e-2 * np.abs(law).max())
-
-
 def test_the_load_that_is_followed_ends_at_an_edge_by_the_middle_inertia(smooth):
     load, inertia = load_and_inertia(smooth, 1)
     found = followed_load(smooth, 1, EDGES)

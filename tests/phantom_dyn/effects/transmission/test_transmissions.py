@@ -8,7 +8,6 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.transmission import backlash
 from phantom_dyn.effects.transmission.backlash import Backlash, play
 from phantom_dyn.effects.transmission.parasitic_spring import ParasiticSpring
 from phantom_dyn.effects.transmission.transmission_compliance import (
@@ -17,10 +16,7 @@ from phantom_dyn.effects.transmission.transmission_compliance import (
     _followed,
     moving_mass,
     swing,
-    swing_loop,
-    swing_steps,
 )
-from phantom_dyn.errors import RobotError
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.simulate import Cause, simulate
 
@@ -81,27 +77,6 @@ def test_a_link_crosses_its_gap_in_free_fall():
     assert moved.lead[-1] == -0.005
 
 
-def test_what_a_link_loses_in_flight_the_impact_gives_back():
-    # Momentum: the mean of the missing torque over flight and impact is zero.
-    t = np.arange(0.0, 3.0, 1e-3)
-    pull = 4.0 * np.sin(9.0 * t) + 2.0 * np.sin(14.0 * t)
-    moved = play(t, pull, 0.02)
-    assert (moved.loose > 0).any()
-    assert np.sum(moved.impact - pull * moved.loose) == pytest.approx(0.0, abs=1e-9 * np.sum(np.abs(moved.impact)))
-
-
-def test_the_motor_stays_within_the_gap():
-    t = np.sort(np.random.default_rng(1).uniform(0.0, 3.0, 3000))
-    assert np.abs(play(t, 4.0 * np.sin(9.0 * t), 0.02).lead).max() <= 0.01 + 1e-12
-
-
-def test_uneven_samples_see_the_same_play(rng):
-    pull, t = lambda time: 4.0 * np.sin(9.0 * time), np.arange(0.0, 2.0, 1e-3)
-    uneven = np.sort(np.append(rng.uniform(0.0, 2.0, 4000), [0.0, 2.0]))
-    lead = np.interp(t, uneven, play(uneven, pull(uneven), 0.02).lead)
-    assert np.mean(np.abs(lead - play(t, pull(t), 0.02).lead)) < 2e-5
-
-
 def test_a_slow_load_deflects_a_spring_by_load_over_stiffness(planar):
     # Closed form: delta = -tl / k, far below the frequency of the swing.
     t = np.arange(0.0, 20.0, 1e-2)
@@ -126,12 +101,6 @@ def test_the_column_of_a_gap_is_the_law(arm, smooth):
 
 def test_stiffness_is_one_over_the_coefficient(arm):
     assert COMPLIANCE.from_coefficients(arm, "tilt", np.array([1e-3]), (2e-3, 0.1)) == pytest.approx([1000.0])
-
-
-def test_a_load_that_never_changes_sign_shows_no_backlash(planar):
-    q = np.full((50, 2), 0.5)
-    operation = Operation.of(planar, Motion(np.arange(50) / 50.0, q, 0 * q, 0 * q))
-    assert BACKLASH.untestable(planar, operation, "elbow") == "the transmitted torque never changes sign"
 
 
 @pytest.mark.parametrize("effect", [BACKLASH, COMPLIANCE], ids=lambda effect: effect.name)
@@ -159,39 +128,6 @@ def test_the_damping_of_a_spring_is_sought_between_half_a_per_cent_and_a_third()
         damping for compliance, damping in COMPLIANCE.refined(np.array([2e-3]), (1e-3, 0.01)) if compliance == 1e-3
     ]
     assert sorted(tried) == pytest.approx([0.007, 0.01, 0.014, 0.025])
-
-
-@pytest.mark.parametrize("effect", [BACKLASH, COMPLIANCE], ids=lambda effect: effect.name)
-def test_an_unknown_joint_is_refused(arm, smooth, effect):
-    with pytest.raises(RobotError, match="No joint 'knee'"):
-        effect.torque(arm, smooth, "knee", np.array([1.0]))
-
-
-def test_a_swing_under_a_constant_load_stays_where_the_spring_holds_it():
-    # Closed form: load over stiffness, whatever the drag and the time step.
-    half = 0.5 * np.array([1e-3, 2e-3, 1e-4, 5e-2])
-    place, speed, gain = swing_steps(half, np.full(5, -3.0), np.full(5, 400.0), np.full(5, 2.0))
-    np.testing.assert_allclose(place, -3.0 / 400.0, rtol=1e-12)
-    np.testing.assert_allclose([speed, gain], 0.0, atol=1e-12)
-
-
-def test_the_compiled_swing_is_that_of_the_same_function_in_python(rng):
-    pull, spring, drag = rng.normal(size=300), 1e4 * rng.random(300) + 1e3, 10.0 * rng.random(300)
-    half = 5e-4 + 1e-4 * rng.random(299)
-    plain = np.zeros((3, len(pull)))
-    getattr(swing_loop, "py_func", swing_loop)(half, pull, spring, drag, plain)
-    np.testing.assert_allclose(swing_steps(half, pull, spring, drag), plain, rtol=1e-12, atol=1e-15)
-
-
-def test_a_compiled_flight_is_that_of_the_same_function_in_python(rng, monkeypatch):
-    t = np.cumsum(1e-3 + 1e-4 * rng.random(2000))
-    pull = np.sin(20 * t) + 0.3 * rng.normal(size=2000)
-    compiled = play(t, pull, 1e-3)
-    monkeypatch.setattr(backlash, "_cross", getattr(backlash._cross, "py_func", backlash._cross))
-    plain = play(t, pull, 1e-3)
-    for name in ("lead", "rate", "loose", "impact"):
-        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-12, atol=1e-15)
-    assert 0 < compiled.loose.sum() < 2000
 
 
 EDGES = (8.0, 12.0, 20.0)
@@ -224,12 +160,6 @@ def test_gaps_are_tried_between_two_seconds_of_arc_and_what_a_hand_notices(plana
     assert gaps[0] == pytest.approx(1e-5)
     assert 0.1 / 1.7 < gaps[-1] <= 0.1
     np.testing.assert_allclose(gaps[1:] / gaps[:-1], 1.7)
-
-
-def test_a_load_that_keeps_its_sign_tries_no_gap(planar):
-    q = np.full((50, 2), 0.5)
-    held = Operation.of(planar, Motion(np.arange(50) / RATE, q, 0 * q, 0 * q))
-    assert BACKLASH.shapes(planar, held, "elbow") == ()
 
 
 def test_a_link_is_behind_its_motor_by_the_lead_of_the_play(planar, falling):
@@ -338,14 +268,6 @@ def test_the_torque_is_minus_k_times_the_way_from_rest(arm, operation):
     # Contract: -k (q - q0).
     torque = ParasiticSpring().torque(arm, operation, "tilt", np.array([4.0, 0.25]))
     np.testing.assert_array_equal(torque[:, 1], -4.0 * (operation.q[:, 1] - 0.25))
-
-
-def test_coefficients_give_stiffness_and_rest_position(arm, operation):
-    effect = ParasiticSpring()
-    theta = effect.from_coefficients(arm, "tilt", np.array([4.0, -1.0]), ())
-    np.testing.assert_allclose(theta, [4.0, 0.25])
-    columns = effect.signature(arm, operation, "tilt", ()).columns
-    np.testing.assert_allclose(effect.torque(arm, operation, "tilt", theta)[:, 1], -columns[:, 0] @ [4.0, -1.0])
 
 
 @pytest.mark.parametrize("coefficients", [(0.0, 0.0), (0.0, 1e5), (1e-310, -1e5)])
