@@ -110,13 +110,6 @@ def test_the_mass_matrix_is_the_slope_of_pinocchios_torque(model, samples):
     assert_agrees(rigid_body.mass(model, tree_arrays(model), q), expected)
 
 
-@pytest.mark.parametrize("name", ["ur10", "panda", "one linear joint"])
-def test_the_mass_matrix_is_that_of_pinocchio(name, rng):
-    model = MODELS[name]()
-    q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(3, model.nv))])
-    assert_agrees(rigid_body.mass(model, tree_arrays(model), q), pinocchio_loops.mass(model, q))
-
-
 @pytest.mark.parametrize("seed", [0, 2, 4])
 def test_the_slopes_are_those_of_pinocchios_torque(seed, rng, monkeypatch):
     monkeypatch.setattr(rigid_body, "_WORTH_COMPILING", 0)
@@ -135,17 +128,6 @@ def test_the_slopes_are_those_of_pinocchios_torque(seed, rng, monkeypatch):
             expected[:, :, column] = (sides[0] - sides[1]) / 2e-5
         scale = np.abs(pinocchio_loops.torque(model, *samples)).max(initial=1.0)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * scale)
-
-
-@pytest.mark.parametrize("name", ["ur10", "panda", "continuous", "unaligned"])
-def test_the_slopes_of_the_torque_are_those_of_pinocchio(name, rng, monkeypatch):
-    monkeypatch.setattr(rigid_body, "_WORTH_COMPILING", 0)
-    model = MODELS[name]()
-    q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(3, model.nv))])
-    v, a = rng.normal(size=(2, 3, model.nv))
-    expected = pinocchio_loops.torque_slopes(model, q, v, a)
-    for found, slope in zip(rigid_body.torque_slopes(model, tree_arrays(model), q, v, a), expected, strict=True):
-        assert_agrees(found, slope.transpose(2, 1, 0))
 
 
 @pytest.mark.parametrize("body", [True, False], ids=["body", "hybrid"])

@@ -1,17 +1,13 @@
 """Dynamics and kinematics of robots against Pinocchio."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from forward_dynamics import forward_dynamics
 from phantom_dyn.devices import phantom
 from phantom_dyn.dynamics.dynamics import (
     gravity_torque,
     inverse_dynamics,
-    inverse_dynamics_derivatives,
     link_torque,
     mass_matrix,
     rigid_body_regressor,
@@ -54,17 +50,6 @@ def test_the_regressor_times_the_parameters_is_rnea_without_armature(source, rng
     np.testing.assert_allclose(torque, rnea - robot.model.armature * motion.a, atol=1e-9)
 
 
-@pytest.mark.parametrize("source", SOURCES)
-def test_the_mass_matrix_is_the_slope_of_inverse_dynamics_in_acceleration(source, rng):
-    robot = load_robot(source)
-    motion = some_motion(rng, robot.nv, 1)
-    rest = inverse_dynamics(robot, Motion(motion.t, motion.q, motion.v, np.zeros((1, robot.nv))))
-    columns = [
-        inverse_dynamics(robot, Motion(motion.t, motion.q, motion.v, unit[None])) - rest for unit in np.eye(robot.nv)
-    ]
-    np.testing.assert_allclose(mass_matrix(robot, motion.q)[0], np.concatenate(columns).T, atol=1e-9)
-
-
 def test_the_mass_matrix_is_that_of_pinocchio_with_armature(rng, tmp_path):
     (tmp_path / "c.yaml").write_text("joints: {tilt: {rotor_inertia: 0.3}}")
     robot = load_robot(ROBOTS / "arm3.urdf", config=tmp_path / "c.yaml")
@@ -104,26 +89,6 @@ def test_a_given_gravity_leaves_the_model_as_it_was(source):
     before = robot.model.gravity.linear.copy()
     gravity_torque(robot, np.zeros((1, robot.nv)), np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(robot.model.gravity.linear, before)
-
-
-@pytest.mark.parametrize("source", SOURCES)
-def test_forward_dynamics_undoes_inverse_dynamics(source, rng):
-    robot = load_robot(source)
-    m = some_motion(rng, robot.nv)
-    np.testing.assert_allclose(forward_dynamics(robot, m.q, m.v, inverse_dynamics(robot, m)), m.a, atol=1e-8)
-
-
-@pytest.mark.parametrize("source", SOURCES)
-def test_the_derivatives_of_inverse_dynamics_are_its_slopes(source, rng):
-    # Finite differences of the torque of the links, to which the armature adds nothing.
-    robot = load_robot(source)
-    m, step = some_motion(rng, robot.nv, 3), 1e-5
-    for found, name in zip(inverse_dynamics_derivatives(robot, m), ("q", "v"), strict=True):
-        for j, unit in enumerate(np.eye(robot.nv)):
-            ahead, behind = (
-                link_torque(robot, replace(m, **{name: getattr(m, name) + sign * step * unit})) for sign in (1, -1)
-            )
-            np.testing.assert_allclose(found[:, :, j], (ahead - behind) / (2 * step), atol=1e-5)
 
 
 @pytest.fixture(scope="module")

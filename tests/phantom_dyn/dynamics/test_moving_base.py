@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Robots that are not bolted down, by sensors on their base; oracles: Pinocchio's free-flyer, MuJoCo's free joint."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -100,17 +100,6 @@ def test_the_slopes_are_those_of_pinocchios_free_flyer(flight, worth_compiling, 
     monkeypatch.setattr(rigid_body, "_WORTH_COMPILING", worth_compiling)
     for found, expected in zip(inverse_dynamics_derivatives(flight.robot, flight.motion), flight.slopes, strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
-
-
-def test_at_rest_it_is_the_robot_that_is_bolted_down(flight):
-    robot = replace(flight.robot, floating=False)
-    still = Motion(flight.motion.t, flight.motion.q, flight.motion.v, flight.motion.a)
-    none, up = np.zeros((SAMPLES, 3)), np.tile([0.0, 0.0, 9.81], (SAMPLES, 1))
-    level = base_motion(flight.robot, "trunk", "trunk", none, none, up)
-    on_base = replace(still, base=level)
-    np.testing.assert_allclose(
-        inverse_dynamics(flight.robot, on_base), inverse_dynamics(robot, still), rtol=0, atol=1e-12
-    )
 
 
 def test_some_samples_take_their_part_of_the_bases_motion(flight):

@@ -74,16 +74,6 @@ def test_frames_that_coincide_keep_their_axes_together(load, rng):
         np.testing.assert_allclose(tree[:, places[f"b_{k}"]], tree[:, places[f"a_{k}"]], atol=1e-10)
 
 
-def test_a_position_out_of_reach_is_refused_with_loop_sample_and_distance(load):
-    # Closed form: the rocker's pin reaches at most 0.1 + hypot(0.25, 0.05) m from the crank's bearing.
-    robot = load("fourbar.urdf", f"loops: [{{kind: point, {PINS}, active: [rocker], start: {{crank: 0.1}}}}]")
-    q = np.array([[-0.2], [-0.1], [1.5]])
-    with pytest.raises(
-        ChainError, match=r"loops\[0\] \(coupler_pin to rocker_pin\) cannot be closed at sample 2: .*apart"
-    ):
-        tree_positions(robot.model, robot.chain, q, arrays=robot.arrays)
-
-
 @pytest.mark.parametrize("gap", [0.1, 1e-2, 1e-3, 1e-4])
 def test_next_to_the_limit_of_the_linkage_the_elbow_stays_on_its_side(load, rng, gap):
     # Closed form: at the limits crank and coupler are in line, folded at one and stretched at the other.
