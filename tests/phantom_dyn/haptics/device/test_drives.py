@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp, trapezoid
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.device.axis import masses_from_resonance
 from phantom_dyn.haptics.device.drives import (
     PUBLISHED_RISE_LINEAR,
     PUBLISHED_RISE_PULSES,
@@ -277,11 +276,6 @@ def test_lhifam_masses_follow_from_the_resonance():
     assert LHIFAM.free_frequency / HZ == pytest.approx(82.0, rel=1e-12)
 
 
-def test_lhifam_reduced_mass():
-    m, M = LHIFAM.motor_mass, LHIFAM.body_mass
-    assert m * M / (m + M) == pytest.approx(0.29949, abs=1e-5)
-
-
 def test_lhifam_anti_resonance():
     assert LHIFAM.blocked_frequency / HZ == pytest.approx(19.9, abs=0.05)
 
@@ -315,10 +309,6 @@ def test_phantom_masses_follow_from_the_resonance():
 
 def test_phantom_anti_resonance():
     assert phantom_1_0(0.002).blocked_frequency / HZ == pytest.approx(22.4, abs=0.05)
-
-
-def test_rounded_lhifam_splits_as_in_the_derivation():
-    assert masses_from_resonance(5.4, 79.5e3, HZ * 82)[0] == LHIFAM.motor_mass
 
 
 ZEROS = {"x": [(48.28, 0.009)], "y": [(46.92, 0.045), (72.11, 0.004)], "z": [(54.57, 0.318), (153.74, 0.533)]}

@@ -174,11 +174,6 @@ def test_a_bias_of_the_accelerometer_is_found_and_leaves_the_velocity_as_it_is(r
     assert settled.mean() == pytest.approx(0.1003, abs=1e-4)
 
 
-def test_it_is_less_noisy_than_the_kalman_filter_of_the_position_alone(rng):
-    with_it = estimator_figures(AccelerationObserver(), Encoder(), **MOTION, accelerometer=Accelerometer(), rng=rng)
-    assert with_it.noise < 0.5 * estimator_figures(KalmanVelocity(), Encoder(), **MOTION).noise
-
-
 def test_its_gains_without_a_bias_that_walks_are_those_of_the_kalman_filter():
     """Oracle: the filter of constant velocity pushed by white acceleration, in the limit of no drift."""
     position, velocity, bias = observer_gains(AccelerationObserver(1.0, 1e-7), step=3e-5, period=T)

@@ -68,11 +68,6 @@ def test_more_than_the_friction_drives_a_free_device_to_the_speed_of_the_closed_
     assert moved(FREE, 1.3).velocity[-1] == pytest.approx(0.3 * T / 0.2, rel=0.01)
 
 
-def test_a_delay_makes_over_compensation_no_safer_and_less_of_it_safe():
-    assert moved(HELD, 1.3, sampling=Sampling(delay=5)).swing > 1e-3
-    assert moved(HELD, 0.95, sampling=Sampling(delay=5)).swing < 1e-6
-
-
 def test_without_a_dead_zone_a_device_trembles_at_rest_though_less_than_its_friction_is_given():
     # The friction yields as a spring there, which takes nothing.
     knocked = NOBODY.copy()

@@ -17,7 +17,6 @@ from phantom_dyn.haptics.device.published import (
     PHANTOM_1_5_X,
     PHANTOM_1_5_Y,
     PHANTOM_1_5_Z,
-    low_frequency_inertia,
 )
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
@@ -44,7 +43,6 @@ from phantom_dyn.haptics.stability.phantom_improvements import (
     operational_masses,
     wall_improvement,
 )
-from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
 from phantom_dyn.haptics.stability.virtual_wall import (
     critical_damping_gain,
     critical_loop_gain,
@@ -76,17 +74,6 @@ def net_lead(axis: TransferFunction) -> float:
 )
 def test_net_lead_of_the_published_fits(axis, lead):
     assert net_lead(axis) == pytest.approx(lead, rel=3e-3)
-
-
-@pytest.mark.parametrize(
-    ("axis", "stable"), [(PHANTOM_1_5_X, False), (PHANTOM_1_5_Y, False), (PHANTOM_1_5_Z, True)], ids=["x", "y", "z"]
-)
-def test_the_published_fits_bear_no_wall_in_x_and_y_and_every_one_in_z(axis, stable):
-    """So they cannot give the published 2.0 and 2.7 N/mm, whatever their unit."""
-    loop = SampledLoop((discretise(axis, period=1e-3),))
-    radius = np.array([loop.spectral_radius(gain) for gain in np.geomspace(1e-3, 100, 41)])
-    assert (radius < 1).all() if stable else (radius > 1).all()
-    assert critical_wall(axis, LoopSettings()).gain == (math.inf if stable else 0.0)
 
 
 @pytest.mark.parametrize("damping", [0.0, 5.0])
@@ -261,12 +248,6 @@ def test_the_mass_of_the_damping_is_that_of_the_dynamic_model(damping):
     assert "z, 32.2 g" in damping.assumptions[0].says
 
 
-def test_without_that_damping_the_ratio_is_far_off():
-    axis = RigidAxis(operational_masses()[2], 0.0)
-    before, after = (critical_damping_gain(axis, LoopSettings(estimator=one)).gain for one in (STOCK, IMPROVED))
-    assert after / before == pytest.approx(5.68, abs=0.01)
-
-
 def test_a_later_amplifier_gives_the_published_ratio_of_the_loop_gain():
     found = explained_loop_gain()
     assert found.ratio == pytest.approx(1.5, rel=1e-6)
@@ -288,12 +269,6 @@ def test_an_assumption_that_explains_nothing_is_refused():
 
 def test_masses_of_the_dynamic_model_at_the_origin():
     assert operational_masses() == pytest.approx((77.306e-3, 52.491e-3, 32.245e-3), abs=5e-7)
-
-
-def test_no_one_unit_makes_the_fits_agree_with_the_dynamic_model():
-    fits = [low_frequency_inertia(axis) for axis in (PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z)]
-    ratios = [1e-3 * mass / fit for mass, fit in zip(operational_masses(), fits, strict=True)]
-    assert ratios == pytest.approx([4.63, 3.29, 3.67], abs=5e-3)
 
 
 @pytest.fixture(scope="module")
