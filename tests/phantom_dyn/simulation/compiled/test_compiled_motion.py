@@ -10,7 +10,6 @@ import pytest
 
 from phantom_dyn._kernels.single_state import at_root, invert, joint_rows, mass_and_bias
 from phantom_dyn._kernels.tree_arrays import tree_arrays
-from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.simulation.control import torque_over_time
@@ -35,20 +34,6 @@ def test_an_arm_of_hinges_and_a_slide_falls_as_in_mujoco():
     np.testing.assert_allclose(moved, expected, atol=1e-5 * np.abs(expected).max())
 
 
-def test_the_energy_of_a_frictionless_arm_of_three_joints_stays():
-    # Oracle: Pinocchio's mass matrix (rotors included) and potential energy.
-    arm = load_robot(ROBOTS / "arm3.urdf")
-    model = arm.model.copy()
-    model.armature = np.full(3, 0.1)
-    bare = replace(arm, model=model, viscous_friction=np.zeros(3), coulomb_friction=np.zeros(3))
-    t = np.linspace(0.0, 1.0, 51)
-    links = simulate(bare, (), torque_over_time(t[:2], np.zeros((2, 3))), t, np.array([0.5, 1.2, 0.1])).links
-    data = bare.model.createData()
-    potential = [pin.computePotentialEnergy(bare.model, data, q) for q in links.q]
-    kinetic = 0.5 * np.einsum("ni,nij,nj->n", links.v, mass_matrix(bare, links.q), links.v)
-    assert np.ptp(kinetic + potential) < 1e-5 * np.ptp(potential)
-
-
 @pytest.fixture
 def wheel(pendulum):
     """A rotor of 0.1 kg m^2 on a wheel of 0.2, without gravity and friction."""
@@ -57,30 +42,6 @@ def wheel(pendulum):
     model.armature, model.gravity = np.array([0.1]), pin.Motion.Zero()
     bare = replace(pendulum, model=model, viscous_friction=np.zeros(1), coulomb_friction=np.zeros(1))
     return replace(bare, torque_hold="zoh")
-
-
-def test_two_masses_swing_at_their_frequency(wheel):
-    # Closed form: sqrt(k (1/J + 1/j)) = 33.54 rad/s, a little less with the damping ratio of a twentieth.
-    t = np.linspace(0.0, 2.0, 2001)
-    push = torque_over_time(np.array([0.0, 0.002]), np.array([[50.0], [0.0]]))
-    spring = Cause(effect_named("transmission_compliance"), "pin", np.array([75.0]))
-    s = simulate(wheel, (spring,), push, t, np.zeros(1))
-    apart = (s.encoders.q - s.links.q)[10:, 0]
-    crossings = np.flatnonzero(np.diff(np.sign(apart)) > 0)
-    exact = crossings - apart[crossings] / (apart[crossings + 1] - apart[crossings])
-    omega = 2.0 * np.pi / (1e-3 * np.mean(np.diff(exact)))
-    assert omega == pytest.approx(np.sqrt(75.0 * (1 / 0.1 + 1 / 0.2) * (1 - 0.05**2)), rel=1e-4)
-
-
-def test_a_link_crosses_its_play_freely_and_no_more_than_that(wheel):
-    # The motor alone: x = tau t^2 / (2 J) until half the play is used up; the link does not move before.
-    t = np.linspace(0.0, 0.4, 401)
-    play = Cause(effect_named("backlash"), "pin", np.array([0.04]))
-    s = simulate(wheel, (play,), torque_over_time(t[[0, -1]], np.full((2, 1), 0.1)), t, np.zeros(1))
-    alone = t < np.sqrt(2 * 0.1 * 0.02 / 0.1) - 1e-3
-    np.testing.assert_allclose(s.encoders.q[alone, 0], 0.5 * 0.1 / 0.1 * t[alone] ** 2, atol=1e-9)
-    assert np.all(s.links.q[alone] == 0.0)
-    assert np.abs(s.encoders.q - s.links.q).max() < 1.02 * 0.02
 
 
 @pytest.mark.parametrize("steps", [1, 7])

@@ -297,28 +297,6 @@ def test_two_threads_move_robots_as_one_does(arm, pendulum):
         assert_same(one, other, 0.0)
 
 
-def test_a_tracking_law_of_other_joints_is_refused(arm):
-    with pytest.raises(ParameterError, match=r"The tracking law is one of 2 joints and the robot has 3: give as many"):
-        simulate(arm, (), torque_over_time(SECONDS[:2], np.zeros((2, 2))), SECONDS, np.zeros(3))
-
-
-def test_a_controller_that_gives_one_torque_for_all_is_refused(arm):
-    with pytest.raises(ParameterError, match=r"The controller gave a torque of shape \(1,\), wanted 3 numbers"):
-        simulate(arm, (), lambda t, q, v: np.zeros(1), SECONDS, np.zeros(3))
-
-
-@pytest.mark.parametrize("q0", [np.array([0.0, np.nan, 0.0]), np.array([0.0, np.inf, 0.0])])
-def test_a_start_that_is_not_finite_is_refused(arm, q0):
-    with pytest.raises(ParameterError, match=r"q0 is .*: give finite numbers"):
-        simulate(arm, (), controller_of(arm), SECONDS, q0)
-
-
-@pytest.mark.parametrize("step", [0.0, -1e-3, np.nan])
-def test_a_step_of_no_length_is_refused(arm, step):
-    with pytest.raises(ParameterError, match=r"max_step is .* s: give a length above zero"):
-        simulate(arm, (), controller_of(arm), SECONDS, np.zeros(3), max_step=step)
-
-
 @pytest.mark.parametrize("file", ["pendulum", "arm3"])
 def test_a_compiled_motion_that_leaves_all_bounds_is_refused(file):
     robot = load_robot(ROBOTS / f"{file}.urdf")
