@@ -29,10 +29,6 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread, starts_processes, worker_count
 from phantom_dyn.libraries import is_installed, missing_library, optional_library
-from phantom_dyn.maps import operational_map as streaming
-from phantom_dyn.maps.grid import read_grid
-from phantom_dyn.maps.map_model import map_model
-from phantom_dyn.maps.operational_map import operational_map
 from phantom_dyn.motion import Motion, side_by_side
 
 
@@ -252,18 +248,6 @@ def test_compiled_loops_in_threads_give_the_same_torque():
 def test_a_compiled_loop_leaves_the_interpreter_to_other_threads(loop):
     # Oracle: numba's own record of how it compiles.
     assert loop.compiled.targetoptions["nogil"] is True
-
-
-def test_a_map_in_threads_is_the_same(monkeypatch):
-    model = map_model(load_robot("phantom_1_5"))
-    grid = read_grid("x=-0.1:0.1:20,y=-0.2:0.25:20,z=-0.15:0.15:20", model.joint_names)
-    monkeypatch.setattr(streaming, "BLOCK", 500)
-    names = ["manipulability", "apparent_mass_matrix"]
-    serial = operational_map(model, grid, names, jobs=1)
-    with parallel_config(backend="threading", n_jobs=2):
-        found = operational_map(model, grid, names)
-    for name in names:
-        np.testing.assert_array_equal(found.values[name], serial.values[name])
 
 
 WITH_WORKERS = """

@@ -47,17 +47,6 @@ def test_what_is_out_of_reach_is_nan_and_counted(section):
     assert section.unreachable == np.sum(~reached) > 0
 
 
-def test_the_largest_manipulability_of_the_section_is_34_43(section):
-    # Closed form; the origin is one of its points.
-    assert np.nanmax(section.values["manipulability"]) == pytest.approx(34 / 43, abs=1e-12)
-
-
-def test_the_apparent_mass_at_the_origin_of_the_section(section):
-    # Published: 77.306, 52.491, 32.245 g.
-    mass = section.values["apparent_mass_matrix"][0, 20, 15]
-    np.testing.assert_allclose(np.diag(mass), [0.077306, 0.052491, 0.032245], rtol=0, atol=5e-7)
-
-
 def test_a_map_over_joints_is_that_of_each_configuration(model):
     # Oracle: the same quantity of single configurations.
     grid = read_grid("q.theta3=-0.4:0.4:3,q.theta1=-1:1:3", model.joint_names)

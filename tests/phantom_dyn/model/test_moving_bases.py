@@ -91,12 +91,6 @@ def test_a_base_that_is_fixed_may_be_called_fixed(tmp_path):
     assert load_robot(written(tmp_path, "robot.urdf", text, "base: fixed")).joint_names == ("hip",)
 
 
-def test_a_base_that_is_called_otherwise_is_refused(tmp_path):
-    file = written(tmp_path, "robot.urdf", URDF.replace("KIND", "floating"), "base: rig")
-    with pytest.raises(RobotError, match=r"robot\.yaml: base is the text 'rig', wanted one of fixed"):
-        load_robot(file)
-
-
 def test_a_free_body_beside_the_robot_is_refused_as_that(tmp_path):
     text = MJCF.replace("ROOT", "").replace(
         "<worldbody>", '<worldbody><body name="cube"><freejoint name="loose"/><geom size=".1"/></body>'

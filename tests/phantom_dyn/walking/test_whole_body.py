@@ -15,7 +15,7 @@ from phantom_dyn.walking.pattern import foot_motion, pendulum_motion
 from phantom_dyn.walking.walker import G1_POSTURE, G1_SOLE, TALOS_POSTURE, TALOS_SOLE, g1, load_walker, talos
 from phantom_dyn.walking.walking_reference import haptic_signal, walk
 from phantom_dyn.walking.whole_body import ComMotion, whole_body_motion
-from phantom_dyn.walking.zmp import support_polygon, zmp_from_bodies, zmp_from_centroidal_momentum
+from phantom_dyn.walking.zmp import support_polygon
 
 G1_FILE, TALOS_FILE = "example:g1_29dof_rev_1_0", "example:talos_reduced"
 
@@ -101,14 +101,6 @@ def test_a_robot_with_half_as_wide_soles_walks_the_same_command(joystick):
     assert walk(g1(), joystick, duration=10.0, rate=50.0).margin.min() > 0.005
 
 
-def test_the_stop_ends_within_two_steps(reference):
-    stop = reference.joystick.t[-1]
-    assert (reference.landings > stop).sum() <= 2
-    assert reference.landings[-1] <= stop + 2 * reference.gait.step_time
-    after = reference.t > reference.landings[-1]
-    assert (reference.left.contact & reference.right.contact)[after].all()
-
-
 def test_the_soles_never_overlap_at_the_largest_turn_of_the_standard_gait(biped):
     turning = walk(biped, going(0.15, 0.24), duration=5.0, rate=25.0)
     sides = zip(biped.corners, np.roll(biped.corners, 1, axis=0), strict=True)
@@ -120,14 +112,6 @@ def test_the_soles_never_overlap_at_the_largest_turn_of_the_standard_gait(biped)
 def test_joints_stay_within_their_speed_limits(biped, reference):
     speed = np.abs(reference.motion.v[:, 6:]).max(axis=0)
     assert (speed < biped.model.velocityLimit[6:]).all()
-
-
-def test_the_zero_moment_point_of_the_walk_is_the_same_three_ways(biped, reference):
-    motion = reference.motion
-    some = slice(0, None, 25)
-    arguments = biped.model, motion.q[some], motion.v[some], motion.a[some]
-    for way in (zmp_from_bodies, zmp_from_centroidal_momentum):
-        np.testing.assert_allclose(way(*arguments), reference.zmp[some], rtol=0, atol=1e-12)
 
 
 def test_the_planned_zero_moment_point_misses_the_swing_of_the_leg_by_centimetres(reference):
