@@ -54,16 +54,6 @@ def test_a_mass_that_is_carried_beside_a_payload_weighs_as_well():
     assert more[0, 0] == pytest.approx(9.81 * (1.0 * 0.2 + 0.5 * 0.4) * np.sin(0.7), rel=1e-9)
 
 
-def test_a_pendulum_swings_with_its_period():
-    """Small swings: 2 pi sqrt((I + m c^2) / (m g c))."""
-    run = _released(PENDULUM, np.array([0.02]), 6.0)
-    q = run.motor[:, 0]
-    down = np.flatnonzero((q[:-1] > 0.0) & (q[1:] <= 0.0))
-    crossings = run.t[down] + STEP * q[down] / (q[down] - q[down + 1])
-    period = 2.0 * np.pi * np.sqrt((0.03 + 2.0 * 0.09) / (2.0 * 9.81 * 0.3))
-    assert np.diff(crossings) == pytest.approx(period, rel=2e-4)
-
-
 @pytest.mark.parametrize("kind", ["arm2", "arm6"])
 def test_a_robot_without_friction_keeps_its_energy(kind):
     robot = drawn_robot(np.random.default_rng(3), kind)

@@ -99,13 +99,6 @@ def test_a_null_without_noise_and_tolerance_satisfies_the_equation_of_motion(rob
     assert error_of_the_log(short_setup(3, robot), written=hold, read=hold) < 1e-3
 
 
-@pytest.mark.parametrize(("written", "read"), [("zoh", "instant"), ("instant", "zoh")])
-def test_half_a_sample_matters_to_that_comparison(written, read):
-    setup = short_setup(3, "planar2")
-    right = error_of_the_log(setup, written=written, read=written)
-    assert error_of_the_log(setup, written=written, read=read) > 2.0 * right
-
-
 def test_coulomb_friction_holds_a_joint_still_under_a_smaller_load(rng):
     """Closed form: below its level dry friction sticks, so the pendulum stays where it was put."""
     import mujoco
