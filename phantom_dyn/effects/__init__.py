@@ -1,1 +1,1 @@
-"""The catalogue: one effect a file."""
+"""The catalogue of effects, with one module for each effect."""

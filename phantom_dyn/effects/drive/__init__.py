@@ -1,1 +1,1 @@
-"""What a drive does to its command: one effect a file."""
+"""What a drive does to its command; one module for each effect."""

@@ -1,1 +1,1 @@
-"""Encoders: one effect a file."""
+"""Encoders; one module for each effect."""

@@ -1,1 +1,1 @@
-"""Friction: one law a file."""
+"""Friction; one module for each law."""

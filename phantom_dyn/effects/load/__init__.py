@@ -1,1 +1,1 @@
-"""Bodies, loads and gravity: one effect a file."""
+"""Bodies, loads and gravity; one module for each effect."""

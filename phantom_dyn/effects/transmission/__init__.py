@@ -1,1 +1,1 @@
-"""Transmissions and springs between motor, link and base: one effect a file."""
+"""Transmissions and springs between motor, link and base; one module for each effect."""
