@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from identification.diagnosis.result import EffectAt, Finding, Value
 from identification.engine import contract_levels
@@ -19,6 +19,9 @@ from identification.words.effect_words import (
 )
 from identification.words.numbers_and_names import NO_BREAK, percent, percent_short_of_all, value_words
 
+if TYPE_CHECKING:
+    from identification.geometry.result import PoseFinding
+
 UNDECIDED = 0.5  # probability below which a finding is called undecided
 
 SURENESS = (
@@ -29,10 +32,8 @@ SURENESS = (
     (0.495, "as likely as not"),
 )
 PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
-_BESIDE = " beside the others"
-_NO_PART = "no measurable part"
-# Largest number of parameters that a sentence lists by name.
-_MOST_OPEN = 4
+_ON_AVERAGE = " on average"
+_MOST_OPEN = 4  # largest number of parameters that a sentence lists by name
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
@@ -184,11 +185,6 @@ def sureness(probability: float) -> str:
     return f"{words} ({percent_short_of_all(probability)})"
 
 
-def gap_closed(finding: Finding) -> str:
-    """Share of the gap that returns without a finding, with its interval if that differs."""
-    return share_words(finding.gap_closed, finding.gap_closed_interval)
-
-
 def share_words(share: float, interval: tuple[float, float]) -> str:
     """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without the interval if its ends are the same.
 
@@ -202,25 +198,24 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
     return f"{own} ({least.removesuffix(f'{NO_BREAK}%')} to {most})"
 
 
-def share_of_gap(finding: Finding) -> str:
-    """Share of a finding in the gap that all findings close; if unknown, the gap that returns without the finding.
+def share_of_gap(finding: Finding | PoseFinding) -> str:
+    """Share of the gap that a finding closes on average over all orders; if unknown, the gap that returns without it.
 
-    An effect that only helps together with others has a negative mean share over all orders, which is not shown. Where
-    noise alone is left on held-out data, neither says anything.
+    The share is negative if the finding closes something after all others, but opens the gap in most other orders.
     """
     if finding.share is None:
-        return gap_closed(finding)
+        return share_words(finding.gap_closed, finding.gap_closed_interval)
     if finding.share >= 0.0:
         return percent_short_of_all(finding.share)
-    if finding.gap_closed < 0.0:
-        return _NO_PART
-    return f"{percent_short_of_all(finding.gap_closed)}{_BESIDE}"
+    if finding.gap_closed < 0.0:  # noise alone is left on held-out data
+        return "no measurable part"
+    return f"none{_ON_AVERAGE}, {percent_short_of_all(finding.gap_closed)} if added last"
 
 
-def of_the_gap(finding: Finding) -> str:
-    """``71 % of the gap``; for an effect that only helps with others, ``1 % of the gap beside the others``."""
-    share = share_of_gap(finding)
-    return f"{share.removesuffix(_BESIDE)} of the gap{_BESIDE}" if share.endswith(_BESIDE) else f"{share} of the gap"
+def of_the_gap(finding: Finding | PoseFinding, whole: str = "the gap") -> str:
+    """``71 % of the gap``; with a negative share ``none of the gap on average, 2 % if added last``."""
+    share, on_average, rest = share_of_gap(finding).partition(_ON_AVERAGE)
+    return f"{share} of {whole}{on_average}{rest}"
 
 
 def shown_parameters(finding: Finding) -> dict[str, Value]:

@@ -6,15 +6,9 @@ from typing import TYPE_CHECKING
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
-from identification.words.diagnosis_words import capital, joined, sureness
+from identification.words.diagnosis_words import capital, joined, of_the_gap, share_of_gap, sureness
 from identification.words.note_words import sentences as note_sentences
-from identification.words.numbers_and_names import (
-    NO_BREAK,
-    number,
-    percent_short_of_all,
-    value_words,
-    with_stated_probabilities,
-)
+from identification.words.numbers_and_names import NO_BREAK, number, value_words, with_stated_probabilities
 from identification.words.verdict_words import headline
 
 if TYPE_CHECKING:
@@ -136,9 +130,9 @@ def _cause_sentences(found: GeometryResult) -> list[str]:
     if not found.findings:
         return [_nothing(found)]
     largest = found.findings[0]
-    out = [f"{capital(finding_at(largest))} explains {_share(largest)} of the error{_rivals(largest)}."]
+    out = [f"{capital(finding_at(largest))} explains {of_the_gap(largest, 'the error')}{_rivals(largest)}."]
     if len(found.findings) > 1:
-        others = [f"{finding_at(one)} ({_share(one)}{_rivals(one)})" for one in found.findings[1:]]
+        others = [f"{finding_at(one)} ({share_of_gap(one)}{_rivals(one)})" for one in found.findings[1:]]
         out.append(f"Besides, {joined(others)}.")
     left = [f"{small_words(f.rms_after, f.unit)} of a noise of {_floor(f)}" for f in found.frames]
     more = {
@@ -165,10 +159,6 @@ def _nothing(found: GeometryResult) -> str:
     if found.structured:
         return "What is left depends on the posture, and no zero, place or elasticity of a joint explains it."
     return "Many joints together explain part of it, but no few of them do: measure more poses."
-
-
-def _share(finding: PoseFinding) -> str:
-    return percent_short_of_all(finding.share)
 
 
 def _rivals(finding: PoseFinding) -> str:

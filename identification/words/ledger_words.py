@@ -55,7 +55,6 @@ _SHARES = {
     "of the squared noise",
     "of the squared residual",
     "of the squared torque",
-    "of the gap",
     "of what it closes",
     "probability",
 }
@@ -221,9 +220,9 @@ def _reason(failed: GateResult | None) -> str:
 
 def _figure(value: float, unit: str) -> str:
     """A number of a gate: shares as percentages, gains without a unit."""
-    if unit in _SHARES:
-        return percent(value)
-    return number(value)
+    if unit == "of the gap":
+        return percent_short_of_all(value)
+    return percent(value) if unit in _SHARES else number(value)
 
 
 def gate_line(result: GateResult) -> str:

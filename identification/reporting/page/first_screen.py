@@ -143,8 +143,8 @@ def share_curve(diagnosis: Diagnosis) -> str:
     if len(known) < 2 or len(known) < len(shares):
         return ""
     ranked = np.sort(known)[::-1]
-    together = 100 * np.concatenate([[0.0], np.cumsum(ranked)])
-
+    # A correction below the noise floor is no part of the gap.
+    together = 100 * np.minimum(np.concatenate([[0.0], np.cumsum(ranked)]), 1.0)
     curve = Curve(np.arange(len(together)), together, AFTER, 1.5, marked=True)
     panel = Panel("gap closed [%]", (curve,), rule=100.0, least=(0.0,))
     title = "Share of the gap that is closed against the number of effects added"

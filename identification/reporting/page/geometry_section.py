@@ -11,8 +11,7 @@ from markupsafe import Markup
 from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import geometry_words as words
-from identification.words.diagnosis_words import sureness
-from identification.words.numbers_and_names import percent_short_of_all
+from identification.words.diagnosis_words import share_of_gap, sureness
 
 if TYPE_CHECKING:
     from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
@@ -71,7 +70,7 @@ def _finding(one: PoseFinding) -> Row:
     return (
         f"{words.EFFECTS[one.effect]} of {words.carrier(one.effect, one.joint)}",
         words.sizes_words(one),
-        percent_short_of_all(one.share),
+        share_of_gap(one),
         sureness(one.probability),
         rivals or "nothing",
     )

@@ -294,7 +294,7 @@ def test_a_finding_with_less_than_half_of_the_probability_is_undecided(made_up):
 
 def test_an_interval_that_says_no_more_than_the_share_is_left_out(made_up):
     finding = dataclasses.replace(made_up().findings[0], gap_closed=0.999, gap_closed_interval=(0.998, 0.9995))
-    assert words.gap_closed(finding).replace(NO_BREAK, " ") == "over 99 %"
+    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "over 99 %"
 
 
 def test_the_share_is_told_where_it_is_known(made_up):
@@ -324,8 +324,8 @@ def test_an_interval_that_says_no_more_is_left_out(share, interval, said):
 
 def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=-0.09, gap_closed=0.12)
-    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "12 % beside the others"
-    assert words.of_the_gap(finding).replace(NO_BREAK, " ") == "12 % of the gap beside the others"
+    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "none on average, 12 % if added last"
+    assert words.of_the_gap(finding).replace(NO_BREAK, " ") == "none of the gap on average, 12 % if added last"
 
 
 def test_a_finding_that_closes_nothing_on_held_out_data_has_no_measurable_part(made_up):

@@ -382,6 +382,11 @@ def test_a_gate_is_a_line_with_its_figure_and_what_was_needed():
     assert line.replace(NO_BREAK, " ") == "failed  rounding matters: 1 %, needed 3 % (of the squared noise)"
 
 
+def test_no_gate_states_more_than_all_of_the_gap():
+    line = gate_line(GateResult("large enough", 1.03, 0.01, "of the gap", True))
+    assert line.replace(NO_BREAK, " ") == "passed  large enough: over 99 %, needed 1 % (of the gap)"
+
+
 def test_claims_of_single_recordings_are_told_one_by_one(diagnosis):
     few = GateResult("more than chance", 3.5, 20.0, "gain", False)
     own = tuple(Claim((EffectAt("payload", None, file),), (few,), "not_claimed") for file in ("a.csv", "b.csv"))

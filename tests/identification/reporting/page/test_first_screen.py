@@ -152,6 +152,15 @@ def test_the_curve_needs_two_findings_with_shares(made_up):
     assert "number of effects, the largest first" in share_curve(findings(made_up(), "coulomb j1", "viscous j1"))
 
 
+def test_the_curve_ends_at_the_whole_gap_if_the_correction_is_below_the_noise_floor(made_up):
+    def curve(second):
+        made = findings(made_up(), "coulomb j1", "viscous j1", share=0.6)
+        return share_curve(replace(made, findings=(made.findings[0], replace(made.findings[1], share=second))))
+
+    assert curve(0.43) == curve(0.4)
+    assert curve(0.39) != curve(0.4)
+
+
 def test_the_answer_stands_before_everything_else_on_the_page(made_up):
     made = findings(made_up(samples=400), "coulomb j1", "viscous j1")
     page = report_html(made)
