@@ -154,6 +154,32 @@ def require_own(folder: Path, names: Iterable[str], *, index: str, unmarked: Seq
             )
 
 
+def require_own_file(path: Path, option: str) -> None:
+    """Refuse to write over a file that phantom-dyn did not write, before any work is done.
+
+    Raises:
+        UsageError: The sentence names the file and the option that it was given with.
+    """
+    if path.is_file() and not _is_own(path):
+        raise UsageError(
+            f"{option}: {path} was not written by phantom-dyn, and would be written over: name another file, or move "
+            "it away"
+        )
+
+
+def require_new_log(path: Path, option: str) -> None:
+    """Refuse to write a log over any file, as a log has no place for a mark that says who wrote it.
+
+    Raises:
+        UsageError: The sentence names the file and the option that it was given with.
+    """
+    if path.is_file() and path.stat().st_size:
+        raise UsageError(
+            f"{option}: {path} exists, and may be a recording of yours, as a log does not say who wrote it: name "
+            "another file, or remove this one"
+        )
+
+
 def _is_own(path: Path) -> bool:
     try:
         with path.open("rb") as file:

@@ -20,7 +20,13 @@ from identification.cli.arguments import (
     robot_with_effects,
 )
 from identification.cli.terminal.printed import say
-from identification.files import require_ending, require_existing, require_not_swapped, require_writable
+from identification.files import (
+    require_ending,
+    require_existing,
+    require_new_log,
+    require_not_swapped,
+    require_writable,
+)
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
 
@@ -97,6 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     require_ending(arguments.out)
     require_writable(arguments.out, "--out")
+    require_new_log(arguments.out, "--out")
     from identification.data.readers.read_table import read_table
     from identification.data.reading import recording
     from identification.degrade.degraded_log import degradation, degrade

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import EXCITATION, Progress
-from identification.files import require_ending, require_writable
+from identification.files import require_ending, require_new_log, require_writable
 from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
@@ -109,6 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     find_robot(arguments.robot)
     require_ending(arguments.out)
     require_writable(arguments.out, "--out")
+    require_new_log(arguments.out, "--out")
     from identification.excitation.excite import PlannedRecording, excite
     from identification.excitation.limits import limits_of
     from identification.export.log_and_map_files import write_log

@@ -19,7 +19,7 @@ from identification.cli.arguments import (
 )
 from identification.cli.terminal.printed import say
 from identification.file_sets import renamed_together
-from identification.files import require_existing, require_writable_folder
+from identification.files import require_existing, require_own, require_writable_folder
 from phantom_dyn.errors import LogError, UsageError, known_names
 from phantom_dyn.model.robot_files import find_robot
 
@@ -71,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     picture = f"{arguments.test}.png"
     if arguments.out is not None:
         require_writable_folder(arguments.out, ("experiment.json", picture))
+        require_own(arguments.out, ("experiment.json", picture), index="experiment.json", unmarked=(picture,))
     from identification.data.reading import read_recording
     from phantom_dyn.model.loading import load_robot
 
@@ -85,7 +86,8 @@ def run(arguments: argparse.Namespace) -> int:
         require_right(recordings)
     entries, figure = (_stiffness if held else _friction)(robot, recordings, arguments.joint)
     if arguments.out is not None:
-        text = json.dumps({"test": arguments.test, "robot": robot.name, "results": entries}, indent=1) + "\n"
+        content = {"program": "phantom-dyn", "test": arguments.test, "robot": robot.name, "results": entries}
+        text = json.dumps(content, indent=1) + "\n"
         written = [arguments.out / name for name in ("experiment.json", picture)]
         with renamed_together(arguments.out) as beside:
             beside(written[0]).write_text(text, encoding="utf-8")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import MAP, Progress
-from identification.files import require_writable_folder
+from identification.files import require_own, require_writable_folder
 from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError, known_names
 from phantom_dyn.libraries import missing_library
@@ -67,7 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     one_blas_thread()
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on")
+    unmarked = ("map.nc", *(f"{name}.png" for name in _quantities(arguments)))
     require_writable_folder(arguments.out, ("map.npz", "map.nc"))
+    require_own(arguments.out, ("map.npz", *unmarked), index="map.npz", unmarked=unmarked)
     find_robot(arguments.robot)
     from identification.export.log_and_map_files import NETCDF, write_map
     from phantom_dyn.maps.grid import read_grid
@@ -84,12 +86,11 @@ def run(arguments: argparse.Namespace) -> int:
             posture=joint_values("--q0", arguments.q0, robot.joint_names),
         )
         grid = read_grid(arguments.grid, robot.joint_names)
-        names = [name.strip() for name in arguments.quantity.split(",") if name.strip()]
 
         def done(points: int) -> None:
             progress.show(Announcement(Stage.MAP, points, grid.size))
 
-        result = operational_map(model, grid, names, jobs=arguments.jobs, progress=done)
+        result = operational_map(model, grid, _quantities(arguments), jobs=arguments.jobs, progress=done)
         written = write_map(result, arguments.out, progress=progress.show)
     for line in _summary(result):
         say(line)
@@ -98,6 +99,10 @@ def run(arguments: argparse.Namespace) -> int:
     if not any(path.name == NETCDF for path in written):
         say(f"note: {NETCDF} was not written. {missing_library('netCDF4')}")
     return DONE
+
+
+def _quantities(arguments: argparse.Namespace) -> list[str]:
+    return [name.strip() for name in arguments.quantity.split(",") if name.strip()]
 
 
 def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) -> np.ndarray | None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -67,8 +68,11 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
     written = [folder / name for name in ("map.npz", *netcdf, *(f"{name}.png" for name in result.values))]
     with renamed_together(folder) as beside:
         progress(Announcement(Stage.WRITING, detail={"file": "map.npz"}))
-        with beside(written[0]).open("wb") as file:
+        made = beside(written[0])
+        with made.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays(result))
+        with ZipFile(made, "a") as archive:
+            archive.comment = b"phantom-dyn"  # by this mark the next run knows the file, see files.require_own
         if netcdf:
             progress(Announcement(Stage.WRITING, detail={"file": NETCDF}))
             _write_netcdf(dataset(result), beside(written[1]))

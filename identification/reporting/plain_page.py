@@ -24,7 +24,10 @@ def page(title: str, parts: Sequence[str]) -> str:
         title: Heading, not yet escaped.
         parts: HTML below the heading.
     """
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
+    head = (
+        '<meta charset="utf-8"><meta name="generator" content="phantom-dyn">'
+        f'<meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
+    )
     body = "\n".join([f"<h1>{escape(title)}</h1>", *parts])
     return f'<!doctype html><html lang="en"><head>{head}<style>{_STYLE}</style></head><body>\n{body}\n</body></html>\n'
 

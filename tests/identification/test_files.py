@@ -13,8 +13,9 @@ from identification.data.readers.column_map import read_column_map
 from identification.data.readers.read_table import read_raw
 from identification.data.recording import Recording
 from identification.export.corrected.corrected_yaml import read_corrected
-from identification.files import require_writable, temporary_beside, write_atomically
+from identification.files import require_own_file, require_writable, temporary_beside, write_atomically
 from identification.pipeline import diagnose
+from identification.reporting.plain_page import page
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.stages import Announcement, Stage
 from phantom_dyn.effects.user.user_effects import effects_in
@@ -25,6 +26,14 @@ from phantom_dyn.model.robot_config import read_robot_config
 
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_page_of_an_earlier_run_is_known_by_its_mark(tmp_path):
+    (tmp_path / "a.html").write_text(page("Diagnoses", []))
+    require_own_file(tmp_path / "a.html", "--out")
+    (tmp_path / "a.html").write_text("<html></html>")
+    with pytest.raises(UsageError, match=r"^--out: .*/a\.html was not written by phantom-dyn"):
+        require_own_file(tmp_path / "a.html", "--out")
 
 
 def test_text_is_written_as_utf8_with_its_line_ends(tmp_path):

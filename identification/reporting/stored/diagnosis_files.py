@@ -38,6 +38,7 @@ from identification.files import (
     looks_like_log,
     require_kept,
     require_own,
+    require_own_file,
     require_writable,
     require_writable_folder,
     temporary_beside,
@@ -235,6 +236,7 @@ def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str |
                 f"--json {json_file} ends as a recording or a robot does, which would be overwritten: name a file "
                 "that ends in .json"
             )
+        require_own_file(json_file, "--json")
 
 
 def write_outputs(

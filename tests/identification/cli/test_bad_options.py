@@ -105,6 +105,31 @@ def test_robot_and_log_that_were_swapped_are_recognised(pendulum, log, capsys, w
     )
 
 
+@pytest.mark.parametrize(
+    ("words", "name", "reason"),
+    [
+        ("diagnose {robot} {log} --json {file}", "mine.json", "was not written by phantom-dyn"),
+        ("compare {log} {log} --out {file}", "mine.html", "was not written by phantom-dyn"),
+        ("map {robot} --quantity apparent_mass --grid x=0:0:1 --out {folder}", "map.npz", "was not written"),
+        ("map {robot} --quantity apparent_mass --grid x=0:0:1 --out {folder}", "apparent_mass.png", "was not written"),
+        ("experiment friction {robot} {log} --out {folder}", "experiment.json", "was not written by phantom-dyn"),
+        ("experiment friction {robot} {log} --out {folder}", "friction.png", "was not written by phantom-dyn"),
+        ("excite {robot} --out {file}", "ref.csv", "exists, and may be a recording of yours"),
+        ("degrade {robot} {log} --effect cogging --out {file}", "cheap.npz", "exists, and may be a recording of yours"),
+    ],
+)
+def test_no_command_writes_over_a_file_of_the_user(pendulum, log, capsys, tmp_path, words, name, reason):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / name).write_text("made by hand")
+    places = {"robot": pendulum, "log": log, "folder": folder, "file": folder / name}
+    assert main([word.format(**places) for word in words.split()]) == 2
+    said = capsys.readouterr().err
+    assert f"{folder / name} {reason}" in said
+    assert said.count("\n") == 1
+    assert (folder / name).read_text() == "made by hand"
+
+
 def test_a_log_in_the_place_of_the_robot_says_that_the_robot_goes_first(log, capsys):
     assert main(["diagnose", str(log), str(log)]) == 2
     assert "was given as the robot and looks like a recording: give the robot first" in capsys.readouterr().err

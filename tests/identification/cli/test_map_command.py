@@ -113,6 +113,10 @@ def test_files_that_are_not_ours_stay(mapped, tmp_path):
     assert (out / "notes.txt").read_text() == "mine"
 
 
+def test_a_map_of_an_earlier_run_is_written_over(mapped):
+    assert mapped() == mapped()
+
+
 def test_a_map_without_a_value_says_why_and_what_to_do(mapped):
     # Closed form: the place of the last joint of a planar arm does not move with that joint.
     said, _ = mapped("--frame", "elbow", robot=str(ROBOTS / "planar2.urdf"), grid="q.shoulder=-1:1:3")
