@@ -112,14 +112,18 @@ def export_texts(
     if any(isinstance(said, Note) and said.code is Code.MODEL_IN_COMMON for said in diagnosis.notes):
         # The findings belong to a fitted model, and not to the given one whose files would be changed.
         return {}, diagnosis
-    stated = _written(diagnosis, robot, folder, known, config)
-    best = stated
+    best, fitted = _written(diagnosis, robot, folder, known, config), None
     for numbers in diagnosis.numbers:
         if not best.refused:
             break
         other = _written(_with_numbers(diagnosis, numbers), robot, folder, known, config)
-        best = other if len(other.refused) < len(best.refused) else best
-    notes = best.notes if best is stated else (*best.notes, Note(Code.OTHER_NUMBERS))
+        if len(other.refused) < len(best.refused):
+            best, fitted = other, numbers
+    notes = best.notes
+    if fitted is not None:
+        stated = {one.quantity for one in diagnosis.adjusted}
+        unstated = sum(one.quantity not in stated for one in fitted.adjusted) if YAML in best.texts else 0
+        notes = (*notes, Note(Code.OTHER_NUMBERS, None, {"unstated": unstated}))
     return best.texts, replace(diagnosis, notes=(*diagnosis.notes, *notes), files=best.files)
 
 

@@ -179,6 +179,17 @@ def _within_tolerance(note: Note) -> str:
     return f"{moved} not in the corrected files: no body can have these values."
 
 
+def _other_numbers(note: Note) -> str:
+    out = (
+        "The corrected files have sizes and changes within tolerance that were fitted together. The stated sizes, "
+        "without changes that are uncertain, would leave a larger gap."
+    )
+    if unstated := note.numbers["unstated"]:
+        changes = "one uncertain change" if unstated == 1 else f"{unstated} uncertain changes"
+        out += f" corrected.yaml lists {changes} under adjusted that the report leaves out."
+    return out
+
+
 def _one_recording_only(note: Note) -> str:
     return f"The corrected model lacks effects that act in one recording only: {', '.join(note.numbers['effects'])}."
 
@@ -227,9 +238,6 @@ FILE_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.ROLLED_OUT: _rolled_out,
     Code.RESIDUAL_HELD: _residual_held,
     Code.WITHIN_TOLERANCE: _within_tolerance,
-    Code.OTHER_NUMBERS: filled(
-        "The corrected files have sizes and changes within tolerance that were fitted together. The stated sizes, "
-        "without changes that are uncertain, would leave a larger gap."
-    ),
+    Code.OTHER_NUMBERS: _other_numbers,
     Code.ONE_RECORDING_ONLY: _one_recording_only,
 }

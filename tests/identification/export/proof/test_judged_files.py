@@ -12,7 +12,7 @@ import pytest
 import yaml
 from scipy import stats
 
-from identification.diagnosis.result import Value
+from identification.diagnosis.result import Adjusted, FittedNumbers, Value
 from identification.export.all_files import export_texts
 from identification.export.file_names import NAMES
 from identification.export.headers import with_comment
@@ -115,6 +115,17 @@ def test_files_that_leave_more_than_is_claimed_are_not_written(arm, diagnosis, t
     assert texts == {}
     assert all("N m for the findings in it" in file.refused for file in found.files if file.rms_left)
     assert any("corrected.urdf was not written: on elbow its residual is" in note for note in sentences(found.notes))
+
+
+def test_changes_that_only_corrected_yaml_lists_are_counted_in_a_note(arm, diagnosis, tmp_path):
+    stated = with_torque(diagnosis, 0.5 * TORQUE)
+    fitted = FittedNumbers(
+        (Adjusted("elbow mass", 1e-4, 0.05),), {("coulomb_friction", "elbow"): diagnosis.findings[0].parameters}
+    )
+    texts, found = export_texts(replace(stated, adjusted=(), numbers=(fitted,)), arm[0], folder=tmp_path)
+    assert [one["quantity"] for one in yaml.safe_load(texts["corrected.yaml"])["adjusted"]] == ["elbow mass"]
+    said = "corrected.yaml lists one uncertain change under adjusted that the report leaves out."
+    assert any(note.endswith(said) for note in sentences(found.notes))
 
 
 def test_a_file_that_cannot_be_run_does_not_take_the_others_with_it(arm, diagnosis, exported, tmp_path, monkeypatch):
