@@ -114,7 +114,7 @@ class Note:
 Said = Note | str
 """A note, or the sentence of a reader, of a check of a file or of an effect, which no stage takes apart."""
 
-NOT_HELD = frozenset(
+INCOMPLETE_FILES = frozenset(
     {
         Code.NOT_WRITTEN,
         Code.NOT_ALONE,

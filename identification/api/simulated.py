@@ -15,7 +15,7 @@ from identification.degrade.degraded_log import degradation
 from identification.diagnosis.columns.known_geometry import OF_POSES
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects
-from identification.export.corrected.found_effects import effect_of, lasting_findings
+from identification.export.corrected.found_effects import effect_of, findings_in_all_recordings
 from phantom_dyn.arguments import NUMBERS
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
@@ -105,7 +105,7 @@ def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
         ParameterError: If an effect, joint or parameter is unknown or impossible; the message lists the known ones.
     """
     if isinstance(given, Diagnosis):
-        return tuple(_cause(robot, effect_of(robot, finding)) for finding in lasting_findings(given.result))
+        return tuple(_cause(robot, effect_of(robot, finding)) for finding in findings_in_all_recordings(given.result))
     if isinstance(given, str | Path):
         return tuple(_cause(robot, known) for known in known_effects((Path(given),), robot))
     return tuple(_stated(robot, one) for one in listed(given))

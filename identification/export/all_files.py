@@ -17,6 +17,7 @@ from identification.diagnosis.columns.known_geometry import effects_on_torques
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
+from identification.export.check.checked_files import FileCheck, RecordedTorques, passed_files
 from identification.export.corrected.corrected_files import (
     ModelFile,
     model_files,
@@ -35,7 +36,7 @@ from identification.export.corrected.corrected_urdf import (
     urdf_with_corrected_joints,
 )
 from identification.export.corrected.corrected_yaml import write_corrected
-from identification.export.corrected.found_effects import effect_of, lasting_findings, robot_within_tolerances
+from identification.export.corrected.found_effects import effect_of, findings_in_all_recordings, robot_within_tolerances
 from identification.export.corrected.possible_bodies import with_possible_bodies
 from identification.export.file_names import (
     FEEDFORWARD,
@@ -50,14 +51,13 @@ from identification.export.file_names import (
     URDF,
     YAML,
 )
-from identification.export.proof.judged_files import Measured, Proof, proved
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
 from identification.export.uses.residual_model import residual_code, residual_note, residual_of, residual_table
 from identification.export.uses.simulator_files import isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
-from identification.notes import NOT_HELD, Code, Note, Said
+from identification.notes import INCOMPLETE_FILES, Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
@@ -78,13 +78,13 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
     return tuple(name for name in NAMES if out / name not in there)
 
 
-def not_held(notes: Iterable[Said]) -> tuple[Note, ...]:
+def incomplete_file_notes(notes: Iterable[Said]) -> tuple[Note, ...]:
     """Notes on files that were not written, and on findings that a model file does not contain.
 
     Args:
         notes: Notes of `export_texts`.
     """
-    return tuple(note for note in notes if isinstance(note, Note) and note.code in NOT_HELD)
+    return tuple(note for note in notes if isinstance(note, Note) and note.code in INCOMPLETE_FILES)
 
 
 # With more threads the order of sums, and so the last digits, would depend on the machine.
@@ -163,20 +163,20 @@ def _written(
     """
     texts, notes = {YAML: write_corrected(diagnosis, robot.source, robot.sha256)}, list[Note]()
     known_torques = effects_on_torques(known)
-    found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
+    found = tuple(effect_of(robot, finding) for finding in findings_in_all_recordings(diagnosis))
     stated = robot_config(robot, config)
 
     fitted = diagnosis.numbers[0] if diagnosis.numbers else FittedNumbers((), {})
-    measured = None if diagnosis.replay is None else Measured(diagnosis.replay, robot, known_torques, fitted)
+    measured = None if diagnosis.replay is None else RecordedTorques(diagnosis.replay, robot, known_torques, fitted)
 
-    def proof_of(corrected: CorrectedModel) -> Proof | None:
-        return None if measured is None else Proof(diagnosis, measured, corrected, found, stated)
+    def check_of(corrected: CorrectedModel) -> FileCheck | None:
+        return None if measured is None else FileCheck(diagnosis, measured, corrected, found, stated)
 
     try:
-        models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)
+        models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, check_of)
     except PhantomDynError as error:
         # The laws of corrected.yaml need no possible bodies, and are written in any case.
-        texts, files, refused = proved(texts, proof_of(corrected_model(robot, known_torques)))
+        texts, files, refused = passed_files(texts, check_of(corrected_model(robot, known_torques)))
         lacking = tuple(name for name in NAMES if name not in texts)
         return _Written(texts, files, (not_written_note(error, *NAMES[1:]), *refused), lacking)
     own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
@@ -190,8 +190,8 @@ def _written(
     texts, move_notes = _with_moved_joints(texts, diagnosis, robot, config, known)
     notes += move_notes
     corrected, evidence = models.corrected, diagnosis.evidence
-    proof = proof_of(corrected)
-    texts, files, refused = proved(texts, proof, mjcf_has_moved_joints=texts.get(MJCF) != made)
+    check = check_of(corrected)
+    texts, files, refused = passed_files(texts, check, mjcf_has_moved_joints=texts.get(MJCF) != made)
     notes += refused
     if YAML not in texts:
         texts = {name: without_yaml(text) for name, text in texts.items()}
@@ -201,7 +201,7 @@ def _written(
             others[name] = make()
         except PhantomDynError as error:
             notes.append(not_written_note(error, name))
-    others, more, refused = proved(others, proof)
+    others, more, refused = passed_files(others, check)
     texts, files = texts | others, (*files, *more)
     notes += refused
     residual = residual_of(diagnosis)
@@ -286,7 +286,7 @@ def _models(
     effects: tuple[KnownEffect, ...],
     folder: Path,
     config: Path | None,
-    proof_of: Callable[[CorrectedModel], Proof | None],
+    check_of: Callable[[CorrectedModel], FileCheck | None],
 ) -> tuple[_Models, tuple[Note, ...]]:
     """The corrected model and its files, and a note on the changes within tolerance.
 
@@ -309,7 +309,7 @@ def _models(
             files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
             return _Models(corrected, (), (not_written_note(error, URDF, MJCF),))
-        kept, _, _ = proved({file.name: file.text for file in files if file.text}, proof_of(corrected))
+        kept, _, _ = passed_files({file.name: file.text for file in files if file.text}, check_of(corrected))
         return _Models(corrected, files, body_notes, len(kept))
 
     best: _Models | None = None

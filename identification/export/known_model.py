@@ -11,9 +11,9 @@ import numpy as np
 
 from identification.diagnosis.columns.known_geometry import OF_POSES
 from identification.diagnosis.columns.terms import KnownEffect
+from identification.export.check.file_torques import MJCF_FORMAT, URDF_FORMAT, used_numbers
 from identification.export.corrected.corrected_model import numbers_of_effect
 from identification.export.corrected.corrected_yaml import Corrected, known_effects, read_corrected
-from identification.export.proof.file_torques import MJCF_FORMAT, URDF_FORMAT, used_numbers
 from phantom_dyn.errors import ParameterError, RobotError, UsageError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot

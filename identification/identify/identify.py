@@ -26,7 +26,7 @@ from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test
 from identification.estimators.linear.cautions import About
 from identification.estimators.weighted_least_squares import wls
-from identification.export.proof.judged_files import leaves_more, rms
+from identification.export.check.checked_files import leaves_more, rms
 from identification.identify.hold_out import (
     Split,
     caution,

@@ -8,7 +8,7 @@ from pathlib import Path
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
 from identification.export.corrected.corrected_yaml import CorrectedEffect, known_effect, read_corrected
-from identification.export.corrected.found_effects import lasting_findings
+from identification.export.corrected.found_effects import findings_in_all_recordings
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
@@ -56,7 +56,8 @@ def _of_diagnosis(diagnosis: Diagnosis, robot: Robot, path: Path) -> Correction:
             f"{', '.join(robot.joint_names)}: give the robot and the robot.yaml that were diagnosed"
         )
     findings = tuple(
-        CorrectedEffect(one.effect, one.joint, one.parameters, one.gap_closed) for one in lasting_findings(diagnosis)
+        CorrectedEffect(one.effect, one.joint, one.parameters, one.gap_closed)
+        for one in findings_in_all_recordings(diagnosis)
     )
     rollout = diagnosis.rollout or {}
     return Correction(_effects(findings, robot, path), diagnosis.adjusted, rollout.get("horizon_s"))

@@ -68,8 +68,8 @@ class MadeMjcf:
     left_out: tuple[Note, ...] = ()
 
 
-def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: Path) -> MadeMjcf:
-    """The MJCF of a corrected model.
+def checked_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: Path) -> MadeMjcf:
+    """The MJCF of a corrected model: the given MJCF with the findings, or else a new file.
 
     Args:
         corrected: The model.
@@ -83,14 +83,15 @@ def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: 
         EstimationError: If the torques of the file differ from those of the model.
     """
     if file.suffix == ".urdf":
-        return _new(corrected, motion, file, folder, ())
+        return _new_mjcf(corrected, motion, file, folder, ())
     try:
-        return _edited(corrected, motion, file, folder)
+        return _edited_mjcf(corrected, motion, file, folder)
     except PhantomDynError as error:
-        return _new(corrected, motion, file, None, (Note(Code.GIVEN_FILE_NOT_IN_IT, None, {"problem": str(error)}),))
+        reason = Note(Code.GIVEN_FILE_NOT_IN_IT, None, {"problem": str(error)})
+        return _new_mjcf(corrected, motion, file, None, (reason,))
 
 
-def _new(
+def _new_mjcf(
     corrected: CorrectedModel, motion: Motion, file: Path, folder: Path | None, left_out: tuple[Note, ...]
 ) -> MadeMjcf:
     """An MJCF that is made from the model, with the shapes of a URDF if ``folder`` is given."""
@@ -114,14 +115,15 @@ def _new(
     return MadeMjcf(text, difference, problem or "", False, (*left_out, *remarks))
 
 
-def _edited(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> MadeMjcf:
+def _edited_mjcf(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> MadeMjcf:
+    """The given MJCF with the findings, checked in MuJoCo."""
     text, left_out = edited_mjcf(corrected, file, folder)
     problem = mujoco_problem(text) or _refused(file)
     if problem:
         return MadeMjcf(text, float("nan"), problem, True, tuple(left_out.values()))
     # Paths of meshes are absolute in the text that is checked, as the folder may not exist yet.
-    held = replace(corrected, offsets={name: x for name, x in corrected.offsets.items() if name not in left_out})
-    difference = edited_difference(edited_mjcf(corrected, file, None)[0], held, motion, _held(file))
+    written = replace(corrected, offsets={name: x for name, x in corrected.offsets.items() if name not in left_out})
+    difference = edited_difference(edited_mjcf(corrected, file, None)[0], written, motion, _fixed_positions(file))
     if difference > TOLERANCE:
         raise EstimationError(
             f"with the findings in it, the torques in MuJoCo differ from the corrected model's by {difference:.2g} of "
@@ -141,7 +143,7 @@ def _refused(file: Path) -> str:
     return ""
 
 
-def _held(file: Path) -> dict[str, float]:
+def _fixed_positions(file: Path) -> dict[str, float]:
     """Positions of the joints that the robot does not have: those that follow others, and those of backlash."""
     try:
         facts, model = read_model(file)
@@ -221,7 +223,7 @@ def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
 
 def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> ModelFile:
     try:
-        made = made_mjcf(corrected, motion, file=file, folder=folder)
+        made = checked_mjcf(corrected, motion, file=file, folder=folder)
     except PhantomDynError as error:
         return ModelFile(MJCF, "", (not_written_note(error, MJCF),))
     left_out = (*mjcf_left_out(corrected, file, edited=made.edited), *made.left_out)
@@ -310,18 +312,22 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
     # A URDF that is made from another kind of file has no rotors at all.
     other = file.suffix != ".urdf"
     moved = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
+    missing = {
+        "rotor_inertia": moved,
+        "stiffness": {name: stiffness for name, (stiffness, _) in corrected.springs.items()},
+        "offset": corrected.offsets,
+        "torque_constant": corrected.gains,
+        "delay": corrected.delays,
+        "reference_delay": corrected.reference_delays,
+        "lag": corrected.lags,
+        "play": corrected.plays,
+        "transmission": corrected.compliances,
+        "cogging": {name: max((w[1] for w in waves), default=0.0) for name, waves in corrected.cogging.items()},
+        "coupling": {f"{c.first}+{c.second}": c.ratio for c in corrected.couplings},
+    }
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
-    out += _missing("rotor_inertia", moved)
-    out += _missing("stiffness", {name: k for name, (k, _) in corrected.springs.items()})
-    out += _missing("offset", corrected.offsets)
-    out += _missing("torque_constant", corrected.gains)
-    out += _missing("delay", corrected.delays)
-    out += _missing("reference_delay", corrected.reference_delays)
-    out += _missing("lag", corrected.lags)
-    out += _missing("play", corrected.plays)
-    out += _missing("transmission", corrected.compliances)
-    out += _missing("cogging", _largest(corrected))
-    out += _missing("coupling", {f"{c.first}+{c.second}": c.ratio for c in corrected.couplings})
+    for quantity, values in missing.items():
+        out += _missing(quantity, values)
     if given.chain is not None:
         out.append(Note(Code.NO_PLACE_FOR_LOOPS, None, {"kept": not other, "config": CONFIG_NAME}))
     if given.locked and not other:
@@ -377,10 +383,6 @@ def _lost_effects(corrected: CorrectedModel) -> list[Note]:
     if not zeros_in_file(corrected):
         out += _missing("zeros_in_chain", corrected.zeros)
     return out
-
-
-def _largest(corrected: CorrectedModel) -> dict[str, float]:
-    return {name: max((wave[1] for wave in waves), default=0.0) for name, waves in corrected.cogging.items()}
 
 
 def _missing(quantity: str, values: dict[str, float]) -> list[Note]:

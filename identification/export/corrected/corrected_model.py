@@ -131,13 +131,10 @@ def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedMod
         corrected = replace(corrected, turned=numbers.turned @ corrected.turned)
     if numbers.coupling is not None:
         corrected = replace(corrected, couplings=(*corrected.couplings, numbers.coupling))
-    if numbers.delay is not None:
-        corrected = replace(corrected, delays=_with_delay(corrected, corrected.delays, joint, numbers.delay))
-    if numbers.reference_delay is not None:
-        later = _with_delay(corrected, corrected.reference_delays, joint, numbers.reference_delay)
-        corrected = replace(corrected, reference_delays=later)
-    if numbers.lag is not None:
-        corrected = replace(corrected, lags=_with_delay(corrected, corrected.lags, joint, numbers.lag))
+    times = {"delays": numbers.delay, "reference_delays": numbers.reference_delay, "lags": numbers.lag}
+    for name, more in times.items():
+        if more is not None:
+            corrected = replace(corrected, **{name: _with_delay(corrected, getattr(corrected, name), joint, more)})
     corrected = _at_joint(corrected, str(joint), numbers)
     return corrected if numbers.whole else replace(corrected, others=(*corrected.others, effect))
 
@@ -198,7 +195,7 @@ def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]
     return theta
 
 
-def torque_beside(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nv"]:
+def added_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nv"]:
     """Torque [N m or N] that the drives need for springs, constant torques, cogging and couplings.
 
     Args:

@@ -12,7 +12,7 @@ from identification.diagnosis.columns.known_geometry import OF_POSES
 from identification.diagnosis.columns.operations import carrying_known
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
-from identification.export.corrected.found_effects import lasting_findings
+from identification.export.corrected.found_effects import findings_in_all_recordings
 from identification.geometry.pins import loops_of
 from identification.geometry.terms import BASE_POSE, LINK, PARTS, PLACES, TOOL_POSE, ZERO
 from phantom_dyn.effects.catalogue import effect_named
@@ -90,7 +90,9 @@ def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str
     Raises:
         ParameterError: If the value of a parameter is not finite.
     """
-    effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in lasting_findings(diagnosis))
+    effects = tuple(
+        CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in findings_in_all_recordings(diagnosis)
+    )
     effects = (*effects, *_by_poses(diagnosis, {one.joint for one in effects if one.effect == ZERO}))
     wrong = tuple(
         ModelError(one.joint, *one.left, one.unit) for one in diagnosis.joints if one.left is not None and any(one.left)

@@ -17,7 +17,7 @@ from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
 
-def lasting_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
+def findings_in_all_recordings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
     """Findings that act in all recordings: an effect in only one of them is no part of the robot."""
     return tuple(finding for finding in diagnosis.findings if finding.recording is None)
 

@@ -15,7 +15,7 @@ from identification.export.corrected.corrected_mjcf import (
     rotor_of,
     zeros_in_file,
 )
-from identification.export.corrected.corrected_model import CorrectedModel, torque_beside, with_zeros_moved
+from identification.export.corrected.corrected_model import CorrectedModel, added_torque, with_zeros_moved
 from identification.export.model_files.reload import (
     load_mujoco,
     mujoco_joints,
@@ -49,7 +49,7 @@ def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
     robot = _with_rotors(corrected)
     tree = tree_motion(robot, motion)
     out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)), tree)
-    out[:, list(robot.tree_rows)] += torque_beside(corrected, motion)
+    out[:, list(robot.tree_rows)] += added_torque(corrected, motion)
     return out
 
 

@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Bound, Diagnosis, Finding
-from identification.export.corrected.found_effects import effect_of, lasting_findings, loadings_of
+from identification.export.corrected.found_effects import effect_of, findings_in_all_recordings, loadings_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Parameter
@@ -82,7 +82,7 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot) -> Randomisation:
         diagnosis: The diagnosis.
         robot: The given model.
     """
-    findings = lasting_findings(diagnosis)
+    findings = findings_in_all_recordings(diagnosis)
     found = tuple(effect_of(robot, finding) for finding in findings)
     parts = [loadings_of(robot, finding) for finding in findings]
     shared = bool(parts) and all(f.loadings for f in findings) and len({p.shape[1] for p in parts}) == 1

@@ -30,7 +30,7 @@ from identification.diagnosis.result import (
 )
 from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
-from identification.export.all_files import export_texts, not_held
+from identification.export.all_files import export_texts, incomplete_file_notes
 from identification.export.file_names import NAMES as ALWAYS
 from identification.export.file_names import OPTIONAL
 from identification.file_sets import with_run, write_together
@@ -279,7 +279,7 @@ def write_outputs(
         before = len(diagnosis.notes)
         models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
         if tell is not None:
-            for said in sentences(not_held(diagnosis.notes[before:])):
+            for said in sentences(incomplete_file_notes(diagnosis.notes[before:])):
                 tell(said)
         diagnosis = completed(diagnosis)
         beside = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))

@@ -12,7 +12,7 @@ import pytest
 
 from identification.diagnosis.result import EffectAt, Finding, JointGap, Rival, Value
 from identification.engine.claims import Claim, GateResult
-from identification.notes import NOT_HELD, Code, Note
+from identification.notes import INCOMPLETE_FILES, Code, Note
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
 from identification.stages import Announcement, Stage
@@ -202,8 +202,8 @@ def test_rivals_that_nothing_separates_are_named_with_what_would():
 
 def test_what_a_file_does_not_hold_is_a_note_on_files():
     # Oracle: the words of each say that a file is not there or has no place; the list is by code.
-    assert Code.NOT_WRITTEN in NOT_HELD
-    assert Code.CHECKED not in NOT_HELD
+    assert Code.NOT_WRITTEN in INCOMPLETE_FILES
+    assert Code.CHECKED not in INCOMPLETE_FILES
 
 
 def gap(joint: str, after: float, closed: float | None) -> JointGap:

@@ -20,7 +20,7 @@ from identification.export.corrected.corrected_files import model_files, rollout
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.corrected_urdf import corrected_urdf, robot_of_urdf
-from identification.export.corrected.found_effects import effect_of, lasting_findings, robot_within_tolerances
+from identification.export.corrected.found_effects import effect_of, findings_in_all_recordings, robot_within_tolerances
 from identification.export.corrected.possible_bodies import same_torque_bodies
 from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
 from identification.export.model_files.mjcf_file import mjcf_text
@@ -342,7 +342,7 @@ HELD_OUT = 1.25  # what is stated is left by fits that have not seen a block, wh
 def left(robot, recording, diagnosis):
     """What the findings leave of the recorded torque in the band, root mean square."""
     (log,), _ = process_all((recording,), robot)
-    known = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
+    known = tuple(effect_of(robot, finding) for finding in findings_in_all_recordings(diagnosis))
     rest = log.band(log.tau - operate(robot, log, known).tau)
     return np.sqrt(np.mean(rest**2, axis=0))
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identification.diagnosis.result import Adjusted, Finding, Value
-from identification.export.all_files import export_texts, not_held, not_written
+from identification.export.all_files import export_texts, incomplete_file_notes, not_written
 from identification.export.corrected.corrected_files import mjcf_left_out, urdf_left_out
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.corrected_yaml import (
@@ -388,4 +388,4 @@ def test_a_finding_that_no_body_can_have_is_written_as_a_possible_one(planar, ma
     texts, noted = export_texts(replace(diagnosis, findings=(finding,), adjusted=()), planar, folder=tmp_path)
     assert "corrected.xml" in texts
     assert "corrected.urdf" in texts
-    assert any("No body can have" in text for text in sentences(not_held(noted.notes)))
+    assert any("No body can have" in text for text in sentences(incomplete_file_notes(noted.notes)))

@@ -14,9 +14,9 @@ from scipy import stats
 
 from identification.diagnosis.result import Adjusted, FittedNumbers, Value
 from identification.export.all_files import export_texts
+from identification.export.check.checked_files import leaves_more, rms
 from identification.export.file_names import NAMES
 from identification.export.headers import with_comment
-from identification.export.proof.judged_files import leaves_more, rms
 from identification.pipeline import diagnose
 from identification.words.note_words import sentences
 from phantom_dyn import load_robot
@@ -132,7 +132,7 @@ def test_a_file_that_cannot_be_run_does_not_take_the_others_with_it(arm, diagnos
     def impossible(*_):
         raise RobotError("The link of elbow would weigh 0 kg: correct it.")
 
-    monkeypatch.setattr("identification.export.proof.judged_files.torque_of_yaml", impossible)
+    monkeypatch.setattr("identification.export.check.checked_files.torque_of_yaml", impossible)
     texts, found = export_texts(diagnosis, arm[0], folder=tmp_path)
     assert "corrected.yaml" not in texts
     assert {"corrected.urdf", "corrected.xml"} <= set(texts)

@@ -1,4 +1,4 @@
-"""Drive torque of each written model or law along a recording, after it was loaded again, and what each can contain."""
+"""Drive torque along a recording of each written model or law, loaded back from its text; effects it can contain."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from identification.diagnosis.result import Adjusted
 from identification.export.corrected.corrected_mjcf import compliances_in_mjcf, zeros_in_file
 from identification.export.corrected.corrected_model import (
     CorrectedModel,
+    added_torque,
     numbers_of_effect,
-    torque_beside,
     with_zeros_moved,
 )
 from identification.export.corrected.corrected_urdf import robot_of_urdf
@@ -102,10 +102,10 @@ def used_numbers(numbers: ModelNumbers) -> frozenset[str]:
     )
 
 
-# A function from the index of a log to the commanded drive torque along it, ``(N, nv)`` at the full rate.
-Asked = Callable[[int], Float[Array, "N nv"]]
+# A function from the index of a log to the drive torque along it, ``(N, nv)`` at the full rate.
+LogTorque = Callable[[int], Float[Array, "N nv"]]
 
-# The loader in C, where PyYAML has it, is ten times as fast.
+# PyYAML's loader in C is ten times as fast; some installations lack it.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _STEPS = 20000
 """Largest number of steps of one recording at which a law in steps is evaluated; between them it is interpolated."""
@@ -116,7 +116,7 @@ def torque_of_model(
     robot: Robot,
     effects: tuple[KnownEffect, ...] = (),
     beside: Callable[[Motion], Float[Array, "N nv"]] | None = None,
-) -> Asked:
+) -> LogTorque:
     """Drive torque of a robot with effects, by the laws of the catalogue.
 
     Args:
@@ -127,7 +127,7 @@ def torque_of_model(
     """
     robot = replace(robot, soft_friction=replay.robot.soft_friction)
 
-    def asked(log: int) -> Array:
+    def along_log(log: int) -> Array:
         there = replay.robot_in(robot, log)
         operation = operate(there, replay.logs[log], (), log, replay.cutoff_hz)
         if beside is not None:
@@ -135,12 +135,12 @@ def torque_of_model(
             operation = replace(operation, tau=tau, expected=tau)
         return with_known(there, operation, effects).tau if effects else operation.tau
 
-    return asked
+    return along_log
 
 
 def torque_of_urdf(
     replay: Replay, text: str, corrected: CorrectedModel, config: Path | None, effects: tuple[KnownEffect, ...]
-) -> Asked:
+) -> LogTorque:
     """Drive torque of a URDF with the given rotors, loops and gravity, which it lacks.
 
     Args:
@@ -154,7 +154,7 @@ def torque_of_urdf(
     return torque_of_model(replay, robot, of_drives(corrected, effects))
 
 
-def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> Asked:
+def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> LogTorque:
     """Drive torque of an MJCF, computed from the corrected model, with which MuJoCo's torques were compared before.
 
     Args:
@@ -163,9 +163,7 @@ def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[Kno
         effects: The findings that it contains; those on drives and transmissions act by their own laws.
     """
     robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected))
-    return torque_of_model(
-        replay, robot, of_drives(corrected, effects), lambda motion: torque_beside(corrected, motion)
-    )
+    return torque_of_model(replay, robot, of_drives(corrected, effects), lambda motion: added_torque(corrected, motion))
 
 
 def of_drives(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
@@ -178,7 +176,7 @@ def of_drives(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tu
     return tuple(one for one in effects if used_numbers(numbers_of_effect(corrected.given, one)) & OF_DRIVES)
 
 
-def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
+def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> LogTorque:
     """Drive torque of the given model with the effects and changes within tolerance of a ``corrected.yaml``.
 
     Args:
@@ -193,7 +191,7 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
     return torque_of_model(replay, adjusted, (*known, *effects_on_torques(found)))
 
 
-def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
+def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> LogTorque:
     """Drive torque of the robot with the central values of a ``randomisation.yaml``, which are those found.
 
     Args:
@@ -211,7 +209,7 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
     return torque_of_model(replay, robot_within_tolerances(robot, adjusted), (*known, *found))
 
 
-def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
+def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
     """Drive torque of a ``feedforward.py``, for the motion that is later by the drive's delay.
 
     The part of a recorded command beyond the drive's limit had no effect, so it is added. The torque of the file is not
@@ -226,7 +224,7 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
     law = over_samples(code)
     leads, limits = np.array(law["LEAD"]), np.array(law["LIMITS"])
 
-    def asked(log: int) -> Array:
+    def along_log(log: int) -> Array:
         motion = motion_of(replay.logs[log])
         out = np.empty_like(motion.v)
         for lead in np.unique(leads):
@@ -240,7 +238,7 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
         loaded = replay.robot_in(robot, log)
         return out if loaded is robot else out + inverse_dynamics(loaded, motion) - inverse_dynamics(robot, motion)
 
-    return asked
+    return along_log
 
 
 def _later(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
@@ -250,7 +248,7 @@ def _later(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Fl
 
 def torque_of_actuators(
     replay: Replay, code: str, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]
-) -> Asked:
+) -> LogTorque:
     """Drive torque of the corrected model's links with the actuators of an ``isaac_lab.py``.
 
     Args:
@@ -283,7 +281,7 @@ def with_actuators(corrected: CorrectedModel, joints: Mapping[str, Mapping[str, 
     return robot
 
 
-def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) -> Asked:
+def torque_of_residual(replay: Replay, code: str, model: LogTorque, robot: Robot) -> LogTorque:
     """Drive torque of a model together with a ``residual.py`` on one joint.
 
     Args:
@@ -295,13 +293,13 @@ def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) ->
     names = loaded(code, RESIDUAL)
     row = robot.joint_names.index(names["JOINT"])
 
-    def asked(log: int) -> Array:
+    def along_log(log: int) -> Array:
         operation = operate(robot, replay.logs[log], (), log, replay.cutoff_hz)
         out = np.array(model(log))
         out[:, row] -= _stepped(names["Residual"](), replay.logs[log], operation, robot, row)
         return out
 
-    return asked
+    return along_log
 
 
 def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:

@@ -1,7 +1,7 @@
-"""Check of files before they are written: the residual of each, compared with that of the given model and the claim.
+"""Check of files before they are written: the residual of each file is compared with two others.
 
-A file would do harm if its residual on any joint is larger than that of the given model, or clearly larger than the
-diagnosis claims for the findings in it. Such a file is not written, and a note gives the reason.
+A file is not written if its residual on any joint is larger than that of the given model, or clearly larger than the
+residual that the diagnosis claims for the findings in the file. A note gives the reason.
 """
 
 from __future__ import annotations
@@ -19,19 +19,14 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
-from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, torque_beside
-from identification.export.corrected.corrected_urdf import with_rotors_of
-from identification.export.corrected.found_effects import robot_within_tolerances
-from identification.export.file_names import FEEDFORWARD, GOES_WITH, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
-from identification.export.headers import with_header
-from identification.export.proof.file_torques import (
+from identification.export.check.file_torques import (
     FEEDFORWARD_FORMAT,
     ISAAC_FORMAT,
     LAWS,
     MJCF_FORMAT,
     URDF_FORMAT,
-    Asked,
     Format,
+    LogTorque,
     holds,
     torque_of_actuators,
     torque_of_feedforward,
@@ -42,6 +37,11 @@ from identification.export.proof.file_torques import (
     torque_of_urdf,
     torque_of_yaml,
 )
+from identification.export.corrected.corrected_model import CorrectedModel, added_torque, corrected_model
+from identification.export.corrected.corrected_urdf import with_rotors_of
+from identification.export.corrected.found_effects import robot_within_tolerances
+from identification.export.file_names import FEEDFORWARD, GOES_WITH, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
+from identification.export.headers import with_header
 from identification.notes import Code, Note
 from identification.words.numbers_and_names import number
 from phantom_dyn.array_types import Array, Bool, Float
@@ -55,10 +55,12 @@ _ROUNDING = 1e-6
 """Relative difference of two residuals that is rounding: laws in files have their operations in another order."""
 _MORE = 1.2
 """Ratio of the residual, without one noise floor, to the claimed one above which a file is refused."""
+_FORMATS = {URDF: URDF_FORMAT, MJCF: MJCF_FORMAT, FEEDFORWARD: FEEDFORWARD_FORMAT, ISAAC: ISAAC_FORMAT}
+"""What the files with a format of their own can contain; all others contain every law."""
 
 
 @dataclass(frozen=True)
-class Measured:
+class RecordedTorques:
     """The recordings that files are run over, and the residual of the given model.
 
     Attributes:
@@ -79,9 +81,13 @@ class Measured:
         """`left_by` of the given model."""
         return self.left_by(torque_of_model(self.replay, self.robot, self.known))
 
-    def left_by(self, asked: Asked) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """Residual of a torque: `squares`, and root mean squares by joint without the fitted numbers in `squares`."""
-        once = cache(asked)
+    def left_by(self, torque_along: LogTorque) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
+        """Residual of a modelled torque: `squares`, and the root mean square of each joint without the fitted numbers.
+
+        Args:
+            torque_along: The modelled torque along a log.
+        """
+        once = cache(torque_along)
         squares, fitted = self.squares(once), self.fitted
         as_recorded = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
         left = rms(self.replay.squares(once) if as_recorded else squares)
@@ -93,16 +99,16 @@ class Measured:
         base = self.fitted.base
         return tuple(torque_of_base_errors(self.replay.robot, log, base) for log in self.replay.logs) if base else ()
 
-    def squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
-        """Sums of squares of a torque's residual by block and joint, and the numbers of samples in them.
+    def squares(self, torque_along: LogTorque) -> Float[Array, "2 B nv"]:
+        """Sums of squares of the residual of a modelled torque by block and joint, and the numbers of samples in them.
 
-        The fitted delay, softness of friction and errors of the base's sensors are added to the torque: they are
-        properties of the recording, and no file can have them.
+        The fitted delay, softness of friction and errors of the base's sensors are added to the modelled torque: they
+        belong to the recording, and no file can state them.
         """
         fitted = self.fitted
 
         def recorded(log: int) -> Array:
-            torque, one = asked(log), self.replay.logs[log]
+            torque, one = torque_along(log), self.replay.logs[log]
             for joint, share in fitted.softness:
                 torque = torque + share * softness(self.replay.robot, one.motion, joint)
             if fitted.arrivals:
@@ -115,7 +121,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Proof:
+class FileCheck:
     """Reference for the check of written files, for one diagnosis and one corrected model.
 
     Attributes:
@@ -127,15 +133,10 @@ class Proof:
     """
 
     diagnosis: Diagnosis
-    measured: Measured
+    measured: RecordedTorques
     corrected: CorrectedModel
     found: tuple[KnownEffect, ...]
     config: Path | None
-
-    @property
-    def replay(self) -> Replay:
-        """The recordings themselves."""
-        return self.measured.replay
 
     @property
     def known(self) -> tuple[KnownEffect, ...]:
@@ -158,62 +159,34 @@ class Proof:
         except PhantomDynError:
             return self.corrected.given
 
-    def of_urdf(self, text: str) -> WrittenFile:
-        """The record of a ``corrected.urdf``."""
-        asked = torque_of_urdf(self.replay, text, self.corrected, self.config, self._held(URDF_FORMAT))
-        return self._record(URDF, asked, URDF_FORMAT, self._given_as(URDF_FORMAT))
+    def record(self, file: str, text: str) -> WrittenFile:
+        """The record of the check of one file, with its residuals.
 
-    def of_mjcf(self) -> WrittenFile:
-        """The record of a ``corrected.xml`` whose model MuJoCo has loaded and compared."""
-        asked = torque_of_mjcf(self.replay, self.corrected, self._held(MJCF_FORMAT))
-        return self._record(MJCF, asked, MJCF_FORMAT, self._given_as(MJCF_FORMAT))
-
-    def of_yaml(self, text: str) -> WrittenFile:
-        """The record of a ``corrected.yaml``."""
-        return self._record(YAML, torque_of_yaml(self.replay, text, self.corrected.given, self.known), LAWS)
-
-    def of_randomisation(self, text: str) -> WrittenFile:
-        """The record of a ``randomisation.yaml``."""
-        asked = torque_of_randomisation(self.replay, text, self.corrected.given, self.known)
-        return self._record(RANDOMISATION, asked, LAWS)
-
-    def of_feedforward(self, code: str) -> WrittenFile:
-        """The record of a ``feedforward.py``."""
-        asked = torque_of_feedforward(self.replay, code, self.corrected.given)
-        return self._record(FEEDFORWARD, asked, FEEDFORWARD_FORMAT, self._given_as(FEEDFORWARD_FORMAT))
-
-    def of_actuators(self, code: str) -> WrittenFile:
-        """The record of an ``isaac_lab.py``, with the links of the corrected model."""
-        asked = torque_of_actuators(self.replay, code, self.corrected, self._held(ISAAC_FORMAT))
-        return self._record(ISAAC, asked, ISAAC_FORMAT, self._given_as(ISAAC_FORMAT))
-
-    def of_residual(self, code: str) -> WrittenFile:
-        """The record of a ``residual.py``, on top of the corrected model."""
-        model = torque_of_model(self.replay, self.corrected.base, self.effects)
-        asked = torque_of_residual(self.replay, code, model, self.estimate)
-        return self._record(RESIDUAL, asked, LAWS)
-
-    def _held(self, kind: Format) -> tuple[KnownEffect, ...]:
-        return tuple(one for one in self.effects if holds(kind, self.corrected, one))
-
-    def _given_as(self, kind: Format) -> Asked:
-        """Drive torque of the given model with the known effects, as far as this kind of file can contain them."""
-        return self._as(kind, self.corrected.given, self.known)
-
-    def _as(self, kind: Format, base: Robot, effects: tuple[KnownEffect, ...]) -> Asked:
-        """Drive torque of a model with effects, as far as this kind of file can contain them."""
-        held = tuple(one for one in effects if holds(kind, self.corrected, one))
-        part = corrected_model(base, tuple(one for one in effects if one not in held))
-        beside = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: torque_beside(part, motion))
-        robot = part.robot if kind is not URDF_FORMAT else with_rotors_of(part.robot, self.corrected.given)
-        return torque_of_model(self.replay, robot, held, beside)
-
-    def _record(self, file: str, asked: Asked, kind: Format, given: Asked | None = None) -> WrittenFile:
-        squares, left = self.measured.left_by(asked)
-        before, had = self.measured.left_by(given) if given and self.known else self.measured.given
+        Args:
+            file: Name of the file.
+            text: Its text.
+        """
+        kind, replay, given = _FORMATS.get(file, LAWS), self.measured.replay, self.corrected.given
+        contained = tuple(one for one in self.effects if holds(kind, self.corrected, one))
+        torques: dict[str, Callable[[], LogTorque]] = {
+            YAML: lambda: torque_of_yaml(replay, text, given, self.known),
+            URDF: lambda: torque_of_urdf(replay, text, self.corrected, self.config, contained),
+            # MuJoCo has loaded and compared its model already.
+            MJCF: lambda: torque_of_mjcf(replay, self.corrected, contained),
+            RANDOMISATION: lambda: torque_of_randomisation(replay, text, given, self.known),
+            FEEDFORWARD: lambda: torque_of_feedforward(replay, text, given),
+            ISAAC: lambda: torque_of_actuators(replay, text, self.corrected, contained),
+            RESIDUAL: lambda: torque_of_residual(
+                replay, text, torque_of_model(replay, self.corrected.base, self.effects), self.estimate
+            ),
+        }
+        squares, left = self.measured.left_by(torques[file]())
+        before, had = self.measured.given
+        if self.known and kind is not LAWS:
+            before, had = self.measured.left_by(self._limited_torque(kind, given, self.known))
         lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
         # Effects that only add noise to readings do not lower a residual.
-        lacks = any(one in lacking or effect_named(one.effect, self.corrected.given).only_noise for one in self.found)
+        lacks = any(one in lacking or effect_named(one.effect, given).only_noise for one in self.found)
         return WrittenFile(
             file,
             left,
@@ -222,6 +195,14 @@ class Proof:
             tuple(_named(one) for one in lacking),
             self._why_not(squares, before, lambda: self._claimed(kind, lacks or self._moves_rotors(kind))),
         )
+
+    def _limited_torque(self, kind: Format, base: Robot, effects: tuple[KnownEffect, ...]) -> LogTorque:
+        """Drive torque of a model with effects, as far as this kind of file can contain them."""
+        contained = tuple(one for one in effects if holds(kind, self.corrected, one))
+        part = corrected_model(base, tuple(one for one in effects if one not in contained))
+        beside = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: added_torque(part, motion))
+        robot = part.robot if kind is not URDF_FORMAT else with_rotors_of(part.robot, self.corrected.given)
+        return torque_of_model(self.measured.replay, robot, contained, beside)
 
     def _moves_rotors(self, kind: Format) -> bool:
         """True if rotor inertias were moved within tolerance and the format cannot state them."""
@@ -234,7 +215,7 @@ class Proof:
         if not lacks:
             return whole
         try:
-            part = rms(self.measured.squares(self._as(kind, self.estimate, self.effects)))
+            part = rms(self.measured.squares(self._limited_torque(kind, self.estimate, self.effects)))
         except PhantomDynError:
             return whole
         return np.maximum(whole, part)
@@ -293,36 +274,27 @@ def _named(effect: KnownEffect) -> str:
     return effect.effect if effect.joint is None else f"{effect.effect} {effect.joint}"
 
 
-def proved(
-    texts: dict[str, str], proof: Proof | None, *, mjcf_has_moved_joints: bool = False
+def passed_files(
+    texts: dict[str, str], check: FileCheck | None, *, mjcf_has_moved_joints: bool = False
 ) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
     """Texts of the files that passed their check, with their residuals in the header.
 
     Args:
         texts: Texts by file name.
-        proof: Reference for the check; None if there is none, so that all files pass.
+        check: Reference for the check; None if there is none, so that all files pass.
         mjcf_has_moved_joints: True if measured poses have moved joints of the MJCF: its residual is then not known.
 
     Returns:
         The texts, a record of each check, and a note on each file that is left out.
     """
-    if proof is None:
+    if check is None:
         return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in GOES_WITH), ()
-    checks: dict[str, Callable[[str], WrittenFile]] = {
-        YAML: proof.of_yaml,
-        URDF: proof.of_urdf,
-        MJCF: lambda _: proof.of_mjcf(),
-        RANDOMISATION: proof.of_randomisation,
-        FEEDFORWARD: proof.of_feedforward,
-        ISAAC: proof.of_actuators,
-        RESIDUAL: proof.of_residual,
-    }
     kept, records, refused = dict(texts), [], []
-    for name, check in checks.items():
+    for name in (YAML, URDF, MJCF, RANDOMISATION, FEEDFORWARD, ISAAC, RESIDUAL):
         if name not in texts:
             continue
         try:
-            record = check(texts[name])
+            record = check.record(name, texts[name])
         except PhantomDynError as error:
             # A file that cannot be used must not take the others, the report and the diagnosis with it.
             record = WrittenFile(name, {}, {}, refused=str(error).rstrip("."))
@@ -333,7 +305,7 @@ def proved(
             del kept[name]
             refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
         else:
-            kept[name] = with_header(texts[name], record, proof.diagnosis, proof.measured.fitted)
+            kept[name] = with_header(texts[name], record, check.diagnosis, check.measured.fitted)
     for name, other in GOES_WITH.items():
         if name in kept and other not in kept:
             del kept[name]

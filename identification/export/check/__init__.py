@@ -1,0 +1,1 @@
+"""Check of the written models and laws: each is loaded back and run over the recordings."""

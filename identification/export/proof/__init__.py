@@ -1,1 +1,0 @@
-"""Written models and laws, loaded back and run over the recordings."""
