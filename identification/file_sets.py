@@ -1,9 +1,9 @@
 """Atomic writing of several files: a folder holds the old set of files or the new one, even if the process is killed.
 
-The files are written into a hidden folder next to the target folder. Other files of the target folder, which are to be
-kept, are hard-linked into the hidden one. Then one system call exchanges the two folders. Where that is impossible (the
-target holds folders, is the working folder of a process, has a parent that may not be written to, or the system has no
-such call), the files are renamed one by one, the index last. Runs that write into one folder at the same time wait for
+The files are written into a hidden folder next to the target folder. All other files of the target folder are
+hard-linked into the hidden one. Then one system call exchanges the two folders. That is impossible if the target
+contains folders, is the working folder of a process, has a parent without write access, or if the system has no such
+call. Then the files are renamed one by one, the index last. Runs that write into one folder at the same time wait for
 each other. Every text ends with the id of its run, so that a mixture of two runs can be recognised.
 """
 
@@ -17,7 +17,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from identification.files import MARK, alone_in, held_when_made, refused_write, remove_unless_held, temporary_beside
+from identification.files import (
+    MARK,
+    locked_folder,
+    locked_when_made,
+    refused_write,
+    remove_unless_locked,
+    temporary_beside,
+)
 from phantom_dyn.errors import UsageError
 
 _HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE for renameat2, from Linux headers
@@ -51,7 +58,7 @@ def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         ours = {*texts, *obsolete}
-        with alone_in(target):
+        with locked_folder(target):
             _sweep(target)
             if not _written_and_exchanged(target, texts, ours):
                 _written_one_by_one(target, texts, ours)
@@ -74,7 +81,7 @@ def renamed_together(folder: Path) -> Iterator[Callable[[Path], Path]]:
     """
     with ExitStack() as renamed:
         yield lambda path: renamed.enter_context(temporary_beside(path))
-        with alone_in(folder.resolve()):
+        with locked_folder(folder.resolve()):
             renamed.close()
 
 
@@ -126,7 +133,7 @@ def _staging(parent: Path, name: str) -> Iterator[Path]:
         folder.mkdir()
         return folder
 
-    with held_when_made(made) as folder:
+    with locked_when_made(made) as folder:
         try:
             yield folder
         finally:
@@ -143,13 +150,14 @@ def _sweep(target: Path) -> None:
     if target.is_dir():
         remains += [entry for entry in target.iterdir() if entry.name.startswith(".") and MARK in entry.name]
     for entry in remains:
-        remove_unless_held(entry)
+        remove_unless_locked(entry)
 
 
 def _kept_files_linked(target: Path, staging: Path, ours: set[str]) -> bool:
-    """Hard-link all files but ours into the new folder, and copy the folder's owner and mode; False if that fails.
+    """Hard-link all files except ``ours`` into the new folder, and copy the folder's owner and mode.
 
-    It also fails if the folder holds anything but files.
+    Returns:
+        False if that fails, or if the folder contains anything but files.
     """
     with os.scandir(target) as found:
         entries = list(found)
@@ -181,7 +189,7 @@ def _exchanged(one: Path, other: Path) -> bool:
 
 
 def _works_inside(folder: Path) -> bool:
-    """True if the folder is the working folder of a process, such as a shell: it would remain in the old folder."""
+    """True if the folder is the working folder of a process, such as a shell, which would stay in the old folder."""
     places = [Path("/proc/self/cwd"), *Path("/proc").glob("[0-9]*/cwd")]
     for place in places:
         with suppress(OSError):

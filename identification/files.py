@@ -1,6 +1,6 @@
-"""Files of the user: a recording that is not there is refused, and a file that is written is never seen half.
+"""Checks of the paths that a user gives, and atomic writing of files.
 
-Nothing heavy is imported here, so that a command can refuse a wrong path at once.
+Nothing here imports a large library, so that a command can refuse a wrong path at once.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ LOG_ENDINGS = (".csv", ".npz", ".parquet")
 """Endings of the formats that a log is written in."""
 _BAG_ENDINGS = (".bag", ".db3", ".mcap")
 MARK = ".phantom-dyn"
-"""Part of the names of temporary files and folders, by which a later run knows what a killed one has left."""
-_PATIENCE_S = 30.0
-"""Longest wait for a locked folder [s]: a run of ours writes its files in less than a second."""
+"""Part of the names of temporary files and folders, by which a later run finds those that a killed run has left."""
+_LONGEST_WAIT_S = 30.0
+"""Longest wait for a locked folder [s]: a run writes its files in less than a second."""
 LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder), MCAP or a LeRobot folder"
 """Formats of a recording that are read, for sentences."""
 
 LEROBOT_INFO = Path("meta", "info.json")
 """File by which a LeRobot dataset is recognised."""
 EPISODE = "episode_{:06d}"
-"""Name of an episode of a LeRobot dataset behind the folder's; there may or may not be a file of that name."""
+"""Name that stands for one episode of a LeRobot dataset in a path below its folder; such a file need not exist."""
 
 
 def is_lerobot(path: Path) -> bool:
@@ -42,7 +42,10 @@ def is_lerobot(path: Path) -> bool:
 
 
 def lerobot_episode(path: Path) -> tuple[Path, int] | None:
-    """Folder and number of an episode that a path names: ``dataset/episode_3``, or its file in a dataset of v2.1."""
+    """Dataset folder and number of the episode that a path names, None for other paths.
+
+    The path is ``dataset/episode_3``, or the file of an episode in a dataset of version 2.1.
+    """
     found = re.fullmatch(r"episode_(\d{1,7})(\.parquet)?", path.name)
     if found is None:
         return None
@@ -51,7 +54,7 @@ def lerobot_episode(path: Path) -> tuple[Path, int] | None:
 
 
 def require_existing(path: str | Path) -> None:
-    """Refuse a log that does not exist, naming the nearest file of its folder; loads nothing heavy.
+    """Refuse a log that does not exist; the message names the most similar file in its folder.
 
     Raises:
         LogError: If there is no such file or folder.
@@ -71,7 +74,7 @@ def require_existing(path: str | Path) -> None:
 
 
 def require_ending(path: Path) -> None:
-    """Refuse a log to be written whose ending names no format.
+    """Refuse the path of a log to be written if its ending is not that of a format.
 
     Raises:
         UsageError: The sentence names the endings.
@@ -83,7 +86,7 @@ def require_ending(path: Path) -> None:
 
 
 def require_writable(path: Path, option: str) -> None:
-    """Refuse a file that cannot be written, before any work is done; nothing is made.
+    """Refuse a file that cannot be written, before any work is done; nothing is created.
 
     Raises:
         UsageError: If it is a folder, device or pipe, lies below a file, or there is no right to write.
@@ -100,7 +103,7 @@ def require_writable(path: Path, option: str) -> None:
 
 
 def require_writable_folder(folder: Path, names: Iterable[str]) -> None:
-    """Refuse a folder for files that cannot be written, before any work is done; nothing is made.
+    """Refuse an output folder that cannot be written to, before any work is done; nothing is created.
 
     Raises:
         UsageError: If it is a file, or one of the files cannot be written.
@@ -111,11 +114,11 @@ def require_writable_folder(folder: Path, names: Iterable[str]) -> None:
         require_writable(folder / name, "--out")
 
 
-def require_kept(read: Iterable[str | Path | None], written: Iterable[Path]) -> None:
-    """Refuse to write over a file that is read, as a recording in the place of the file behind ``--json``.
+def require_not_read(read: Iterable[str | Path | None], written: Iterable[Path]) -> None:
+    """Refuse to write over an input file, such as a recording that is given as the file of ``--json`` too.
 
     Args:
-        read: Files that are given; names of other things, and None, count for nothing.
+        read: Input files; None and names that are no files are ignored.
         written: Files that would be written.
 
     Raises:
@@ -128,9 +131,9 @@ def require_kept(read: Iterable[str | Path | None], written: Iterable[Path]) -> 
 
 
 _MARKS = re.compile(rb"phantom[-_]dyn|gap-diagnos[ie]s/|\brun\"?: \"?[0-9a-f]{32}\b|,run\r?\n", re.IGNORECASE)
-"""What the texts of our files have: the name of the program, of a schema, or the id of a run."""
+"""Marks of files that phantom-dyn wrote: the name of the program or of a schema, or the id of a run."""
 _HEAD, _TAIL = 1_000_000, 10_000
-"""Bytes at both ends of a file in which it is looked for."""
+"""Numbers of bytes at the start and at the end of a file that are searched for a mark."""
 
 
 def require_own(folder: Path, names: Iterable[str], *, index: str, unmarked: Sequence[str] = ()) -> None:
@@ -138,9 +141,9 @@ def require_own(folder: Path, names: Iterable[str], *, index: str, unmarked: Seq
 
     Args:
         folder: Folder of the files.
-        names: Their names; an empty file is not worth keeping.
-        index: The one among them that tells that the folder was written by us.
-        unmarked: Those whose format has no place for a mark: they are ours where the index is.
+        names: Names of the files; an empty file is never refused.
+        index: Name of the file whose mark shows that phantom-dyn wrote the files in ``unmarked``.
+        unmarked: Files whose format has no place for a mark.
 
     Raises:
         UsageError: The sentence names the file.
@@ -194,14 +197,14 @@ def _is_own(path: Path) -> bool:
 
 @contextmanager
 def temporary_beside(path: str | Path) -> Iterator[Path]:
-    """A path to write to, in the folder of ``path``, that becomes ``path`` when the block ends without an error.
+    """A temporary path in the folder of ``path``, which is renamed to ``path`` when the block ends without an error.
 
-    It keeps the suffix of ``path``, for libraries that choose the format by it. Missing folders are made. After
-    an error nothing is left, folders included, and an older file at ``path`` is as it was. What a process that was
-    killed has left for the same ``path`` is removed.
+    It keeps the suffix of ``path``, for libraries that choose the format by it. Missing folders are created. After an
+    error the temporary file and these folders are removed, and an older file at ``path`` is unchanged. Temporary files
+    that a killed process has left for the same ``path`` are removed too.
 
     Args:
-        path: The file that is wanted in the end.
+        path: The file to be written.
 
     Yields:
         Path of an empty file in the same folder.
@@ -212,7 +215,7 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     missing = [folder for folder in target.absolute().parents if not folder.exists()]
     try:
-        with held_when_made(lambda: _empty_file_beside(target)) as temporary:
+        with locked_when_made(lambda: _empty_file_beside(target)) as temporary:
             try:
                 yield temporary
                 _check_replaceable(target)
@@ -222,7 +225,7 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
     except OSError as error:
         raise UsageError(refused_write(target, error)) from error
     finally:
-        # The system keeps those that hold a file by now, and refuses what is above them.
+        # The system refuses to remove a folder that is not empty, so that those with a new file in them stay.
         for folder in missing:
             with suppress(OSError):
                 folder.rmdir()
@@ -240,22 +243,23 @@ def write_atomically(path: str | Path, content: bytes | str) -> None:
 
 
 def _empty_file_beside(target: Path) -> Path:
-    """A new empty file in the folder of ``target``, with the rights that any new file gets."""
+    """A new empty file in the folder of ``target``, with the access rights of any new file."""
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{MARK}{target.suffix}")
     target.parent.mkdir(parents=True, exist_ok=True)
     _check_replaceable(target)
     for left in target.parent.glob(f".{escape(target.stem)}.*{MARK}{escape(target.suffix)}"):
-        remove_unless_held(left)
+        remove_unless_locked(left)
     temporary.touch(exist_ok=False)
     return temporary
 
 
 @contextmanager
-def held_when_made(make: Callable[[], Path]) -> Iterator[Path]:
+def locked_when_made(make: Callable[[], Path]) -> Iterator[Path]:
     """A new file or folder, locked by this process; the system releases the lock when the process ends in any way.
 
     Args:
-        make: Makes it, each time at another place: another run may take it for left behind before it is held.
+        make: Creates the file or folder, at another place in each call. It is called again if another run has removed
+            the first one as a leftover before it was locked.
     """
     while True:
         place = make()
@@ -269,12 +273,12 @@ def held_when_made(make: Callable[[], Path]) -> Iterator[Path]:
 
 
 def _locked(place: Path) -> int | None:
-    """An open descriptor that holds a file or folder; None if another run has removed it first."""
+    """An open descriptor that locks a file or folder; None if another run has removed it first."""
     try:
         descriptor = os.open(place, os.O_RDONLY)
     except FileNotFoundError:
         return None
-    # On a file system without locks a later run takes it for left behind.
+    # On a file system without locks a later run removes the file as a leftover.
     with suppress(OSError):
         fcntl.flock(descriptor, fcntl.LOCK_EX)
     if place.exists():
@@ -283,15 +287,15 @@ def _locked(place: Path) -> int | None:
     return None
 
 
-def remove_unless_held(place: Path) -> None:
-    """Remove a file or folder that a killed run has left; nothing if a process that lives holds it, or it is gone."""
+def remove_unless_locked(place: Path) -> None:
+    """Remove a file or folder that a killed run has left, unless a running process has locked it."""
     try:
         descriptor = os.open(place, os.O_RDONLY)
     except OSError:
         return
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # While it is locked: a run that has just made it waits for the lock, and then sees that it is gone.
+        # The lock is kept meanwhile: a run that has just created the file waits for it, and then finds the file gone.
         if place.is_dir():
             shutil.rmtree(place, ignore_errors=True)
         else:
@@ -303,18 +307,18 @@ def remove_unless_held(place: Path) -> None:
 
 
 @contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
-    """Let no other run write a set of files into a folder meanwhile; it waits for one that does.
+def locked_folder(folder: Path) -> Iterator[None]:
+    """A context in which no other run writes a set of files into a folder; it first waits for a run that does.
 
-    The folder above it is locked, as a folder that is exchanged is another one afterwards.
+    Its parent folder is locked, because the folder itself may be exchanged for another one meanwhile.
     """
     try:
         descriptor = os.open(folder.parent, os.O_RDONLY)
-    except OSError:  # it may be entered and not read
+    except OSError:  # the parent may be entered but not read
         yield
         return
     try:
-        until = time.monotonic() + _PATIENCE_S
+        until = time.monotonic() + _LONGEST_WAIT_S
         while not _free(descriptor) and time.monotonic() < until:
             time.sleep(0.01)
         yield
@@ -323,7 +327,7 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 
 def _free(descriptor: int) -> bool:
-    """True once a folder is locked by this run, or where its file system knows no locks."""
+    """True if this run has locked the folder now, or if its file system has no locks."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
@@ -334,27 +338,27 @@ def _free(descriptor: int) -> bool:
 def _check_replaceable(target: Path) -> None:
     if target.is_dir():
         raise IsADirectoryError(None, "it is a folder")
-    # A rename would put a plain file in the place of a device, which root may do.
+    # Root could replace a device by a plain file.
     if target.exists() and not target.is_file():
         raise FileExistsError(None, "it is a device or pipe")
 
 
 def refused_write(target: Path, error: OSError) -> str:
-    """The sentence on a file or folder that cannot be written."""
+    """Message on a file or folder that cannot be written."""
     reason = (error.strerror or str(error)).lower()
     return f"cannot write {target}: {reason}; name a file in a folder that you may write to"
 
 
 def looks_like_log(word: str | Path) -> bool:
-    """True for a path that ends as recordings do."""
+    """True for a path with the ending of a recording."""
     return str(word).lower().rstrip("/").endswith((*LOG_ENDINGS, *_BAG_ENDINGS))
 
 
 def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
-    """Refuse arguments that were swapped: a recording for the robot and a robot for a recording.
+    """Refuse a recording that was given as the robot.
 
     Raises:
-        UsageError: The sentence has the two in the right order.
+        UsageError: If so. The message has the right order if a robot was given as a recording.
     """
     if not looks_like_log(robot) or looks_like_robot(str(robot)):
         return
@@ -367,13 +371,13 @@ def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
     )
 
 
-def is_full(error: BaseException) -> bool:
-    """True for the error of a disk, quota or file that takes no more."""
+def is_disk_full(error: BaseException) -> bool:
+    """True if an error says that a disk or quota is full, or that a file has its largest size."""
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
 
 def unreachable_words(error: OSError) -> str | None:
-    """Advice for an error of access to a file, in one sentence; None for an error that names no file."""
+    """One sentence with advice on a file that cannot be accessed; None for an error that names no file."""
     if error.errno is None or not isinstance(error.filename, str | bytes):
         return None
     place = shortened(os.fsdecode(error.filename), 200)
@@ -383,7 +387,7 @@ def unreachable_words(error: OSError) -> str | None:
     return f"{place} cannot be reached ({reason}): name another place, or give yourself the right to enter this one"
 
 
-def full_words(error: OSError) -> str:
-    """Advice for such an error, in one sentence."""
+def disk_full_words(error: OSError) -> str:
+    """One sentence with advice on an error for which `is_disk_full` is true."""
     reason = (error.strerror or str(error)).lower()
     return f"nothing more can be written ({reason}): free some space, or name a place with more, TMPDIR included"

@@ -1,6 +1,6 @@
-"""Notes of a stage beside its result: a code, a joint and numbers, of which `identification.words` makes sentences.
+"""Notes of the stages of a diagnosis: a code, a joint and numbers, which `identification.words` turns into sentences.
 
-No stage reads the sentence of another: who sorts, counts, changes or leaves out notes goes by their codes.
+Code that sorts, counts, changes or removes notes uses their codes. No stage reads the sentence of another one.
 """
 
 from __future__ import annotations
@@ -103,16 +103,16 @@ class Note:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Files that are written and that the note is about."""
+        """Names of the written files that the note is about."""
         return self.numbers.get("files", ())
 
     def with_numbers(self, **numbers: Any) -> Note:
-        """The note with more numbers, or others."""
+        """The note with these numbers added or replaced."""
         return replace(self, numbers={**self.numbers, **numbers})
 
 
 Said = Note | str
-"""A note, or the sentence of a reader, of a check of a file or of an effect, which no stage takes apart."""
+"""A note, or a finished sentence from a reader, a check of a file or an effect."""
 
 INCOMPLETE_FILES = frozenset(
     {
@@ -136,4 +136,4 @@ INCOMPLETE_FILES = frozenset(
         Code.SAME_TORQUES,
     }
 )
-"""Notes on files that are not there, and on findings that a file does not hold."""
+"""Codes of notes on files that were not written, and on findings that a file cannot contain."""

@@ -1,4 +1,4 @@
-"""The whole line of a diagnosis, stage by stage: data, explanation, judgement, rollout, next experiment, result."""
+"""The stages of a diagnosis in their order: data, explanation, judgement, rollout, next experiment, result."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ def diagnose(
     motion_only: bool = False,
     progress: Progress = lambda _: None,
 ) -> Diagnosis:
-    """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
+    """Verdict and findings of recordings, with a plan for the next experiment.
 
-    Args and errors are those of `diagnose_without_plan`; the next experiment is planned too.
+    The arguments and errors are those of `diagnose_without_plan`.
     """
     found = diagnose_without_plan(
         robot,
@@ -80,22 +80,17 @@ def diagnose(
         motion_only=motion_only,
         progress=progress,
     )
-    return with_next_experiment(found, progress)
-
-
-def with_next_experiment(found: DiagnosisWithoutPlan, progress: Progress = lambda _: None) -> Diagnosis:
-    """The diagnosis with the motion that separates most of its rivals, if one can be planned."""
     return with_proposal(found.diagnosis, planned(found, progress), found.started)
 
 
-# With more threads sums come in another order, and the last digits would depend on the machine.
+# With more threads the order of sums, and so the last digits, would depend on the machine.
 @one_blas_thread()
 def planned(found: DiagnosisWithoutPlan, progress: Progress = lambda _: None) -> Proposal:
     """The motion that separates most of the rivals of a diagnosis; an empty proposal if none can be planned."""
     if found.explanation is None or not any(finding.rivals for finding in found.diagnosis.findings):
         return Proposal()
     progress(Announcement(Stage.NEXT_EXPERIMENT))
-    from identification.next_experiment.advise import proposed  # with all that plans motions
+    from identification.next_experiment.advise import proposed  # imports the planning of motions
 
     return proposed(found.explanation, found.diagnosis.findings)
 
@@ -136,25 +131,25 @@ def diagnose_without_plan(
 
     Args:
         robot: The model that is judged.
-        recordings: The recordings, or a function that reads them, given whether a torque is needed: with a function,
-            only those parts of long recordings that are used stay in memory.
-        held_out: Number of recordings, from the last, that no fit sees. If there are any, all figures are those on
-            them; otherwise those on blocks that no fit has seen.
+        recordings: The recordings, or a function that reads them; its argument says whether a torque is needed. With a
+            function only the used parts of long recordings stay in memory.
+        held_out: Number of recordings at the end that no fit sees. If there are any, all figures come from them;
+            otherwise they come from blocks of the recordings that no fit has seen.
         known: Effects that belong to the given model already.
         changes: Known differences between the recordings; empty if there are none.
         motion_only: True if a recorded torque must not be used.
         progress: Called with each stage.
 
     Raises:
-        UsageError: If something is given that does not go with recordings at rest.
-        LogError: If a recording cannot be used, is certainly wrong and not to be judged anyway, or does not determine
-            the gain of a controller.
+        UsageError: If recordings at rest are given with held-out recordings or known effects.
+        LogError: If a recording cannot be used, is certainly wrong (unless it was read with ``anyway``), or does not
+            determine the gain of a controller.
     """
     read = recordings if callable(recordings) else lambda _: recordings
     driven, given, motion = torque_or_motion(robot, read, motion_only=motion_only)
     if not motion:
         used = prepared(driven, given, held_out=held_out, known=known, changes=changes)
-        del given  # hours of samples are not kept while a few minutes of them are diagnosed
+        del given  # frees hours of samples, of which a few minutes are diagnosed
         used = beside_the_model_in_common(used) if judged_by_difference(changes) else used
         return _by_torque(used, progress)
     from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
@@ -216,14 +211,14 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     judgement, shown = judgement_of(explanation, progress)
     progress(Announcement(Stage.LAW))
     if judgement.unexplained.structured:
-        from identification.diagnosis.law.find_law import with_law  # a dozen modules, which few runs need
+        from identification.diagnosis.law.find_law import with_law  # imports a dozen modules that few runs need
 
         judgement = with_law(judgement, shown)
     progress(Announcement(Stage.SIMULATION))
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
     judgement = unknown_if_motion_deviates(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
-    # Rivals between recordings differ in what changed, and no further motion of one of them separates these.
+    # Effects of single recordings explain what changed between recordings. A further motion would not separate these.
     between = bool(session.differences.own)
     judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
@@ -235,7 +230,7 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)
-    # Nor is it known how a base that is not bolted down would move under another motion of its joints.
+    # No experiment is planned for a floating base either: nobody knows how it would move in another motion.
     return DiagnosisWithoutPlan(found, None if between or robot.floating else explanation, given.started)
 
 
@@ -246,7 +241,7 @@ def _result(
     rollout: Rollout,
     seconds: float,
 ) -> Diagnosis:
-    """Everything that the stages have found, as the result of `diagnose`."""
+    """The result of `diagnose` from the results of the stages."""
     return Diagnosis(
         verdict=judgement.verdict,
         robot=session.robot.name,
@@ -261,7 +256,12 @@ def _result(
         data_warnings=(
             *fault_warnings(session.recordings),
             *session.robot.warnings,
-            *(said for recording in session.recordings for said in recording.said if not _found(said, judgement)),
+            *(
+                said
+                for recording in session.recordings
+                for said in recording.said
+                if not _is_explained(said, judgement)
+            ),
             *rollout.warnings,
             *judgement.warnings,
             *burst_notes(judgement.bursts, judgement.joints),
@@ -281,8 +281,8 @@ def _result(
     )
 
 
-def _found(said: Said, judgement: Judgement) -> bool:
-    """True of a sentence on an early torque whose joint is found to have a slow drive: there is nothing to shift."""
+def _is_explained(said: Said, judgement: Judgement) -> bool:
+    """True for a warning that a torque is early if a slow drive was found on its joint, which explains it."""
     if not isinstance(said, LagSentence) or not said.early:
         return False
     slow = (one for one in judgement.findings if any(number.unit == "s" for number in one.parameters.values()))

@@ -18,9 +18,9 @@ T = TypeVar("T")
 def started(work: Callable[[], T]) -> Callable[[], T]:
     """Start a function in a second process; the returned function waits for its result.
 
-    The second process is a copy of this one (``fork``), so that no module is loaded and no argument is sent. If that is
-    not possible, if no second core is free, or if the copy fails, the function runs in this process when its result is
-    asked for, and raises its errors there.
+    The second process is a copy of this one (``fork``), so that no module is loaded and no argument is sent. The
+    function runs in this process instead if there is no free core, or if it fails in the copy. Then it runs when the
+    returned function is called, which raises its errors.
 
     Args:
         work: Function to call. Its result is pickled.
@@ -31,7 +31,7 @@ def started(work: Callable[[], T]) -> Callable[[], T]:
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(work, sender), daemon=True)
     with warnings.catch_warnings():
-        # Fork warns of other threads: here these are threads of numerical libraries, which are idle.
+        # Python warns of a fork while other threads exist. These belong to numerical libraries and are idle.
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
     sender.close()
@@ -58,5 +58,5 @@ def _send(work: Callable[[], object], sender: Connection) -> None:
 
 
 def _has_free_core() -> bool:
-    """True on Linux with two cores for this process; elsewhere a forked process may not use its memory safely."""
+    """True on Linux if this process may use two cores; on other systems a forked process is not safe."""
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1 and not multiprocessing.current_process().daemon

@@ -1,6 +1,6 @@
-"""Stages of a run, and the announcements of them that a ``progress`` callback takes: data, of which words are made.
+"""Stages of a run, and the announcements that a ``progress`` callback is called with.
 
-Percentages and stage times go by the stage; `identification.words.stage_words` has the sentence that a user reads.
+Percentages and times are counted by stage. `identification.words.stage_words` has the words that a user reads.
 """
 
 from __future__ import annotations
@@ -62,4 +62,4 @@ class Announcement:
 
 
 Progress = Callable[[Announcement], None]
-"""Takes the announcements of a run."""
+"""Function that is called with each announcement of a run."""

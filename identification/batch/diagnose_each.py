@@ -19,7 +19,7 @@ from identification.data.reading import ReadOptions, read_recording
 from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
-from identification.files import full_words, is_full, require_existing, require_own
+from identification.files import disk_full_words, is_disk_full, require_existing, require_own
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
 from identification.stages import Announcement, Progress, Stage
@@ -282,8 +282,8 @@ def _diagnosed(
         return replace(row, refusal=str(refusal))
     # An error must not end the work on other recordings; the row says what happened.
     except Exception as fault:
-        if isinstance(fault, OSError) and is_full(fault):
-            return replace(row, refusal=f"{log.name}: {full_words(fault)}.")
+        if isinstance(fault, OSError) and is_disk_full(fault):
+            return replace(row, refusal=f"{log.name}: {disk_full_words(fault)}.")
         reason = " ".join(str(fault).split())[:160]
         return replace(row, refusal=_FAULT.format(log.name, type(fault).__name__, reason))
     causes = tuple(effect_at_finding(finding) for finding in all_findings(diagnosis))

@@ -38,14 +38,14 @@ def run(arguments: argparse.Namespace) -> int:
             f"{arguments.diagnoses[0]} was given alone, wanted two diagnoses or more to compare; see phantom-dyn "
             "compare --help"
         )
-    from identification.files import require_kept, require_own_file, require_writable, write_atomically
+    from identification.files import require_not_read, require_own_file, require_writable, write_atomically
     from identification.reporting.comparison import compare, distinct_names
     from identification.reporting.comparison_page import comparison_page
     from identification.reporting.stored.diagnosis_reader import read_diagnosis
 
     if arguments.out is not None:
         require_writable(arguments.out, "--out")
-        require_kept(arguments.diagnoses, [arguments.out])
+        require_not_read(arguments.diagnoses, [arguments.out])
         require_own_file(arguments.out, "--out")
     found = [read_diagnosis(path) for path in arguments.diagnoses]
     comparison = compare(found, distinct_names(arguments.diagnoses))

@@ -17,7 +17,7 @@ from typing import Protocol, cast
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from identification.cli.terminal.interrupts import Interrupted, interruptible
 from identification.cli.terminal.printed import complain, discard_output, open_streams
-from identification.files import full_words, is_full, unreachable_words
+from identification.files import disk_full_words, is_disk_full, unreachable_words
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
@@ -90,7 +90,7 @@ def main(argv: list[str] | None = None) -> int:
         discard_output(sys.stdout)
         return DONE
     except OSError as error:
-        message = full_words(error) if is_full(error) else unreachable_words(error)
+        message = disk_full_words(error) if is_disk_full(error) else unreachable_words(error)
         if message is None:
             raise
         complain(message)

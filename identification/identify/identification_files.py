@@ -13,7 +13,7 @@ from uuid import uuid4
 
 from identification.export.file_names import MJCF, URDF
 from identification.file_sets import with_run, write_together
-from identification.files import require_kept, require_own, require_writable_folder
+from identification.files import require_not_read, require_own, require_writable_folder
 from identification.identify.identification import Export, IdentifiedModel, Parameter
 
 SCHEMA = "identification/1"
@@ -115,7 +115,7 @@ def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
         UsageError: If it is no folder, a file to write is a folder or an input, or writing is not allowed.
     """
     require_writable_folder(out, NAMES)
-    require_kept(read, (out / name for name in NAMES))
+    require_not_read(read, (out / name for name in NAMES))
     require_own(out, NAMES, index=NAMES[0])
 
 

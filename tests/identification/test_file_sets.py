@@ -14,7 +14,7 @@ import pytest
 from benchmarks import kills
 from identification import file_sets, files
 from identification.file_sets import renamed_together, with_run, write_together
-from identification.files import MARK, alone_in, held_when_made, remove_unless_held, temporary_beside
+from identification.files import MARK, locked_folder, locked_when_made, remove_unless_locked, temporary_beside
 from phantom_dyn.errors import UsageError
 
 OLD, NEW = {"a.txt": "old a", "gone.txt": "old", "index.json": "old"}, {"a.txt": "new a", "index.json": "new"}
@@ -127,7 +127,7 @@ def test_what_a_killed_run_has_left_goes_with_the_next(tmp_path):
 def test_what_a_living_run_writes_stays(tmp_path):
     left = tmp_path / f".out.0a1b2c3d{MARK}"
     left.mkdir()
-    with held_when_made(lambda: left):
+    with locked_when_made(lambda: left):
         write_together(tmp_path / "out", NEW)
         assert left.is_dir()
     write_together(tmp_path / "out", NEW)
@@ -136,13 +136,13 @@ def test_what_a_living_run_writes_stays(tmp_path):
 
 def test_the_system_lets_go_of_what_a_killed_process_held(tmp_path):
     code = (
-        "import sys, os, signal; from pathlib import Path; from identification.files import held_when_made\n"
-        "with held_when_made(lambda: Path(sys.argv[1])):\n    os.kill(os.getpid(), signal.SIGKILL)\n"
+        "import sys, os, signal; from pathlib import Path; from identification.files import locked_when_made\n"
+        "with locked_when_made(lambda: Path(sys.argv[1])):\n    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     left = tmp_path / "left"
     left.mkdir()
     subprocess.run([sys.executable, "-c", code, str(left)], check=False, capture_output=True)
-    remove_unless_held(left)
+    remove_unless_locked(left)
     assert not left.exists()
 
 
@@ -163,7 +163,7 @@ def test_what_another_run_removes_before_it_is_held_is_made_again(tmp_path, monk
         real(descriptor, how)
 
     monkeypatch.setattr(files.fcntl, "flock", held)
-    with held_when_made(made) as place:
+    with locked_when_made(made) as place:
         assert place == tmp_path / "b"
 
 
@@ -173,7 +173,7 @@ def test_a_temporary_file_of_a_killed_run_goes_with_the_next(tmp_path):
     with temporary_beside(tmp_path / "a.json") as path:
         path.write_text("{}")
         assert not left.exists()
-        remove_unless_held(path)
+        remove_unless_locked(path)
         assert path.exists()
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
 
@@ -273,8 +273,8 @@ def test_one_file_that_several_write_is_whole_and_nobody_is_refused(tmp_path):
 
 def test_nobody_waits_for_ever_for_a_folder_that_another_program_holds(tmp_path, monkeypatch):
     # As `flock results phantom-dyn diagnose ... --out results/today`.
-    monkeypatch.setattr(files, "_PATIENCE_S", 0.2)
-    with alone_in(tmp_path / "out"):
+    monkeypatch.setattr(files, "_LONGEST_WAIT_S", 0.2)
+    with locked_folder(tmp_path / "out"):
         begun = time.monotonic()
         write_together(tmp_path / "out", {"index.json": "new"})
     assert time.monotonic() - begun >= 0.2

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -26,8 +27,6 @@ from identification.reporting.page.gap_figures import (
 from identification.reporting.page.geometry_section import poses_view
 from identification.reporting.page.law_section import law_view
 from identification.reporting.page.report_tables import (
-    RegimeShare,
-    Row,
     detectable_sizes,
     gap_row,
     parameter_rows,
@@ -37,7 +36,6 @@ from identification.reporting.page.report_tables import (
 )
 from identification.reporting.page.robot_scene import joint_colours, robot_scene, shares_of
 from identification.words import diagnosis_words as words
-from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
 from identification.words.notes_on_motion import followed_words
@@ -66,71 +64,8 @@ _CLOUDS = 6  # joints drawn over velocity and position
 _SOME = 0.02  # least share of the gap for which a joint's residual is drawn over velocity and position
 _OPEN_JOINTS = 2  # joints with the largest gap whose figures are unfolded
 
-
-@dataclass(frozen=True)
-class Card:
-    """One finding on the page: name, share of the gap, sentences, sizes, and a figure that is empty without samples."""
-
-    name: str
-    share: str
-    sentence: FindingWords
-    sizes: list[Row]
-    figure: Markup
-
-
-@dataclass(frozen=True)
-class JointView:
-    """One joint on the page: name, share of the gap, figures over time and over its motion, regimes.
-
-    ``telling`` is False for a joint without a gap, whose residual shows noise and tolerances only.
-    """
-
-    name: str
-    share: str
-    torque: Markup
-    clouds: list[Markup]
-    regimes: list[RegimeShare]
-    unfolded: bool
-    telling: bool
-
-
-@dataclass(frozen=True)
-class MotionView:
-    """Motion of one joint on the page: name, index, figure, and whether it is unfolded."""
-
-    name: str
-    number: int
-    position: Markup
-    unfolded: bool
-
-
-@dataclass(frozen=True)
-class SceneView:
-    """The robot in three dimensions on the page.
-
-    Attributes:
-        script: Script of the viewer.
-        figure: Solids and labels as JSON for the script.
-        legend: Name, share of the gap and colour of each joint.
-        from_meshes: False if the links are drawn as capsules.
-        has_gap: False if no joint has a residual above its noise floor.
-        is_testable: False if the recording could not show a gap of ordinary size.
-    """
-
-    script: Markup
-    figure: Markup
-    legend: list[Row]
-    from_meshes: bool
-    has_gap: bool
-    is_testable: bool
-
-
-@dataclass(frozen=True)
-class CurvesView:
-    """Torque over time on the page: the script that draws it, and its samples as JSON."""
-
-    script: Markup
-    figure: Markup
+View = dict[str, Any]
+"""Values of one part of the page, by their names in the template."""
 
 
 def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tuple[str, ...] = ()) -> str:
@@ -157,7 +92,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tup
         diagnosis=diagnosis,
         poses=poses,
         badge=badge,
-        verdict=" ".join(poses.sentences) if poses and diagnosis.poses_alone else short_headline(diagnosis),
+        verdict=" ".join(poses["sentences"]) if poses and diagnosis.poses_alone else short_headline(diagnosis),
         reservations="" if diagnosis.poses_alone else " ".join(_details(diagnosis)),
         bars=bars,
         more_joints=more_joints,
@@ -175,7 +110,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tup
         joints=views,
         motions=_motion_views(diagnosis) if has_samples else [],
         motion_words=_followed_words(diagnosis.evidence),
-        curves=_curves(diagnosis, [k for k, view in enumerate(views) if view.torque]),
+        curves=_curves(diagnosis, [k for k, view in enumerate(views) if view["torque"]]),
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
         closed=_closed(diagnosis),
@@ -227,15 +162,16 @@ def _closed(diagnosis: Diagnosis) -> str:
     )
 
 
-def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> Card:
+def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> View:
+    """One finding: its name, its share of the gap, sentences, sizes, and a figure, which is empty without samples."""
     finding = diagnosis.findings[index]
-    return Card(
-        name=_title(finding),
-        share=words.of_the_gap(finding),
-        sentence=words.finding_words(finding, diagnosis.next_experiment),
-        sizes=parameter_rows(finding),
-        figure=Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),
-    )
+    return {
+        "name": _title(finding),
+        "share": words.of_the_gap(finding),
+        "sentence": words.finding_words(finding, diagnosis.next_experiment),
+        "sizes": parameter_rows(finding),
+        "figure": Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),
+    }
 
 
 def _title(finding: Finding) -> str:
@@ -243,32 +179,42 @@ def _title(finding: Finding) -> str:
     return words.capital(words.finding_name(finding)) + where
 
 
-def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
+def _joint_views(diagnosis: Diagnosis) -> list[View]:
+    """One entry per joint: its share of the gap, figures of its residual over time and over its motion, and regimes.
+
+    ``has_gap`` is False for a joint whose residual shows noise and tolerances only.
+    """
     shares = shares_of(diagnosis)
     ranked = np.argsort(-shares, kind="stable").tolist()
     named = {joint_of(diagnosis, finding.joint) for finding in diagnosis.findings[:_FIGURES]}
-    telling = [k for k in ranked if shares[k] > _SOME or k in named or k in ranked[:_OPEN_JOINTS]][:_CLOUDS]
+    drawn = [k for k in ranked if shares[k] > _SOME or k in named or k in ranked[:_OPEN_JOINTS]][:_CLOUDS]
     return [
-        JointView(
-            name=gap.joint,
-            share=percent_short_of_all(float(shares[k])) if shares.any() else "",
-            torque=Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
-            clouds=[Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in telling],
-            regimes=regime_table(diagnosis, k) if shares.any() else [],
-            unfolded=k == ranked[0] or (k in ranked[:_OPEN_JOINTS] and shares[k] > _SOME),
-            telling=bool(shares[k] > _SOME or k == ranked[0]),
-        )
+        {
+            "name": gap.joint,
+            "share": percent_short_of_all(float(shares[k])) if shares.any() else "",
+            "torque": Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
+            "clouds": [Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in drawn],
+            "regimes": regime_table(diagnosis, k) if shares.any() else [],
+            "unfolded": k == ranked[0] or (k in ranked[:_OPEN_JOINTS] and shares[k] > _SOME),
+            "has_gap": bool(shares[k] > _SOME or k == ranked[0]),
+        }
         for k, gap in enumerate(diagnosis.joints)
     ]
 
 
-def _motion_views(diagnosis: Diagnosis) -> list[MotionView]:
+def _motion_views(diagnosis: Diagnosis) -> list[View]:
     """Joints whose simulated motion is drawn, beginning with the largest gap."""
     if diagnosis.evidence.followed is None:
         return []
     ranked = np.argsort(-shares_of(diagnosis), kind="stable").tolist()[:_CURVES]
     return [
-        MotionView(diagnosis.joints[k].joint, k, Markup(position_figure(diagnosis, k)), k == ranked[0]) for k in ranked
+        {
+            "name": diagnosis.joints[k].joint,
+            "number": k,
+            "position": Markup(position_figure(diagnosis, k)),
+            "unfolded": k == ranked[0],
+        }
+        for k in ranked
     ]
 
 
@@ -277,8 +223,11 @@ def _followed_words(evidence: Evidence) -> str:
     return "" if followed is None else followed_words(followed, on_base=evidence.touched is not None)
 
 
-def _curves(diagnosis: Diagnosis, joints: list[int]) -> CurvesView | None:
-    return CurvesView(_script("curve_viewer.js"), _inside_script(time_curves(diagnosis, joints))) if joints else None
+def _curves(diagnosis: Diagnosis, joints: list[int]) -> View | None:
+    """The script that draws torque over time, and its samples as JSON; None without joints."""
+    if not joints:
+        return None
+    return {"script": _script("curve_viewer.js"), "figure": _inside_script(time_curves(diagnosis, joints))}
 
 
 def _unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -> Markup:
@@ -288,16 +237,21 @@ def _unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -
     return Markup(unexplained_figure(diagnosis, motions, unexplained.joint))
 
 
-def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
+def _scene(robot: Robot, diagnosis: Diagnosis) -> View:
+    """The robot in three dimensions: script, solids as JSON, and name, share of the gap and colour of each joint."""
     scene = robot_scene(robot, diagnosis)
     shares = shares_of(diagnosis)
-    legend = [
-        (gap.joint, percent_short_of_all(float(share)) if shares.any() else "", colour)
-        for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
-    ]
-    figure = _inside_script(scene.figure)
-    testable = diagnosis.verdict != "not_testable"
-    return SceneView(_script("robot_viewer.js"), figure, legend, scene.from_meshes, bool(shares.any()), testable)
+    return {
+        "script": _script("robot_viewer.js"),
+        "figure": _inside_script(scene.figure),
+        "legend": [
+            (gap.joint, percent_short_of_all(float(share)) if shares.any() else "", colour)
+            for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
+        ],
+        "from_meshes": scene.from_meshes,
+        "has_gap": bool(shares.any()),
+        "is_testable": diagnosis.verdict != "not_testable",
+    }
 
 
 def _script(name: str) -> Markup:

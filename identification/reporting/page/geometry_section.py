@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
@@ -20,36 +19,18 @@ Row = tuple[str, ...]
 _MOST_POSES = 400  # of a curve: more enlarge the page and do not make the curve clearer
 
 
-@dataclass(frozen=True)
-class PosesView:
-    """Measured poses on the page.
+def poses_view(found: GeometryResult) -> dict[str, Any]:
+    """Values of the section on measured poses, by their names in the template.
 
-    Attributes:
-        sentences: Verdict and causes.
-        findings: Cause, size, share, certainty and rivals of each finding.
-        frames: Gap of each frame: given, corrected, noise.
-        fitted: Poses that the recordings do not give and that were fitted.
-        bounds: Detection limits: sizes that would have been found.
-        not_testable: Parameters that these poses do not determine, grouped by reason.
-        chart: Errors of the poses before and after.
+    ``findings`` has cause, size, share, certainty and rivals of each finding. ``fitted`` has the poses that were fitted
+    because no recording states them. ``bounds`` are sizes that would have been found. ``not_testable`` has the
+    parameters that these poses do not determine, with the reason.
     """
-
-    sentences: list[str]
-    findings: list[Row]
-    frames: list[Row]
-    fitted: list[Row]
-    bounds: list[Row]
-    not_testable: list[Row]
-    chart: Markup
-
-
-def poses_view(found: GeometryResult) -> PosesView:
-    """Content of the section on measured poses."""
-    return PosesView(
-        sentences=words.sentences(found),
-        findings=[_finding(one) for one in (*found.findings, *found.minor)],
-        frames=[_frame(one) for one in found.frames],
-        fitted=[
+    return {
+        "sentences": words.sentences(found),
+        "findings": [_finding(one) for one in (*found.findings, *found.minor)],
+        "frames": [_frame(one) for one in found.frames],
+        "fitted": [
             (
                 "Robot in the axes of the measuring device" if one.what == "base" else f"Target on {one.frame}",
                 one.file,
@@ -58,10 +39,10 @@ def poses_view(found: GeometryResult) -> PosesView:
             )
             for one in found.fitted
         ],
-        bounds=[_bound(one) for one in found.bounds],
-        not_testable=_not_testable(found),
-        chart=Markup("" if found.evidence is None else _chart(found.evidence, found.frames)),
-    )
+        "bounds": [_bound(one) for one in found.bounds],
+        "not_testable": _not_testable(found),
+        "chart": Markup("" if found.evidence is None else _chart(found.evidence, found.frames)),
+    }
 
 
 def _finding(one: PoseFinding) -> Row:

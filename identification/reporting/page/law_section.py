@@ -1,9 +1,8 @@
-"""Section of the report on the residual: inputs, curves and the formula."""
+"""Section of the report on the law of the residual: its inputs, curves over them, and its formula."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
@@ -17,53 +16,35 @@ from identification.words.law_words import dependence_sentences, input_words, in
 from identification.words.numbers_and_names import number, percent
 
 if TYPE_CHECKING:
-    from identification.diagnosis.residual_law import Dependence, FrequencyResponse, InputCurve, InputGain, Law
+    from identification.diagnosis.residual_law import Dependence, FrequencyResponse, InputGain, Law
 
 _ROWS = 8  # inputs and pairs that are shown
 
 
-@dataclass(frozen=True)
-class LawView:
-    """Contents of the section on the law of the residual.
+def law_view(left: Unexplained) -> dict[str, Any] | None:
+    """Values of the section on the residual, by their names in the template; None if no law was looked for.
 
-    Attributes:
-        joint: Joint of the residual.
-        sentences: Sentences on inputs and formula.
-        formula: Formula with its unit; empty if there is none.
-        terms: Text, coefficient, interval and unit of each term, and how often it is chosen.
-        gains: Inputs, share that they predict, interval, and whether that is beyond chance.
-        chance: Share that is predicted by chance.
-        figures: Curves over each named input; gain and phase over frequency for a frequency.
+    ``terms`` has text, coefficient, interval and unit of each term, and how often it is chosen. ``gains`` has inputs,
+    the share that they predict, its interval, and whether that is beyond chance. ``chance`` is the share that chance
+    predicts. ``figures`` are curves over each input; for a frequency they are gain and phase over it.
     """
-
-    joint: str
-    sentences: list[str]
-    formula: str
-    terms: list[tuple[str, ...]]
-    gains: list[tuple[str, ...]]
-    chance: str
-    figures: list[Markup]
-
-
-def law_view(left: Unexplained) -> LawView | None:
-    """The contents of the section on the residual; None if its law was not looked for."""
     found = left.dependence
     if found is None:
         return None
     others = found.gains[_ROWS:]
     shown = [*found.gains[:_ROWS], *(gain for gain in others if set(gain.inputs) == set(found.inputs))]
-    return LawView(
-        joint=found.joint,
-        sentences=dependence_sentences(found, left.law),
-        formula="" if left.law is None else f"{left.law.formula} [{found.unit}]",
-        terms=_terms(found, left.law),
-        gains=[_gain(gain, found.joint) for gain in shown],
-        chance=percent(max((gain.chance for gain in found.gains), default=0.0)),
-        figures=[
+    return {
+        "joint": found.joint,
+        "sentences": dependence_sentences(found, left.law),
+        "formula": "" if left.law is None else f"{left.law.formula} [{found.unit}]",
+        "terms": _terms(found, left.law),
+        "gains": [_gain(gain, found.joint) for gain in shown],
+        "chance": percent(max((gain.chance for gain in found.gains), default=0.0)),
+        "figures": [
             *(Markup(_figure(found, name)) for name in dict.fromkeys(curve.input for curve in found.curves)),
             *(Markup(_response_figure(found, response)) for response in found.responses),
         ],
-    )
+    }
 
 
 def _terms(found: Dependence, law: Law | None) -> list[tuple[str, ...]]:
@@ -101,7 +82,7 @@ def _figure(found: Dependence, name: str) -> str:
     label = f"{'force' if found.unit == 'N' else 'torque'} [{found.unit}]"
     words = input_words(name, found.joint)
     panel = Panel(label, tuple(lines), zero=True, ribbons=tuple(ribbons))
-    return chart((panel,), f"{words} [{_unit(curves)}]", (5.7, 3.0), f"Torque on {found.joint} over {words}")
+    return chart((panel,), f"{words} [{curves[0].unit}]", (5.7, 3.0), f"Torque on {found.joint} over {words}")
 
 
 def _response_figure(found: Dependence, response: FrequencyResponse) -> str:
@@ -121,7 +102,3 @@ def _response_figure(found: Dependence, response: FrequencyResponse) -> str:
     words = input_words(base_of(response.input), found.joint)
     title = f"Response of the torque on {found.joint} to {words} over the frequency"
     return chart(tuple(panels), f"frequency of {words} [Hz]", (5.7, 4.6), title)
-
-
-def _unit(curves: list[InputCurve]) -> str:
-    return curves[0].unit

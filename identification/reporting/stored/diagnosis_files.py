@@ -25,7 +25,6 @@ from identification.diagnosis.result import (
     Finding,
     JointGap,
     NotTestable,
-    Rival,
     Unexplained,
 )
 from identification.diagnosis.written import WrittenFile
@@ -36,7 +35,7 @@ from identification.export.file_names import OPTIONAL
 from identification.file_sets import with_run, write_together
 from identification.files import (
     looks_like_log,
-    require_kept,
+    require_not_read,
     require_own,
     require_own_file,
     require_writable,
@@ -79,10 +78,10 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         **frames,
         "findings": [*(_finding(finding) for finding in diagnosis.findings), *in_poses],
         "minor": [_finding(finding) for finding in diagnosis.minor],
-        "adjusted": [_adjusted(adjusted) for adjusted in diagnosis.adjusted],
+        "adjusted": [_plain_without("hides", adjusted) for adjusted in diagnosis.adjusted],
         "unexplained": _unexplained(diagnosis.unexplained),
-        "bounds": [_plain(_without_words(bound)) for bound in diagnosis.bounds],
-        "not_testable": [_plain(_without_words(entry)) for entry in diagnosis.not_testable],
+        "bounds": [_plain_without("words", bound) for bound in diagnosis.bounds],
+        "not_testable": [_plain_without("words", entry) for entry in diagnosis.not_testable],
         "data_warnings": list(sentences(diagnosis.data_warnings)),
         "next_experiment": _plain(diagnosis.next_experiment),
         "rollout": _plain(diagnosis.rollout),
@@ -121,7 +120,10 @@ def _finding(finding: Finding) -> Json:
         "gap_closed": _plain(finding.gap_closed),
         "gap_closed_interval": _plain(finding.gap_closed_interval),
         "probability": _plain(finding.probability),
-        "rivals": [_rival(rival) for rival in finding.rivals],
+        "rivals": [
+            {"effects": [_effect_at(at) for at in rival.effects], "probability": _plain(rival.probability)}
+            for rival in finding.rivals
+        ],
         "verdict": finding.verdict,
         **law,
         **in_one,
@@ -131,20 +133,12 @@ def _finding(finding: Finding) -> Json:
 
 def _file(file: WrittenFile) -> Json:
     """A model file with its errors; one that was not written has the reason."""
-    out = {name: _plain(value) for name, value in asdict(file).items() if name != "refused"}
-    return out | ({"refused": file.refused} if file.refused else {})
+    return _plain_without("refused", file) | ({"refused": file.refused} if file.refused else {})
 
 
-def _without_words(entry: Bound | NotTestable) -> dict[str, object]:
-    return {name: value for name, value in vars(entry).items() if name != "words"}
-
-
-def _adjusted(adjusted: Adjusted) -> Json:
-    return {name: _plain(value) for name, value in asdict(adjusted).items() if name != "hides"}
-
-
-def _rival(rival: Rival) -> Json:
-    return {"effects": [_effect_at(at) for at in rival.effects], "probability": _plain(rival.probability)}
+def _plain_without(left_out: str, entry: Adjusted | Bound | NotTestable | WrittenFile) -> dict[str, Json]:
+    """All fields of an entry but one, as plain JSON types."""
+    return {name: _plain(value) for name, value in vars(entry).items() if name != left_out}
 
 
 def _effect_at(at: EffectAt) -> Json:
@@ -226,11 +220,11 @@ def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str |
     names = (INDEX, REPORT, NEXT, *MODELS)
     if out is not None:
         require_writable_folder(out, names)
-        require_kept(read, (out / name for name in names))
+        require_not_read(read, (out / name for name in names))
         require_own(out, names, index=INDEX, unmarked=(NEXT,))
     if json_file is not None:
         require_writable(json_file, "--json")
-        require_kept(read, [json_file])
+        require_not_read(read, [json_file])
         if looks_like_log(json_file) or looks_like_robot(str(json_file)):
             raise UsageError(
                 f"--json {json_file} ends as a recording or a robot does, which would be overwritten: name a file "
