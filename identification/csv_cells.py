@@ -10,7 +10,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def text_cell(text: str | None) -> str | None:
-    """The text of a cell, with an apostrophe in front if it begins like a formula: spreadsheets then show it as text."""
+    """Text of a cell, with an apostrophe in front if it begins like a formula; spreadsheets then show it as text."""
     return f"'{text}" if text is not None and text.startswith(_FORMULA) else text
 
 

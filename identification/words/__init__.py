@@ -1,1 +1,1 @@
-"""A diagnosis in words: effects, sizes, numbers, sentences."""
+"""Texts of a diagnosis: words for effects, sizes and numbers, and sentences made of them."""

@@ -1,4 +1,4 @@
-"""Findings in plain words: for each its effect, place, certainty, rivals and next step; see `verdict_words` too."""
+"""Sentences on a finding: its effect, place, certainty, rivals and next step; `verdict_words` has the verdict."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SURENESS = (
 )
 PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
 _ON_AVERAGE = " on average"
-_MOST_OPEN = 4  # largest number of parameters that a sentence lists by name
+_MOST_NAMED_PARAMETERS = 4  # largest number of parameters that a sentence lists by name
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
@@ -44,7 +44,7 @@ def in_recording(recording: str | None) -> str:
 
 def growth_words(finding: Finding) -> str:
     """``, where it is 2.1 times what it is in the other recordings``; empty if that is not known."""
-    # A ratio that is a parameter of the effect itself is no ratio between recordings.
+    # Some effects have a parameter ``ratio`` of their own, which does not compare recordings.
     own = "ratio" in words_of(finding).parameters
     ratio = None if own else finding.parameters.get("ratio")
     if finding.recording is None or ratio is None:
@@ -102,7 +102,7 @@ def _shown(finding: Finding) -> str:
 
 
 def finding_name(finding: Finding) -> str:
-    """Plain name of the effect; a negative size has a name that says that there is less of it than modelled."""
+    """Plain name of the effect; for a negative size a name that says ``less`` than modelled."""
     words = words_of(finding)
     return words.less if _is_less(finding) else words.name
 
@@ -135,7 +135,7 @@ def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
 
 
 def place(effect: str, joint: str | None) -> str:
-    """``joint j2``; for a coupling ``joints j2 and j3``; for None the whole robot; for a target's pose its frame."""
+    """``joint j2``; ``joints j2 and j3`` for a coupling; ``the whole robot`` for None; the frame for a target's pose."""
     if joint is None:
         return "the whole robot"
     if effect == TOOL_POSE:
@@ -144,7 +144,7 @@ def place(effect: str, joint: str | None) -> str:
 
 
 def joints_words(names: list[str]) -> str:
-    """``joint j2`` or ``joints j2 and j3``; without the word joint if every name contains it."""
+    """``joint j2`` or ``joints j2 and j3``; if every name contains the word joint, only the names."""
     if all("joint" in name.lower() for name in names):
         return joined(names)
     return f"joint{'s' * (len(names) > 1)} {joined(names)}"
@@ -228,7 +228,7 @@ def not_shown_words(finding: Finding) -> str:
     names = [parameter_name(name) for name, value in finding.parameters.items() if not value.shown]
     if not names:
         return ""
-    if len(names) > _MOST_OPEN:
+    if len(names) > _MOST_NAMED_PARAMETERS:
         return f"this motion does not show {len(names)} of its numbers"
     return f"this motion does not show {joined(names, ' or ')}"
 

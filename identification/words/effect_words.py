@@ -1,4 +1,4 @@
-"""Effects, their sizes and regimes in plain words, taken from the effects of the catalogue."""
+"""Words for effects, their sizes and the regimes of motion in which they show."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def effect_words(effect: str) -> EffectWords:
 
 
 def shown_as(name: str) -> EffectWords:
-    """Words for an effect of which only the name is known."""
+    """Words for an effect if only its name is known."""
     return EffectWords(name, name, "See what this effect means in its documentation.")
 
 
 def report_order(effect: str) -> tuple[int, int]:
-    """Sort key of an effect in a report: its kind, then its place in the catalogue; a user's own come last."""
+    """Sort key of an effect in a report: its kind, then its place in the catalogue; effects of a user come last."""
     kind, place = kind_and_place(effect) or ("", 0)
     return _KINDS.index(kind) if kind in _KINDS else len(_KINDS), place
 
@@ -110,7 +110,7 @@ def size_words(finding: Finding) -> str:
 
 
 def shortfall_words(value: Value) -> str:
-    """Size after the name of a finding below the modelled value, as ``by 0.051 N m``."""
+    """Size of a finding below the modelled value, as ``by 0.051 N m``."""
     return f"by {with_unit(number(abs(sizes_of(value)[0])), value.unit)}"
 
 
@@ -130,10 +130,10 @@ def value_cell(value: Value) -> str:
 
 
 def _shown(value: Value) -> str:
-    """A value in a sentence, without its standard deviation, which is in the table of sizes."""
+    """A value in a sentence, without its standard deviation, which the table of sizes states."""
     return with_unit(" and ".join(number(v) for v in sizes_of(value)), value.unit)
 
 
 def sizes_of(value: Value) -> list[float]:
-    """All numbers of a value, of which most have one."""
+    """All numbers of a value; most values have one."""
     return value.value if isinstance(value.value, list) else [value.value]

@@ -165,7 +165,7 @@ def _rivals(finding: PoseFinding) -> str:
     """Other explanations that these poses cannot separate from a finding."""
     if not finding.rivals:
         return ""
-    # A set is named by its new member alone, which is shorter.
+    # A set of causes is named by its new member, which is shorter.
     others = [joined([place_words(place) for place in rival.places]) for rival in finding.rivals]
     named = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
     return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(named)}"

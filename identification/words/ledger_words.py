@@ -1,4 +1,4 @@
-"""Sentences on why an effect was named or not, from the ledger of a diagnosis."""
+"""Sentences that say why an effect was named or not, from the ledger of a diagnosis (the list of all claims)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from identification.words.numbers_and_names import number, percent, percent_shor
 from phantom_dyn.errors import UsageError
 
 _NEAREST = 5  # number of effects that came closest, on which there is a text
-_CLEAR = 0.01  # difference in noise floors below which two sets explain the gap equally well
+_EQUALLY_WELL = 0.01  # difference in noise floors below which two sets explain the gap equally well
 
 # For each gate, why an effect that fails it is not named; `value` and `needed` are its numbers.
 REASONS: dict[str, str] = {
@@ -73,7 +73,7 @@ class ClaimWords:
 
 
 def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[ClaimWords, ...]:
-    """Why an effect is named in a diagnosis or not, one text for each joint; for all joints if none is given.
+    """Texts that say why an effect is named in a diagnosis or not: one for each joint, or for the given joint only.
 
     Args:
         diagnosis: A diagnosis with a ledger.
@@ -107,7 +107,7 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[Cl
 def nearest_claims(diagnosis: Diagnosis) -> tuple[ClaimWords, ...]:
     """Texts on the five unnamed effects that would close most of the gap."""
     others = [claim for claim in diagnosis.ledger if claim.outcome in ("displaced", "not_claimed")]
-    others.sort(key=lambda claim: -_closes(claim))
+    others.sort(key=lambda claim: -_share_alone(claim))
     return tuple(_of_claim(diagnosis, claim) for claim in others[:_NEAREST])
 
 
@@ -156,7 +156,7 @@ def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> ClaimWords:
 
 
 def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
-    failed, closes = claim.failed, _closes(claim)
+    failed, closes = claim.failed, _share_alone(claim)
     would = f"{capital(name)} would close {percent_short_of_all(closes)} of the gap" if closes > 0.0 else ""
     if claim.outcome == "claimed":
         alone = f", and would close {percent_short_of_all(closes)} of the gap alone" if closes > 0.0 else ""
@@ -168,11 +168,11 @@ def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
     if not would:
         start = f"{capital(name)} {'are' if several else 'is'} not named because"
     if claim.outcome == "displaced" and claim.instead:
-        return f"{start} {_instead(claim, _as_rival(diagnosis, claim))}."
+        return f"{start} {_instead(claim, _rival_probability(diagnosis, claim))}."
     return f"{start} {_reason(failed)}."
 
 
-def _as_rival(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
+def _rival_probability(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
     """Probability of a claim as a rival of the finding that replaced it; zero if it is not a rival."""
     findings = [one for one in all_findings(diagnosis) if one.effect_at in claim.instead]
     own = [rival.probability for one in findings for rival in one.rivals if set(rival.effects) == set(claim.effects)]
@@ -183,9 +183,9 @@ def _instead(claim: Claim[EffectAt], probability: float) -> str:
     others, failed = joined([effect_at(at) for at in claim.instead]), claim.failed
     several = len(claim.instead) > 1 or "parameters" in others
     more = claim.figures.get("floors_more", math.nan)
-    if not math.isfinite(more):  # the one that replaced it is not named in the end either
+    if not math.isfinite(more):  # the effect that replaced it is not named either
         return f"{others} took its place in the search: {_reason(failed)}"
-    if more >= _CLEAR:
+    if more >= _EQUALLY_WELL:
         better = f"{others} {'close' if several else 'closes'} {number(more, 2)} noise floors more"
     else:
         better = f"{others} {'explain' if several else 'explains'} as much"
@@ -232,7 +232,7 @@ def gate_line(result: GateResult) -> str:
     return f"{'passed' if result.passed else 'failed'}  {result.gate}: {value}, needed {needed}{unit}"
 
 
-def _closes(claim: Claim[EffectAt]) -> float:
+def _share_alone(claim: Claim[EffectAt]) -> float:
     closes = claim.figures.get("closes", math.nan)
     return closes if math.isfinite(closes) else -math.inf
 

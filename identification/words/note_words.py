@@ -1,4 +1,4 @@
-"""Sentences of the notes that the stages of a diagnosis leave."""
+"""Sentences of the notes that the stages of a diagnosis write."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from identification.notes import Code, Note
 from identification.words.numbers_and_names import filled, percent
 
-_LACKED = {
+_QUANTITIES = {
     "rotor_inertia": "rotor inertias: put them into {config} (rotor_inertia [kg m^2 or kg])",
     "stiffness": "springs (stiffness)",
     "offset": "constant torques [N m or N]",
@@ -22,17 +22,21 @@ _LACKED = {
     "spring_behind_play": "a spring behind a play (stiffness)",
     "zeros_in_chain": "the zeros of encoders in a closed chain [rad or m]",
 }
-"""Quantities of a corrected model that a file may lack."""
+"""Words for the quantities of a corrected model that a file may have no place for."""
 
 
-def _begun(text: str) -> str:
+def _with_small_first_letter(text: str) -> str:
     return f"{text[:1].lower()}{text[1:]}"
 
 
 def _of_file(words: str | Callable[[Note], str]) -> Callable[[Note], str]:
-    """A sentence on "it", from a template or a function, preceded by the name of the file if the note has one."""
+    """Function that makes a sentence about "it", preceded by the name of the file if the note has one.
+
+    Args:
+        words: Template or function of the sentence.
+    """
     make = filled(words) if isinstance(words, str) else words
-    return lambda note: f"{note.files[0]}: {_begun(make(note))}" if note.files else make(note)
+    return lambda note: f"{note.files[0]}: {_with_small_first_letter(make(note))}" if note.files else make(note)
 
 
 def _values(note: Note) -> str:
@@ -48,7 +52,7 @@ def _not_written(note: Note) -> str:
 
 
 def _no_place(note: Note) -> str:
-    what = _LACKED[note.numbers["quantity"]].format(config=note.numbers.get("config", ""))
+    what = _QUANTITIES[note.numbers["quantity"]].format(config=note.numbers.get("config", ""))
     return f"It has no place for {what}: {_values(note)}."
 
 

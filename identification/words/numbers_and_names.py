@@ -1,4 +1,4 @@
-"""Numbers and names as text: values with standard deviation and unit, percentages, names cut for a terminal."""
+"""Numbers as text: values with standard deviation and unit, percentages, and the probabilities that texts state."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _no_minus_zero(text: str) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number to some significant digits, without an exponent below a million; a dash if it is not finite."""
+    """A number with some significant digits; below a million without an exponent; a dash if it is not finite."""
     if not math.isfinite(value):
         return "–"
     text = _no_minus_zero(f"{value:.{digits}g}")
@@ -56,7 +56,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage, never rounded to 0 or 100 unless it is; a dash if it is not finite."""
+    """A share as a percentage; only exact shares are shown as 0 or 100 %; a dash if the share is not finite."""
     if not math.isfinite(share):
         return "–"
     if 0 < abs(share) < 0.005:
@@ -67,44 +67,44 @@ def percent(share: float) -> str:
 
 
 def percent_short_of_all(share: float) -> str:
-    """A share that no recording can prove to be 100 %, such as of a gap; ``over 99 %`` is the most."""
+    """A share as a percentage of at most ``over 99 %``, because no recording can prove 100 % of a gap."""
     return percent(min(share, 0.999))
 
 
 def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:
-    """A diagnosis with the probabilities that texts state, see `beside_what_is_left`.
+    """A diagnosis whose findings have the probabilities of `with_cause_outside_catalogue`, which texts state.
 
-    The file of a diagnosis keeps the probabilities among effects of the catalogue, which sum to one.
+    ``diagnosis.json`` keeps the probabilities among effects of the catalogue, which sum to one.
     """
     findings, minor = (
-        tuple(beside_what_is_left(finding, diagnosis.joints) for finding in some)
+        tuple(with_cause_outside_catalogue(finding, diagnosis.joints) for finding in some)
         for some in (diagnosis.findings, diagnosis.minor)
     )
     return replace(diagnosis, findings=findings, minor=minor)
 
 
-def beside_what_is_left(finding: Finding, joints: tuple[JointGap, ...]) -> Finding:
+def with_cause_outside_catalogue(finding: Finding, joints: tuple[JointGap, ...]) -> Finding:
     """The finding with lower probabilities if more than noise is left on its joint.
 
-    A comparison among the effects of the catalogue shows which of them is best, but not that one of them is right. If
-    the best ones leave a share of the joint's gap, its unknown cause may also be the cause of what they explain. So
-    the probability that is missing to one is that of a cause outside the catalogue.
+    A comparison among the effects of the catalogue shows which of them fits best, but not that one of them is right. If
+    the best ones leave a share of the joint's gap, the unknown cause of that share may also cause what they explain.
+    So the probabilities sum to less than one, and the difference is the probability of a cause outside the catalogue.
 
     Args:
         finding: Finding with rivals of the catalogue; their probabilities and its own sum to one.
         joints: Gaps of all joints, before and after all findings.
     """
     own = [joint for joint in joints if joint.joint in (finding.joint or "").split("+")]
-    named = min(map(_named, own)) if own else fsum(map(_named, joints)) / len(joints)
+    closed = min(map(_closed_share, own)) if own else fsum(map(_closed_share, joints)) / len(joints)
     known = known_effect(finding.effect)
-    # An effect of noise alone is measured from the readings, and has no rivals.
-    if (known is not None and known.only_noise) or 1.0 - named < contract_levels.LISTED:
+    # An effect that only adds noise is measured from the readings, and has no rivals.
+    if (known is not None and known.only_noise) or 1.0 - closed < contract_levels.LISTED:
         return finding
-    rivals = tuple(replace(rival, probability=named * rival.probability) for rival in finding.rivals)
-    return replace(finding, probability=named * finding.probability, rivals=rivals)
+    rivals = tuple(replace(rival, probability=closed * rival.probability) for rival in finding.rivals)
+    return replace(finding, probability=closed * finding.probability, rivals=rivals)
 
 
-def _named(joint: JointGap) -> float:
+def _closed_share(joint: JointGap) -> float:
     """Share of a joint's gap that findings close; one if only noise is left."""
     quiet = joint.rms_after <= contract_levels.FLOORS_LEFT * joint.noise_floor
     return 1.0 if quiet or joint.closed is None else min(max(joint.closed, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""Words of effects that a user brought, stored beside their names, as reports do not have the effects themselves."""
+"""Words for effects that a user wrote, stored in the result, because reports do not have the effects themselves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def user_words(effect: str, robot: Robot) -> EffectWords | None:
-    """Words of an effect that the user brought for a robot; None for any other name."""
+    """Words of an effect that the user wrote for a robot; None for any other name."""
     if effect not in {own.name for own in robot.user_effects}:
         return None
     found = known_effect(effect, robot)
@@ -19,7 +19,7 @@ def user_words(effect: str, robot: Robot) -> EffectWords | None:
 
 
 def with_user_words(judgement: Judgement, robot: Robot) -> Judgement:
-    """The judgement with words for every effect that the user brought; the same object if there are none.
+    """The judgement with words for every effect that the user wrote; the same object if there are none.
 
     Args:
         judgement: Judgement with the names of effects.

@@ -1,4 +1,4 @@
-"""The verdict in plain words: what explains the gap, what is left of it, and what the verdict cannot exclude."""
+"""Sentences on the verdict: what explains the gap, what is left of it, and what the verdict cannot exclude."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ from identification.words.diagnosis_words import (
 from identification.words.effect_words import is_between_joints, is_shared, regime_words
 from identification.words.numbers_and_names import number, percent, percent_short_of_all
 
-_HEADLINE, _HEADED = 128, 4  # letters of a headline (two lines at 1200 and five at 400 pixels); causes that it names
-_SEVERAL = 3  # least number of joints for ``all 6 joints`` in place of their names
-_TIMES = 3  # stretches of time that a sentence names
-_NAMED = 3  # changes within tolerance that a sentence names
-_CARRIED = 0.1  # least share of the gap closed by changes within tolerance that is mentioned
+_HEADLINE_LETTERS = 128  # most letters of a headline: two lines on 1200 pixels, five on 400
+_HEADLINE_CAUSES = 4  # most causes that a headline names
+_MANY_JOINTS = 3  # least number of joints for ``all 6 joints`` in place of their names
+_MOST_TIMES = 3  # most stretches of time that a sentence names
+_MOST_CHANGES = 3  # most changes within tolerance that a sentence names
+_LEAST_MENTIONED = 0.1  # least share of the gap closed by changes within tolerance that is mentioned
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -50,7 +51,7 @@ def headline(diagnosis: Diagnosis) -> str:
 def short_headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence of at most about 130 letters, which names as many causes as fit."""
     wrong = "Judged although the recording is wrong. " * bool(diagnosis.wrong)
-    return wrong + _short_verdict(diagnosis, _HEADLINE - len(wrong))
+    return wrong + _short_verdict(diagnosis, _HEADLINE_LETTERS - len(wrong))
 
 
 def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
@@ -67,7 +68,7 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
         groups = grouped(diagnosis)
         placed = [_named(kinds, diagnosis) for kinds in groups]
         bare = list(dict.fromkeys(finding_name(found[0]) for kinds in groups for found in kinds))
-        for names, count in ((names, count) for names in (placed, bare) for count in range(_HEADED, 0, -1)):
+        for names, count in ((names, count) for names in (placed, bare) for count in range(_HEADLINE_CAUSES, 0, -1)):
             more = f" and {len(names) - count} more" if count < len(names) else ""
             named = joined(names[:count], last=", " if more else " and ") + more
             said = f"{begins[diagnosis.verdict]} {named}."
@@ -95,7 +96,7 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         found = f" ({named} found, but not enough)" if names else ""
         return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
     if diagnosis.verdict == "no_gap":
-        beyond = "noise, what drives and slow joints may leave," if _loud_joints(diagnosis) else "noise"
+        beyond = "noise, what drives and slow joints may leave," if _joints_above_noise(diagnosis) else "noise"
         return f"The model fits the robot: nothing was found beyond {beyond} and the tolerances that the model states."
     if diagnosis.verdict == "not_testable" and torques_may_be_noise(diagnosis.joints):
         return (
@@ -182,7 +183,7 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
     if len(found) == 1 or is_between_joints(found[0].effect):
         return " " + joined([on_place(one.effect, one.joint) for one in found])
     names = list(dict.fromkeys(str(finding.joint) for finding in found))
-    if len(names) == len(diagnosis.joints) >= _SEVERAL:
+    if len(names) == len(diagnosis.joints) >= _MANY_JOINTS:
         return f" on all {len(names)} joints"
     return f" on {joints_words(names)}"
 
@@ -190,23 +191,23 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 def reservations(diagnosis: Diagnosis) -> list[str]:
     """Sentences on what a verdict of no gap or of an explained gap cannot exclude, and on what tolerances explain."""
     moved = closed_by_tolerances(diagnosis)
-    carried = (
+    by_tolerances = (
         [] if moved is None else [f"Changes within the tolerances close {percent_short_of_all(moved)} of the gap."]
     )
     limits = _at_limits([change for change in diagnosis.adjusted if change.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
-        return [*carried, *limits] if carried else []
-    out = [*_not_judged(diagnosis), *carried, *limits]
+        return [*by_tolerances, *limits] if by_tolerances else []
+    out = [*_not_judged(diagnosis), *by_tolerances, *limits]
     limits_only = [gap.joint for gap in diagnosis.joints if not gap.noise_is_known]
     if diagnosis.verdict == "no_gap" and limits_only:
         out.append(
             "The noise is known as an upper limit only, so that a short event which does not repeat cannot be excluded."
         )
     shares = {gap.joint: gap.noise_floor / gap.rms_torque for gap in diagnosis.joints if gap.rms_torque}
-    loudest = max(limits_only, key=lambda joint: shares.get(joint, 0.0), default=None)
-    if loudest is not None and shares.get(loudest, 0.0) > ORDINARY_SHARE:
+    noisiest = max(limits_only, key=lambda joint: shares.get(joint, 0.0), default=None)
+    if noisiest is not None and shares.get(noisiest, 0.0) > ORDINARY_SHARE:
         out.append(
-            f"On {joints_words([loudest])} {percent(shares[loudest])} of the torque counts as noise, because nothing "
+            f"On {joints_words([noisiest])} {percent(shares[noisiest])} of the torque counts as noise, because nothing "
             "predicts it: if its sensors are better than that, an effect hides there, and sizes are less certain than "
             "stated."
         )
@@ -217,8 +218,8 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
-    if diagnosis.verdict == "no_gap" and _loud_joints(diagnosis):
-        one = max(_loud_joints(diagnosis), key=_of_torque)
+    if diagnosis.verdict == "no_gap" and _joints_above_noise(diagnosis):
+        one = max(_joints_above_noise(diagnosis), key=_of_torque)
         out.append(
             f"On {joints_words([one.joint])} {one.rms_after / one.noise_floor:.1f} times its noise floor is left, "
             f"{percent(_of_torque(one))} of its torque: the drive may make it, or friction where the joint stands, "
@@ -227,7 +228,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
     return out
 
 
-def _loud_joints(diagnosis: Diagnosis) -> list[JointGap]:
+def _joints_above_noise(diagnosis: Diagnosis) -> list[JointGap]:
     """Joints on which more than noise is left, which a sound model may leave on drives of that class."""
     noisy = [gap for gap in diagnosis.joints if not gap.only_given_fits]
     return [gap for gap in noisy if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
@@ -274,8 +275,8 @@ def closed_by_tolerances(diagnosis: Diagnosis) -> float | None:
     known = [share for share in shares if share is not None]
     if diagnosis.gap.closed is None or len(known) < len(shares):
         return None
-    carried = diagnosis.gap.closed - sum(known)
-    return carried if carried > _CARRIED else None
+    by_tolerances = diagnosis.gap.closed - sum(known)
+    return by_tolerances if by_tolerances > _LEAST_MENTIONED else None
 
 
 def _at_limits(changes: list[Adjusted]) -> list[str]:
@@ -289,8 +290,8 @@ def _at_limits(changes: list[Adjusted]) -> list[str]:
     plain = [change for change in changes if change.hides is not None and change.hides.kind == "change"]
     loads = dict.fromkeys(hidden_words(change) for change in changes if change not in plain)
     hidden = [*loads, *["larger changes of these"] * bool(plain)]
-    more = [f"{len(changes) - _NAMED} more (in the report)"] if len(changes) > _NAMED else []
-    names = joined([*(change.quantity for change in changes[:_NAMED]), *more])
+    more = [f"{len(changes) - _MOST_CHANGES} more (in the report)"] if len(changes) > _MOST_CHANGES else []
+    names = joined([*(change.quantity for change in changes[:_MOST_CHANGES]), *more])
     return [f"The changes of {names} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
 
 
@@ -307,8 +308,8 @@ def left_over(diagnosis: Diagnosis) -> str:
     """What is left unexplained: events with their times, joints above their noise floor, and structure."""
     left, parts = diagnosis.unexplained, []
     if left.times:
-        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_TIMES]])
-        more = f" and {len(left.times) - _TIMES} more times" if len(left.times) > _TIMES else ""
+        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_MOST_TIMES]])
+        more = f" and {len(left.times) - _MOST_TIMES} more times" if len(left.times) > _MOST_TIMES else ""
         # A residual with structure is named with its joint below; events may be on other joints.
         where = "" if left.structured else f" on {place('', left.joint)}"
         parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")

@@ -19,7 +19,7 @@ from identification.stages import Announcement, Stage
 from identification.words.effect_words import meaning_of, size_words, value_cell
 from identification.words.ledger_words import gate_line, nearest_claims, why
 from identification.words.note_words import WORDS, sentence, sentences
-from identification.words.numbers_and_names import NO_BREAK, beside_what_is_left, number, percent, value_words, with_std
+from identification.words.numbers_and_names import NO_BREAK, with_cause_outside_catalogue, number, percent, value_words, with_std
 from identification.words.stage_words import NAMES, in_words, stage_words
 from made_up_diagnosis import made_up_diagnosis
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -235,20 +235,20 @@ def finding(joint: str | None, *rivals: tuple[str, float]) -> Finding:
     ],
 )
 def test_what_is_left_of_a_joint_may_have_made_what_a_finding_explains(joint, gaps, own):
-    said = beside_what_is_left(finding(joint), tuple(gaps))
+    said = with_cause_outside_catalogue(finding(joint), tuple(gaps))
     assert said.probability == pytest.approx(own)
     assert said.rivals == ()
 
 
 def test_rivals_lose_as_much_as_the_finding():
-    said = beside_what_is_left(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
+    said = with_cause_outside_catalogue(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
     assert said.probability == pytest.approx(0.45)
     assert [rival.probability for rival in said.rivals] == [pytest.approx(0.15)]
 
 
 def test_steps_that_the_readings_show_stay_as_certain_as_they_are():
     steps = replace(finding("j1"), effect="encoder_quantization")
-    assert beside_what_is_left(steps, (gap("j1", 3.0, 0.6),)) == steps
+    assert with_cause_outside_catalogue(steps, (gap("j1", 3.0, 0.6),)) == steps
 
 
 def test_terminal_and_report_tell_a_cause_outside_the_catalogue(made_up):
