@@ -1,4 +1,4 @@
-"""The diagnosis as a few lines for a terminal: plain text without colour, at most 100 columns."""
+"""Summary of a diagnosis for a terminal: plain text without colour, at most 100 columns wide."""
 
 from __future__ import annotations
 
@@ -113,14 +113,14 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
 
 
 def _closed_squares(joint: JointGap) -> float:
-    """Part of the gap that a joint's findings close, as the share of the gap counts it: in squared noise floors."""
+    """Part of the gap that a joint's findings close, in squared noise floors, as in the share of the gap."""
     if joint.noise_floor <= 0.0:
         return 0.0
     return (joint.without_findings**2 - joint.rms_after**2) / joint.noise_floor**2
 
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on data and findings, beginning with those on which the answer may depend."""
+    """Sentences on data and findings; warnings, on which the answer may depend, come first."""
     out = [f"Warning: {warning}" for warning in note_sentences(diagnosis.data_warnings)]
     if diagnosis.minor:
         names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
@@ -141,17 +141,15 @@ def _finding_line(finding: Finding) -> str:
     grown = growth_words(finding)
     known = words.shown_parameters(finding)
     values = {name: value for name, value in known.items() if not (grown and name == "ratio")}
-    open_ = words.not_shown_words(finding)
-    sizes = _sizes(values) if values else ""
-    size = (f": {sizes}" if sizes else "") + grown + (f" ({open_})" if open_ else "")
+    not_shown = words.not_shown_words(finding)
+    size = (f": {_sizes(values)}" if values else "") + grown + (f" ({not_shown})" if not_shown else "")
     sure = f"{words.sureness(finding.probability)}, {words.of_the_gap(finding)}"
-    instead = words.rivals_words(finding)
-    rivals = f"; {instead}" if instead else ""
-    return f"{words.capital(words.effect_at_finding(finding))}{size}; {sure}{rivals}"
+    rivals = words.rivals_words(finding)
+    return "; ".join([words.capital(words.effect_at_finding(finding)) + size, sure, *([rivals] if rivals else [])])
 
 
 def _sizes(values: Mapping[str, Value]) -> str:
-    """Sizes with their standard deviations; a single one has no name, each of several has."""
+    """Sizes with their standard deviations; if there are several, each has its name."""
     if len(values) == 1:
         return value_words(next(iter(values.values())))
     shown = values
@@ -188,7 +186,7 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
 
 
 def _worse_in_tolerance(joints: tuple[JointGap, ...]) -> list[str]:
-    """Why a joint may be worse within tolerance than given; empty if none is."""
+    """Why joints have a larger residual within tolerance than with the given model; empty if no joint has."""
     worse = [joint.joint for joint in joints if joint.worse_adjusted]
     if not worse:
         return []
@@ -201,9 +199,9 @@ def _worse_in_tolerance(joints: tuple[JointGap, ...]) -> list[str]:
 
 
 def _may_be_noise(diagnosis: Diagnosis) -> list[str]:
-    """Why a joint with several noise floors left may have no gap; empty if there is no such joint.
+    """Why joints with a residual of several noise floors may have no gap; empty if there are no such joints.
 
-    Noise has no structure, so that the joint where structure is left is not among them.
+    The joint whose residual has structure is not among them, because noise has none.
     """
     joints = [joint for joint in diagnosis.joints if joint.joint != diagnosis.unexplained.joint]
     doubtful = [joint for joint in joints if _explained_by_noise(joint)]
@@ -221,7 +219,7 @@ def _may_be_noise(diagnosis: Diagnosis) -> list[str]:
 
 
 def _explained_by_noise(joint: JointGap) -> bool:
-    """True if a joint counts as explained or free of a gap only because of the upper limit of its noise."""
+    """True if a joint counts as explained, or as free of a gap, only because its noise may be as large as its limit."""
     floors = contract_levels.FLOORS_LEFT * joint.noise_floor < joint.rms_after <= joint.allowed
     return bool(floors and (joint.closed is None or joint.closed < 1.0 - contract_levels.GAP_LEFT))
 

@@ -135,7 +135,7 @@ def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
 
 
 def place(effect: str, joint: str | None) -> str:
-    """``joint j2``; ``joints j2 and j3`` for a coupling; ``the whole robot`` for None; the frame for a target's pose."""
+    """``joint j2``; ``joints j2 and j3`` for a coupling; ``the whole robot`` for None; a frame for a target's pose."""
     if joint is None:
         return "the whole robot"
     if effect == TOOL_POSE:

@@ -152,22 +152,20 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
     joints = [gap.joint for gap in diagnosis.joints]
     by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
     for finding in diagnosis.findings:
-        # A finding without a joint or with two is a group of its own, as is one below the modelled value.
+        # Findings on no joint or on several joints are not grouped with others, nor are those below the modelled value.
         several = is_between_joints(finding.effect) or (is_shared(finding.effect) and "+" in (finding.joint or ""))
-        own = finding.joint is None or several
-        by_effect.setdefault((finding_name(finding), finding.recording, own), []).append(finding)
+        alone = finding.joint is None or several
+        by_effect.setdefault((finding_name(finding), finding.recording, alone), []).append(finding)
     by_place: dict[object, list[list[Finding]]] = {}
-    for number_of, (key, found) in enumerate(by_effect.items()):
+    for count, ((_, recording, alone), found) in enumerate(by_effect.items()):
         places = frozenset(finding.joint for finding in found)
-        together = len(places) > 1 and not key[2]
         ordered = sorted(found, key=lambda one: joints.index(one.joint) if one.joint in joints else len(joints))
-        by_place.setdefault((places, key[1]) if together else number_of, []).append(ordered)
-    return sorted(by_place.values(), key=_share_of_group, reverse=True)
+        by_place.setdefault(count if alone or len(places) == 1 else (places, recording), []).append(ordered)
 
+    def share(kinds: list[list[Finding]]) -> float:
+        return sum(max(finding.share or 0.0, 0.0) for found in kinds for finding in found)
 
-def _share_of_group(kinds: list[list[Finding]]) -> float:
-    """Share of the gap that a group closes, for sorting; zero for findings whose share is unknown."""
-    return sum(max(finding.share or 0.0, 0.0) for found in kinds for finding in found)
+    return sorted(by_place.values(), key=share, reverse=True)
 
 
 def group_name(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
@@ -229,13 +227,13 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
 
 
 def _joints_above_noise(diagnosis: Diagnosis) -> list[JointGap]:
-    """Joints on which more than noise is left, which a sound model may leave on drives of that class."""
+    """Joints on which more than the noise floor is left, as a sound model may leave with drives of that kind."""
     noisy = [gap for gap in diagnosis.joints if not gap.only_given_fits]
     return [gap for gap in noisy if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
 
 
 def _not_judged(diagnosis: Diagnosis) -> list[str]:
-    """A sentence on joints without a sample that counts, of which the verdict says nothing."""
+    """A sentence on joints without a usable sample, on which the verdict says nothing; empty if there are none."""
     joints = [gap.joint for gap in diagnosis.joints if not gap.hold_out_samples]
     if not joints:
         return []
@@ -244,12 +242,12 @@ def _not_judged(diagnosis: Diagnosis) -> list[str]:
 
 
 def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
-    """Joints of which much is left that may be noise, friction or a gap."""
+    """Joints on which much is left that may be noise, friction or a gap."""
     return [gap for gap in diagnosis.joints if is_open(gap) and gap.noise_is_known]
 
 
 def _of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:
-    """Joints whose noise is not known, where that alone keeps the verdict from being that there is no gap."""
+    """Joints whose noise is unknown, if only that keeps the verdict from being ``no_gap``."""
     if torques_may_be_noise(diagnosis.joints) or ordinary_effects_hide(diagnosis.bounds):
         return []
     return [gap for gap in diagnosis.joints if gap.hold_out_samples and not gap.noise_is_known and gap.rms_torque]
@@ -268,8 +266,8 @@ def _of_torque(gap: JointGap) -> float:
 def closed_by_tolerances(diagnosis: Diagnosis) -> float | None:
     """Share of the gap that is closed by changes within the tolerances and by no finding; None if it is negligible.
 
-    The shares of findings say what each closes. A size that turned out to be within a tolerance, such as that of a
-    controller's gain, is not a finding, so that no share includes what it closes.
+    An effect whose size turned out to be within a tolerance, such as that of a controller's gain, is not a finding, so
+    that no share of a finding includes what it closes.
     """
     shares = [finding.share for finding in (*diagnosis.findings, *diagnosis.minor)]
     known = [share for share in shares if share is not None]
@@ -280,7 +278,7 @@ def closed_by_tolerances(diagnosis: Diagnosis) -> float | None:
 
 
 def _at_limits(changes: list[Adjusted]) -> list[str]:
-    """Sentence on what could hide behind changes that end at their limits."""
+    """Sentences on larger errors that changes at their limits could hide."""
     if len(changes) < 2:
         return [
             f"The change of {change.quantity} ends at the limit of its tolerance; "

@@ -1,6 +1,6 @@
-"""The variable over which a residual is drawn: the one that explains most of it.
+"""Choice of the variable over which a residual is drawn: the one that explains most of it.
 
-The motion of joints comes from the diagnosis; that of passive joints of a closed chain is computed from the robot.
+The motion of joints is that of the diagnosis. The motion of passive joints of a closed chain is computed by the robot.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _CLEARLY = 0.03  # share of the residual's variance by which a later candidate must be better
-_PRESLIDING_WIDTHS = 8.0  # breakaway displacements that are shown to either side
+_PRESLIDING_WIDTHS = 8.0  # range of a displacement that is drawn to either side, in breakaway displacements
 _MIDDLE = (0.5, 99.5)  # percentiles between which a derivative is drawn
-_TURNS = 1.5  # least number of periods for which a position is folded into one
+_LEAST_PERIODS = 1.5  # number of periods in the motion from which positions are drawn modulo one period
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Variable:
 
 
 def joint_of(diagnosis: Diagnosis, joint: str | None) -> int:
-    """Index of the joint whose residual shows a finding: its own joint, else the joint that gained most.
+    """Index of the joint whose residual shows a finding: its own joint, else the joint whose residual decreased most.
 
-    For a coupling it is the one of the two joints that gained more. Findings of the whole robot and of passive joints
-    have no residual of their own.
+    For a coupling that is one of its two joints. Findings on the whole robot and on passive joints have no residual of
+    their own.
     """
     rows = {gap.joint: k for k, gap in enumerate(diagnosis.joints)}
     if joint in rows:
@@ -90,12 +90,12 @@ def explained_share(x: Float[Array, " N"], y: Float[Array, " N"], forward: Bool[
     finite = np.isfinite(x) & np.isfinite(y)
     if np.count_nonzero(finite) < 2 or np.var(y[finite]) == 0:
         return 0.0
-    # Without the limits a few extreme values would put all others into one bin.
+    # Without clipping, a few extreme values would put all others into one bin.
     bins = bin_numbers(np.clip(x[finite], *np.percentile(x[finite], _MIDDLE)))
     groups = np.unique(bins if forward is None else 2 * bins + forward[finite], return_inverse=True)[1]
     counts = np.bincount(groups)
     means = np.bincount(groups, y[finite]) / counts
-    # A mean of few samples follows their noise, whose expected share is subtracted.
+    # A mean of few samples contains noise. Its expected share is subtracted.
     spread = np.sum(counts * (means - y[finite].mean()) ** 2) - (len(counts) - 1) * np.var(y[finite])
     return float(np.clip(spread / (len(groups) * np.var(y[finite])), 0.0, 1.0))
 
@@ -178,7 +178,7 @@ def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
     orders, sizes = _all(finding, "order") or [1.0], _all(finding, "amplitude")
     order = orders[int(np.argmax(np.abs(sizes)))] if len(sizes) == len(orders) else orders[0]
     period = 2 * np.pi / abs(order) if order else np.inf
-    if length == "m" or not np.ptp(motion.q[np.isfinite(motion.q)], axis=0) > _TURNS * period:
+    if length == "m" or not np.ptp(motion.q[np.isfinite(motion.q)], axis=0) > _LEAST_PERIODS * period:
         return Variable("position", length, motion.q, by_direction=True)
     folded = np.mod(motion.q, period)
     name = "angle in one turn" if order == 1 else f"angle in one of {order:g} periods of a turn"

@@ -22,10 +22,10 @@ _MOST_SIZES = 4
 
 @dataclass(frozen=True)
 class Bar:
-    """Gap of one joint before and after and its noise floor, as widths of bars [%] and in words.
+    """Residual of one joint before and after and its noise floor, as widths of bars [%] and in words.
 
-    The widths are in noise floors, so that the floor is marked at the same place for all joints and the largest gap
-    stands out.
+    The widths are proportional to residuals in noise floors. So the mark of the noise floor is at the same place for
+    all joints, and the largest gap has the longest bar.
     """
 
     joint: str
@@ -93,7 +93,7 @@ def groups_of(diagnosis: Diagnosis) -> list[Group]:
 
 def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
     findings = tuple(finding for found in kinds for finding in found)
-    # A single finding without a share counts with the gap that returns without it.
+    # A single finding without a share has the gap that returns without it instead.
     shares = [one.gap_closed if one.share is None and len(diagnosis.findings) == 1 else one.share for one in findings]
     known = [share for share in shares if share is not None]
     # A correction below the noise floor is no part of the gap.
@@ -102,7 +102,7 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
         findings,
         words.capital(group_name(kinds, diagnosis)),
         _size(findings) if len(kinds) == 1 else "",
-        # A share is a mean over orders, and may be negative if others explain the same better: it is not shown here.
+        # A share is a mean over orders and may be negative, if other findings explain the same better.
         "" if share is None or share < 0.0 else percent_short_of_all(share),
         0.0 if share is None else 100 * max(share, 0.0),
         words.sureness(min(finding.probability for finding in findings)),

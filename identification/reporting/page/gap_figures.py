@@ -36,10 +36,10 @@ BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 # Groups of samples for which a median is drawn, each with the dashes of its line.
 Groups = tuple[tuple[Bool[Array, " N"], str], ...]
 
-_WINDOWS = 12  # windows of simulated motion that are shown at first, if they are short
+_WINDOWS = 12  # number of windows of simulated motion that are shown at first, if they are short
 _SWINGS = 6  # the same for swings of a leg, with the stances between them
-FEW_POINTS = 600  # clouds of fewer points have larger points
-FINER_FROM = 3.0  # ratio of residuals above which the corrected model's panel has its own scale
+FEW_POINTS = 600  # number of points of a cloud below which they are drawn larger
+FINER_FROM = 3.0  # ratio of the residuals above which the corrected model's panel has its own scale
 
 
 def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
@@ -170,7 +170,7 @@ def _residual_figure(
         within &= np.abs(variable.x) <= variable.reach
     groups: Groups = ((v > 0, ""), (v < 0, "5.4 2.7")) if variable.by_direction else ((within, ""),)
     reach = [max(_reach(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
-    # On the scale of a large gap the rest would be a flat line.
+    # On the scale of a large gap the residual of the corrected model would be a flat line.
     finer = reach[0] > FINER_FROM * reach[1]
 
     colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))

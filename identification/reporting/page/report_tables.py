@@ -1,4 +1,4 @@
-"""The tables of the report; every cell is text that is still to be escaped."""
+"""Rows of the tables of the report; every cell is text that is not yet escaped."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from identification.words.numbers_and_names import NO_BREAK, number, percent, wi
 
 Row = tuple[str, ...]
 
-_STANDS_OUT = 1.5  # ratio of the share of energy to the share of time above which a regime stands out
-_STANDS_OUT_ALONE = 0.25  # share of energy that stands out if the time is not known
-_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # by chance the stronger of two halves has about half
-_LEAST = 0.1  # least share of energy that stands out
+_STANDS_OUT = 1.5  # a regime stands out if its share of the energy is this many times its share of the time
+_STANDS_OUT_ALONE = 0.25  # the same as a share of the energy, if the time is not known
+_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # by chance, the stronger of two halves has about half the energy
+_LEAST = 0.1  # a regime with a smaller share of the energy never stands out
 NOT_SHOWN = "not shown by this motion"
 """Text in place of a number that the recordings do not determine."""
 

@@ -39,7 +39,7 @@ NO_SHARE_COLOUR, FULL_SHARE_COLOUR = (
 _GAMMA = 0.7  # makes a tenth of the largest share still visible
 SHOWN = 41
 """Number of postures of the slider, the middle one included: 15 kB of the page for a robot with seven joints."""
-_SOLVED_SAMPLES = 2000  # samples for which loops are closed, so dense that neighbours stay on one branch
+_SOLVED_SAMPLES = 2000  # samples at which loops are closed: so many that neighbouring solutions are on one branch
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
     share_values = shares_of(diagnosis)
     shares = dict(zip((gap.joint for gap in diagnosis.joints), share_values.tolist(), strict=True))
     strengths = dict(zip(shares, relative(share_values).tolist(), strict=True))
-    # A rail is fixed to the body before its joint.
+    # A rail moves with the body that carries its joint.
     fixed = [(0, links[0]), *((int(model.parents[joint]), mesh) for joint, mesh in rails.items())]
     solids = [_solid(body, mesh, "", share_colour(0.0)) for body, mesh in fixed if len(mesh.faces)]
     for k, (name, link, joint) in enumerate(zip(list(model.names)[1:], links[1:], joints, strict=True), start=1):

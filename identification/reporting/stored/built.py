@@ -1,4 +1,4 @@
-"""Objects of annotated types from the plain data of a JSON file; data of another layout is refused with its place."""
+"""Objects of annotated types from the plain data of a JSON file; the message on other data says where it is."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LARGEST = 1e150
 
 
 def built(kind: Any, data: Any, at: str = "$") -> Any:
-    """An object of a type, from the data that JSON has of it; null for a number becomes NaN.
+    """An object of a type from plain JSON data; null in the place of a number becomes NaN.
 
     Args:
         kind: A dataclass, number, text, truth value, tuple, list, mapping, literal, or an alternative of these.

@@ -1,6 +1,6 @@
 """The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/3``), report, models and proposed motion.
 
-All of them are written, or none if one of them cannot be written.
+If one of them cannot be written, none is.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def json_text(diagnosis: Diagnosis) -> str:
 
 
 def _finding(finding: Finding) -> Json:
-    # The words of a user's own effect are in the user's file, which a reader of the JSON may not have.
+    # The name of a user's own effect is in the user's file, which a reader of the JSON may not have.
     named = {} if finding.words is None else {"name": finding_name(finding)}
     law = {} if finding.law is None else {"law": finding.law}
     in_one = {} if finding.recording is None else {"recording": finding.recording}
@@ -150,7 +150,7 @@ def _claim(claim: Claim[EffectAt]) -> Json:
         "effects": [_effect_at(at) for at in claim.effects],
         "gates": [_plain(asdict(result)) for result in claim.gates],
         "outcome": claim.outcome,
-        # Structure without a name in the catalogue is no effect to a reader.
+        # Fits of structure that has no name in the catalogue are left out.
         "instead": [_effect_at(at) for at in claim.instead if at.effect not in _NAMELESS],
         "figures": _plain(claim.figures),
         "judged_by": claim.judged_by,
@@ -246,9 +246,9 @@ def write_outputs(
 ) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
 
-    The proposed motion, if there is one, is written as ``next.csv``; so are the corrected model as URDF and MJCF,
-    ranges for training and a feedforward law, as far as they can be written. Files of an earlier run that this run
-    cannot write are removed, so that they are not taken for this run's.
+    A proposed motion is written as ``next.csv``. The corrected model as URDF and MJCF, ranges for training and a
+    feedforward law are written if possible. Files of an earlier run that this run cannot write are removed, so that
+    nobody takes them for files of this run.
 
     Args:
         diagnosis: The diagnosis.
@@ -257,7 +257,7 @@ def write_outputs(
         json_file: Further file for the JSON. None: none.
         known: Effects that are part of the given model already.
         config: The ``robot.yaml`` that was given; None for the one beside the robot's file.
-        tell: Called with a sentence for each file that could not be written, and for what model files cannot hold.
+        tell: Called with a sentence on each file that was not written, and on findings that model files cannot contain.
         completed: Adds the proposed experiment, after the models are made; by default nothing.
 
     Returns:
@@ -312,7 +312,7 @@ def _written(texts: dict[str, str], out: Path | None, json_file: Path | None, js
 
 
 def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
-    """The diagnosis with the SHA-256 of the proposed motion, whose file has no place for the id of the run."""
+    """The diagnosis with the SHA-256 of the proposed motion, because its file has no place for the id of the run."""
     if diagnosis.next_experiment is None:
         return diagnosis
     digest = hashlib.sha256(reference.encode()).hexdigest()

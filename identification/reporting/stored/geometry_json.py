@@ -1,4 +1,4 @@
-"""The result of measured poses in ``diagnosis.json``: written as plain data, and read again.
+"""Result of measured poses as plain data for ``diagnosis.json``, and the way back.
 
 Frames and findings of poses are in the same lists as those of torques (docs/files.md); ``geometry`` holds the rest.
 """
