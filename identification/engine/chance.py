@@ -33,7 +33,7 @@ def squares_by_chance(count: int, free: float, wrong: float) -> float:
     return 1.0 / float(fdtri(free, 1, wrong / max(count, 1)))
 
 
-def in_another_order(pieces: Sequence[Float[Array, " n"]], rng: np.random.Generator) -> Float[Array, " N"]:
+def shuffled_pieces(pieces: Sequence[Float[Array, " n"]], rng: np.random.Generator) -> Float[Array, " N"]:
     """Pieces of a series in random order with random signs: each keeps its spectrum and size, but not its place."""
     order = rng.permutation(len(pieces))
     return np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in order])

@@ -17,7 +17,7 @@ import pinocchio as pin
 from identification.data.recording import Recording
 from identification.engine import contract_levels
 from identification.engine.claims import NEVER_CLAIMED, Claim, GateResult, Outcome, could_stand_for, until_failed
-from identification.engine.numerics.spans import orthonormal, without
+from identification.engine.numerics.spans import orthogonal_part, orthonormal
 from identification.engine.resampling import interval
 from identification.gates.above_chance import more_than_chance
 from identification.gates.least_size import large_enough
@@ -41,12 +41,12 @@ from identification.geometry.result import (
     FittedPose,
     FrameGap,
     GeometryResult,
-    Lateness,
+    PoseDelay,
     PoseEvidence,
     PoseFinding,
 )
 from identification.geometry.stated_frames import problem_of
-from identification.geometry.whitened import SEEN, blocks_of, left_of_rows
+from identification.geometry.whitened import SEEN, blocks_of, held_out_residual_of_rows
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError
@@ -158,8 +158,8 @@ def _more_than_found(explained: ExplainedPoses) -> bool:
     if more <= 0:
         return False
     # In units of the noise, the best kinematic model leaves a sum of squares of one per degree of freedom.
-    rest = explained.fits.squares(explained.chosen) - explained.noise.free
-    return float(fdtrc(more, explained.noise.free, max(rest, 0.0) / more)) < _STRUCTURE
+    rest = explained.fits.squares(explained.chosen) - explained.noise.degrees_of_freedom
+    return float(fdtrc(more, explained.noise.degrees_of_freedom, max(rest, 0.0) / more)) < _STRUCTURE
 
 
 def _above_floor(explained: ExplainedPoses) -> bool:
@@ -181,8 +181,10 @@ def _above_floor(explained: ExplainedPoses) -> bool:
 
 def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], PoseEvidence]:
     found, sets = explained.found.rows(explained.kept), explained.problem.sets
-    size = (explained.noise.sigma * np.sqrt(explained.noise.slow))[found.series]
-    before, after = (size * left_of_rows(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
+    size = (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[found.series]
+    before, after = (
+        size * held_out_residual_of_rows(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen)
+    )
     out: list[FrameGap] = []
     lengths: dict[str, list[Array]] = {"t": [], "frame": [], "before": [], "after": [], "moving": []}
     names = tuple(dict.fromkeys(one.frame for one in sets))
@@ -243,9 +245,9 @@ def _numbers(pose: Array) -> tuple[float, ...]:
     return (*map(float, pose[:3, 3]), *map(float, pin.log3(pose[:3, :3])))
 
 
-def _delays(explained: ExplainedPoses) -> tuple[Lateness, ...]:
+def _delays(explained: ExplainedPoses) -> tuple[PoseDelay, ...]:
     found = explained.found
-    scale = explained.kept / (explained.noise.sigma * np.sqrt(explained.noise.slow))[found.series]
+    scale = explained.kept / (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[found.series]
     columns = np.hstack([found.nuisance, found.columns[:, list(explained.chosen)]]) * scale[:, None]
     out = []
     for k, kind in enumerate(found.kinds):
@@ -253,13 +255,13 @@ def _delays(explained: ExplainedPoses) -> tuple[Lateness, ...]:
             own = _own_size(columns, k)
             if own > 0:
                 file = next(one.file for one in explained.problem.sets if one.recording == kind.of)
-                out.append(Lateness(file, explained.estimate.delay[kind.of], 1.0 / own))
+                out.append(PoseDelay(file, explained.estimate.delay[kind.of], 1.0 / own))
     return tuple(out)
 
 
 def _own_size(columns: Array, k: int) -> float:
     """Norm of the part of a column that is orthogonal to all others; zero if that is a rounding error."""
-    own = float(np.linalg.norm(without(columns[:, [k]], orthonormal(np.delete(columns, k, axis=1), 1e-9))))
+    own = float(np.linalg.norm(orthogonal_part(columns[:, [k]], orthonormal(np.delete(columns, k, axis=1), 1e-9))))
     return own if own > SEEN * float(np.linalg.norm(columns[:, k])) else 0.0
 
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import CubicSpline
 
-from identification.geometry.measured import Measured, Path
+from identification.geometry.measured import Measured
 from identification.geometry.pins import Loops, closed_positions, followed, is_carried, joint_index, move_frame, rounded
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
 from phantom_dyn.array_types import Array, Float, Int
@@ -62,7 +63,7 @@ class Equations:
     """Residuals of all poses, and the derivatives of the predicted poses.
 
     Attributes:
-        left: Residuals, measured less predicted [m or rad], ``(m,)``.
+        residual: Measured minus predicted pose [m or rad], ``(m,)``.
         nuisance: Columns that are always in the fit, ``(m, k)``.
         columns: Columns of the terms, ``(m, p)``.
         kinds: Kind of each column of ``nuisance``.
@@ -70,7 +71,7 @@ class Equations:
         series: Number of the noise series of each row: twice that of the set, plus one for orientations, ``(m,)``.
     """
 
-    left: Float[Array, " m"]
+    residual: Float[Array, " m"]
     nuisance: Float[Array, "m k"]
     columns: Float[Array, "m p"]
     kinds: tuple[Nuisance, ...]
@@ -81,7 +82,7 @@ class Equations:
         """The equations of some rows."""
         return replace(
             self,
-            left=self.left[kept],
+            residual=self.residual[kept],
             nuisance=self.nuisance[kept],
             columns=self.columns[kept],
             pose=self.pose[kept],
@@ -96,17 +97,17 @@ class PoseProblem:
     Attributes:
         robot: The given model.
         sets: Sets of measured poses.
-        paths: Joint motion over time of each recording that has one, by number.
+        paths: Joint positions over time of the recordings that are motions, by number of the recording.
         terms: The candidate errors.
         in_root: True if poses are given in the robot's root frame, so that no pose of the base is fitted.
         on_frame: Frames that are measured themselves, so that no pose of a target on them is fitted.
         loops: Loops of a closed chain, else None.
-        compensated: Geometry errors that are no terms, as passive joints compensate them and no measured frame moves.
+        compensated: Errors that are left out of the terms: passive joints compensate them, so no measured frame moves.
     """
 
     robot: Robot
     sets: tuple[Measured, ...]
-    paths: Mapping[int, Path]
+    paths: Mapping[int, CubicSpline]
     terms: tuple[PoseTerm, ...]
     in_root: bool = False
     on_frame: tuple[str, ...] = ()
@@ -125,7 +126,7 @@ class PoseProblem:
 
 
 def nuisances_of(problem: PoseProblem) -> tuple[Nuisance, ...]:
-    """Base pose and delay of each recording, and tool pose of each set: as far as the measured poses depend on them."""
+    """Columns for base pose and delay of each recording and tool pose of each set that the measured poses depend on."""
     own = sorted({one.recording for one in problem.sets})
     out = [] if problem.in_root else [Nuisance(BASE, number, part) for number in own for part in range(6)]
     for k, one in enumerate(problem.sets):
@@ -159,7 +160,7 @@ def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Arr
 def true_positions(
     q: Float[Array, "n nv"], load: Float[Array, "n nv"], terms: Sequence[PoseTerm], values: Float[Array, " p"]
 ) -> Float[Array, "n nv"]:
-    """Positions of the links [rad or m]: readings less wrong zeros, less deflections under load."""
+    """Positions of the links [rad or m]: readings minus wrong zeros and minus deflections under load."""
     out = q.copy()
     for term, value in zip(terms, values, strict=True):
         if term.effect in (ZERO, ELASTIC) and value != 0.0:
@@ -181,7 +182,7 @@ def equations(problem: PoseProblem, estimate: Estimate) -> Equations:
         parts.append(_equations_of_set(problem, model, kinds, number, estimate, first))
         first += len(one.t)
     return Equations(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("left", "nuisance", "columns")),
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("residual", "nuisance", "columns")),
         kinds=kinds,
         pose=np.concatenate([part.pose for part in parts]),
         series=np.concatenate([part.series for part in parts]),
@@ -193,7 +194,10 @@ def _equations_of_set(
 ) -> Equations:
     one = problem.sets[number]
     delay = estimate.delay[one.recording]
-    q, v = (one.q, one.v) if delay == 0.0 else problem.paths[one.recording].at(one.t - delay)
+    q, v = one.q, one.v
+    if delay != 0.0:
+        path = problem.paths[one.recording]
+        q, v = path(one.t - delay), path(one.t - delay, 1)
     q = true_positions(q, one.load, problem.terms, estimate.values)
     pose_errors = {
         effect: _pose_error(problem, estimate, effect, of) for effect, of in ((BASE_POSE, None), (TOOL_POSE, one.frame))
@@ -317,6 +321,6 @@ def _term_column(
     """Twist of the target per unit of a term."""
     if term.effect == LINK:
         return regressor[:, :, 6 * (joint_index(model, term.row) - 1) + term.part]
-    # The position of the link is the reading, less the wrong zero, less the deflection under load.
+    # The position of the link is the reading minus the wrong zero and minus the deflection under load.
     along = -motions[:, :, term.row]
     return along * load[:, term.row, None] if term.effect == ELASTIC else along

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Gauss-Newton fit of poses: base, target, delay and the chosen terms, from any start."""
+"""Gauss-Newton fit of poses: poses of base and target, delays and the chosen terms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STEPS = 30
 _HALVINGS = 6
 _SMALL = 1e-10  # relative change of the weighted sum of squares at which a fit has ended
 RANK = 1e-7
-"""Share of a column's size that has to be independent of those before it: less is rounding of robot files and sums."""
+"""Relative cutoff of singular values: smaller ones are rounding of robot files and of sums."""
 
 
 def start_of(problem: PoseProblem) -> Estimate:
@@ -63,7 +63,7 @@ def frame_poses(problem: PoseProblem, one: Measured) -> Float[Array, "n 4 4"]:
 
 
 def _aligned(points: Float[Array, "n 3"], measured: Float[Array, "n 3"]) -> Float[Array, "4 4"]:
-    """Rigid motion that takes points to measured ones with the least squares."""
+    """Rigid motion of points that is nearest to the measured points in the sense of least squares."""
     middle, there = points.mean(axis=0), measured.mean(axis=0)
     u, _, vt = np.linalg.svd((measured - there).T @ (points - middle))
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
@@ -95,10 +95,10 @@ def fitted(
 
     Args:
         problem: Poses and terms.
-        estimate: Where to begin; values of terms that are not chosen stay as they are.
-        chosen: Places of the terms that are fitted.
-        weights: By series, one over its noise.
-        kept: True for rows that count; None: all.
+        estimate: Start of the fit; values of terms that are not chosen stay as they are.
+        chosen: Indices of the terms that are fitted.
+        weights: One over the noise of each series.
+        kept: True for rows that are used; None for all.
     """
     current = equations(problem, estimate)
     cost = _cost(current, weights, kept)
@@ -119,7 +119,7 @@ def fitted(
 
 
 def _cost(found: Equations, weights: Array, kept: Array | None) -> float:
-    weighted = found.left * weights[found.series]
+    weighted = found.residual * weights[found.series]
     return float(np.sum((weighted if kept is None else weighted[kept]) ** 2))
 
 
@@ -128,7 +128,7 @@ def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array |
     matrix = np.hstack([found.nuisance, found.columns[:, list(chosen)]]) * scale[:, None]
     norms = np.linalg.norm(matrix, axis=0)
     norms[norms == 0] = 1.0
-    return np.linalg.lstsq(matrix / norms, found.left * scale, rcond=RANK)[0] / norms
+    return np.linalg.lstsq(matrix / norms, found.residual * scale, rcond=RANK)[0] / norms
 
 
 def moved(kinds: Sequence[Nuisance], estimate: Estimate, chosen: Sequence[int], step: Float[Array, " k"]) -> Estimate:

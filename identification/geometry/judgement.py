@@ -1,6 +1,7 @@
-"""Explanation of measured poses, and its findings: sizes, shares, rivals and detection limits on held-out poses.
+"""Search for the few geometry errors that explain measured poses, and their sizes, shares, rivals and limits.
 
-Noise and outliers are estimated, and few terms are searched for; this is repeated as the linearisation changes.
+Noise and outliers are estimated, and few terms are searched for. Both are repeated because the linearisation of the
+poses changes with the fit.
 """
 
 from __future__ import annotations
@@ -13,23 +14,24 @@ import numpy as np
 
 from identification.engine import contract_levels
 from identification.engine.chance import squares_by_chance
-from identification.engine.numerics.spans import orthonormal, without
+from identification.engine.numerics.spans import orthogonal_part, orthonormal
 from identification.engine.resampling import block_counts, interval, probabilities, share_by_likelihood
 from identification.engine.search.few_columns import SetFits, few_columns, rivals_of, set_fits, until_same_set
 from identification.engine.shapley import shapley_values
 from identification.geometry.equations import BASE, TOOL, Equations, Estimate, PoseProblem
 from identification.geometry.fit import fitted, start_of
-from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
+from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, UnseenTerm
 from identification.geometry.terms import ELASTIC, ZERO, PoseTerm, bounds_of
 from identification.geometry.whitened import BLOCKS, Blocks, Noise, Whitened, noise_of, whitened
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
 
 CHANCE = 0.005
-"""Probability that in a robot without a gap chance puts the best of all terms above its price."""
-_FAR = 6.0
-"""Residual, in units of the noise, of an outlier: in a thousand poses none is beyond 5 by chance."""
-_MOST_FAR = 0.05
+"""Probability that the best of all terms gains more than its price by chance, in a robot without errors."""
+_OUTLIER = 6.0
+"""Residual of an outlier in units of the noise; in a thousand poses none is larger than 5 by chance."""
+_MOST_OUTLIERS = 0.05
+"""Largest share of poses that may be outliers; if more are far off, none is left out."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,13 @@ class ExplainedPoses:
 
     Attributes:
         problem: Poses and terms.
-        estimate: Nuisances and the chosen terms; others are zero.
-        found: Equations there.
+        estimate: Fitted nuisances and chosen terms; other terms are zero.
+        found: Equations at the estimate.
         noise: Noise of the poses.
-        equations: In units of noise, with the residual before any term.
-        fits: Their products.
-        price: Squares that a term has to explain.
-        chosen: Places of the chosen terms.
+        equations: Equations in units of the noise, with the residual before any term.
+        fits: Products of these equations.
+        price: Decrease of the sum of squares, in units of the noise, that a term needs.
+        chosen: Indices of the chosen terms.
         kept: False for rows of outliers, ``(m,)``.
     """
 
@@ -60,7 +62,7 @@ class ExplainedPoses:
 
 
 @dataclass(frozen=True)
-class _At:
+class _PoseFit:
     """A fit of poses at which columns are computed: its estimate, the equations there, and the rows that are used."""
 
     estimate: Estimate
@@ -81,30 +83,30 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
     first = fitted(problem, start_of(problem), (), np.ones(2 * len(problem.sets)))
     block = _blocks(problem, first[1])
 
-    def noise(at: _At) -> Noise:
+    def noise(at: _PoseFit) -> Noise:
         return noise_of(at.found, *named, moving, at.kept)
 
-    def equations_at(at: _At) -> tuple[Whitened, SetFits, float]:
+    def equations_at(at: _PoseFit) -> tuple[Whitened, SetFits, float]:
         equations = whitened(at.found, at.estimate.values, at.noise, block, at.kept, named)
-        fits = set_fits(equations.columns, equations.left, bounds_of(terms), equations.seen)
-        return equations, fits, squares_by_chance(equations.rank, at.noise.free, CHANCE)
+        fits = set_fits(equations.columns, equations.residual, bounds_of(terms), equations.seen)
+        return equations, fits, squares_by_chance(equations.rank, at.noise.degrees_of_freedom, CHANCE)
 
-    def search(at: _At, turn: int) -> tuple[_At, tuple[int, ...]]:
+    def search(at: _PoseFit, turn: int) -> tuple[_PoseFit, tuple[int, ...]]:
         at = replace(at, noise=noise(at))
         if turn == 1:
             at = replace(at, kept=_without_outliers(at.found, at.noise, at.kept))
             at = replace(at, noise=noise(at))
         return at, few_columns(*equations_at(at)[1:])
 
-    def retake(at: _At, chosen: tuple[int, ...]) -> _At:
+    def retake(at: _PoseFit, chosen: tuple[int, ...]) -> _PoseFit:
         values = np.zeros(len(terms))
         values[list(chosen)] = at.estimate.values[list(chosen)]
         start = replace(at.estimate, values=values)
         estimate, found = fitted(problem, start, chosen, at.noise.weights, at.kept)
         return replace(at, estimate=estimate, found=found)
 
-    every = np.ones(len(first[1].left), dtype=bool)
-    at, chosen = until_same_set(_At(*first, every, noise_of(first[1], *named, moving, every)), search, retake)
+    every = np.ones(len(first[1].residual), dtype=bool)
+    at, chosen = until_same_set(_PoseFit(*first, every, noise_of(first[1], *named, moving, every)), search, retake)
     at = replace(at, noise=noise(at))
     return ExplainedPoses(problem, at.estimate, at.found, at.noise, *equations_at(at), chosen, at.kept)
 
@@ -114,7 +116,7 @@ def _name(term: PoseTerm) -> str:
 
 
 def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
-    """Block of each row: stretches of a recording from its beginning to its end, frames of a recording alike."""
+    """Block of each row: stretches of time of a recording, the same for all frames of the recording."""
     of_pose = np.concatenate(
         [BLOCKS * one.recording + np.arange(len(one.t)) * BLOCKS // len(one.t) for one in problem.sets]
     )
@@ -122,25 +124,25 @@ def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
 
 
 def _without_outliers(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
-    """Rows without outliers; all rows where so many poses are far off that they are no outliers."""
-    size = np.abs(found.left) / np.array([_spread(found, s) for s in range(len(noise.sigma))])[found.series]
-    far = np.unique(found.pose[size > _FAR])
-    if len(far) > _MOST_FAR * len(np.unique(found.pose)):
+    """True for rows of poses that are no outliers; unchanged if too many poses are far off to be outliers."""
+    size = np.abs(found.residual) / np.array([_spread(found, s) for s in range(len(noise.sigma))])[found.series]
+    far = np.unique(found.pose[size > _OUTLIER])
+    if len(far) > _MOST_OUTLIERS * len(np.unique(found.pose)):
         return kept
     return kept & ~np.isin(found.pose, far)
 
 
 def _spread(found: Equations, series: int) -> float:
-    """Standard deviation of the residual in a series, by its median, which a few outliers do not change."""
-    values = np.abs(found.left[found.series == series])
+    """Standard deviation of the residual of a series from its median, which a few outliers do not change."""
+    values = np.abs(found.residual[found.series == series])
     return max(1.4826 * float(np.median(values)), 1e-300) if len(values) else 1.0
 
 
-_NEAR = 15.0  # squares by which a rival may fit worse: beyond, its likelihood is below a thousandth
+_NEAR = 15.0  # largest difference of the sums of squares of a rival: its likelihood is then below a thousandth
 _POWER = 1.6448536269514722  # 95 % quantile of the normal distribution
-_LEAST_GAP = 1e-3
-_ROUNDING = 1e-9
-TAKEN_UP = "passive joints of its loop take it up, so that it moves no measured frame"
+_LEAST_GAP = 1e-3  # smallest gap of which shares are computed, relative to the loss before all findings
+_ROUNDING = 1e-9  # load of a joint, relative to the largest load, that is rounding
+COMPENSATED = "passive joints of its loop take it up, so that it moves no measured frame"
 
 Group = tuple[int, ...]
 
@@ -158,7 +160,7 @@ class Gap:
         rows = weights @ self.blocks.rows
         before, after = (weights @ x / rows for x in (self.before, losses))
         least = weights @ self.after / rows
-        # The gap is the loss above the noise, or the part that all findings close where that is smaller.
+        # The gap is the loss above the noise, or the part that all findings close, if that is smaller.
         gap = np.maximum(np.where(before > 1.0, before - np.minimum(1.0, least), before - least), _LEAST_GAP * before)
         return (before - after) / gap
 
@@ -237,7 +239,7 @@ def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
 
 
 def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[float, tuple[PoseRival, ...]]:
-    """Probability of a finding, and its rivals: other terms, as many, that explain the same poses."""
+    """Probability of a finding, and its rivals: the same number of other terms that explain the same poses."""
     fits, chosen = explained.fits, explained.chosen
     rest = tuple(k for k in chosen if k not in group)
     near = [group, *rivals_of(fits, chosen, group, _NEAR)]
@@ -262,25 +264,25 @@ def _places(terms: Sequence[PoseTerm]) -> tuple[Place, ...]:
 
 def pose_bounds(
     explained: ExplainedPoses, findings: Sequence[PoseFinding]
-) -> tuple[tuple[PoseBound, ...], tuple[Unseen, ...]]:
+) -> tuple[tuple[PoseBound, ...], tuple[UnseenTerm, ...]]:
     """Detection limits of all terms that are no findings, and terms that these poses cannot show.
 
     Args:
-        explained: The fit.
-        findings: Their rivals have no limit, as they may replace the finding at any size.
+        explained: Fit of the findings to the poses.
+        findings: All findings. Their rivals have no limit, because they may replace the finding at any size.
     """
     places = [place for finding in findings for rival in finding.rivals for place in rival.places]
     rivals = {(place.effect, place.joint, name) for place in places for name in place.parameters}
     columns, terms = explained.equations.columns, explained.problem.terms
-    own = without(columns, orthonormal(columns[:, list(explained.chosen)], 1e-9))
+    own = orthogonal_part(columns, orthonormal(columns[:, list(explained.chosen)], 1e-9))
     wanted = np.sqrt(explained.price) + _POWER
-    bounds, unseen = [], [_unseen(term, TAKEN_UP) for term in explained.problem.compensated]
+    bounds, unseen = [], [_unseen(term, COMPENSATED) for term in explained.problem.compensated]
     for k, term in enumerate(terms):
         if k in explained.chosen:
             continue
         size, whole = float(np.linalg.norm(own[:, k])), float(np.linalg.norm(columns[:, k]))
-        if not explained.equations.seen[k] or (term.effect == ELASTIC and not _bears(explained, term)):
-            unseen.append(_unseen(term, _why(explained, k)))
+        if not explained.equations.seen[k] or (term.effect == ELASTIC and not _is_loaded(explained, term)):
+            unseen.append(_unseen(term, _why_unseen(explained, k)))
         elif size < 1e-4 * whole:
             unseen.append(_unseen(term, "on these poses it is the same as what was found"))
         elif (term.effect, term.joint, term.parameter) in rivals:
@@ -292,17 +294,17 @@ def pose_bounds(
     return tuple(bounds), tuple(unseen)
 
 
-def _unseen(term: PoseTerm, why: str) -> Unseen:
-    return Unseen(term.effect, term.joint, term.parameter, why)
+def _unseen(term: PoseTerm, why: str) -> UnseenTerm:
+    return UnseenTerm(term.effect, term.joint, term.parameter, why)
 
 
-def _why(explained: ExplainedPoses, k: int) -> str:
-    """Why a term cannot be seen: it moves no frame, or is the same as a pose of the base, the target, or both."""
+def _why_unseen(explained: ExplainedPoses, k: int) -> str:
+    """Why poses cannot show a term: it moves no frame, or has the same effect as another pose of base or target."""
     found, term = explained.found, explained.problem.terms[k]
     scale = (explained.kept * explained.noise.weights[found.series])[:, None]
     column = found.columns[:, [k]] * scale
     size = float(np.linalg.norm(column))
-    if size == 0.0 or (term.effect == ELASTIC and not _bears(explained, term)):
+    if size == 0.0 or (term.effect == ELASTIC and not _is_loaded(explained, term)):
         if term.effect == ELASTIC:
             return "its load is zero in all poses"
         return "it moves no measured frame"
@@ -312,15 +314,15 @@ def _why(explained: ExplainedPoses, k: int) -> str:
         ((BASE, TOOL), "it is the same as other poses of the robot and of the target together"),
     ):
         columns = found.nuisance[:, [kind.kind in kinds for kind in found.kinds]] * scale
-        if np.linalg.norm(without(column, orthonormal(columns, 1e-9))) < 1e-4 * size:
+        if np.linalg.norm(orthogonal_part(column, orthonormal(columns, 1e-9))) < 1e-4 * size:
             return words
     if term.effect == ZERO and not _moves(explained, term):
         return "its joint does not move, so that this is the same as other poses of robot, target and clock together"
     return "it is the same as other poses of the robot and of the target and a delay together"
 
 
-def _bears(explained: ExplainedPoses, term: PoseTerm) -> bool:
-    """False if the load of a joint is rounding in comparison with that of the others."""
+def _is_loaded(explained: ExplainedPoses, term: PoseTerm) -> bool:
+    """True if a joint carries a load that is more than rounding of the other joints' loads."""
     loads = np.concatenate([np.abs(one.load) for one in explained.problem.sets])
     return bool(loads[:, term.row].max() > _ROUNDING * max(float(loads.max()), 1e-300))
 

@@ -17,12 +17,12 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
 MOST = 1200
-"""Largest number of poses that are used of a recording, evenly spread: neighbours in time are redundant."""
+"""Largest number of poses of one recording that are used, evenly spread: neighbours in time are redundant."""
 # Poses are a motion if the median step of each joint is less than this share of its range.
 _DENSE = 0.02
-_FEWEST_OF_MOTION = 200
-_AT_EDGE = 1.0  # time [s] at both ends of a motion that is left out, as derivatives are not accurate there
-_MOVES = 1e-3  # speed of the fastest joint [rad/s or m/s] below which a delay does not show
+_FEWEST_OF_MOTION = 200  # fewer samples never count as a motion
+_AT_EDGE = 1.0  # time [s] left out at both ends of a motion, because derivatives are not accurate there
+_MOVES = 1e-3  # largest speed of a joint [rad/s or m/s] below which a delay does not show
 
 
 @dataclass(frozen=True)
@@ -56,17 +56,6 @@ class Measured:
     moving: bool
 
 
-@dataclass(frozen=True)
-class Path:
-    """Joint positions of a motion between its samples."""
-
-    spline: CubicSpline
-
-    def at(self, t: Float[Array, " n"]) -> tuple[Float[Array, "n nv"], Float[Array, "n nv"]]:
-        """Positions and velocities at times [s]."""
-        return self.spline(t), self.spline(t, 1)
-
-
 def has_poses(recordings: tuple[Recording, ...]) -> bool:
     """True if any recording holds poses of a frame."""
     return any(recording.positions for recording in recordings)
@@ -82,21 +71,23 @@ def is_motion(recording: Recording) -> bool:
     return bool(moved.any() and np.all(steps[moved] < _DENSE * span[moved]))
 
 
-def measured_poses(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[tuple[Measured, ...], dict[int, Path]]:
-    """Poses of every frame of every recording, and the paths of those recordings that are motions.
+def measured_poses(
+    robot: Robot, recordings: tuple[Recording, ...]
+) -> tuple[tuple[Measured, ...], dict[int, CubicSpline]]:
+    """Poses of every frame of every recording, and joint positions over time of the recordings that are motions.
 
     Args:
         robot: Gives frames and loads.
         recordings: Recordings; those without measured poses are ignored.
     """
     out: list[Measured] = []
-    paths: dict[int, Path] = {}
+    paths: dict[int, CubicSpline] = {}
     for number, recording in enumerate(recordings):
         if not recording.positions:
             continue
         rows, v, load, moving = _motion(robot, recording)
         if moving:
-            paths[number] = Path(CubicSpline(recording.t, recording.q))
+            paths[number] = CubicSpline(recording.t, recording.q)
         for frame, position in recording.positions.items():
             turn = recording.orientations.get(frame)
             out.append(
@@ -118,7 +109,7 @@ def measured_poses(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[tup
 
 
 def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bool]:
-    """Rows that are used, their velocities and loads, and whether they are a motion."""
+    """Rows of a recording that are used, joint velocities and loads in them, and True if the rows are a motion."""
     inside = included(recording)
     smooth = smoothed(recording) if is_motion(recording) else None
     if smooth is None:

@@ -1,4 +1,4 @@
-"""Noise of the tracker without a model: from repeated poses, or from differences between samples of a motion."""
+"""Noise of the pose measurement without a model: from repeated poses, or from second differences of a motion."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from identification.geometry.judgement import ExplainedPoses
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-_SAME = 1e-4  # [rad or m]: joints this near have the same pose, to what encoders repeat
+_SAME = 1e-4  # poses count as equal if their joint positions are equal to this [rad or m], as encoders repeat it
 _FEWEST = 6  # least degrees of freedom for an estimate of the noise
-_POSES = 300  # most poses in the test whether the residual depends on the posture
-_SHUFFLES = 199
-_FORESEEN = 0.15
-"""Share of the residual that the posture has to predict on held-out poses, beyond its share by chance."""
+_POSES = 300  # largest number of poses in the test of whether the residual depends on the posture
+_SHUFFLES = 199  # random orders of the poses in that test
+_LEAST_PREDICTED = 0.15
+"""Least share of the residual that the posture predicts on held-out poses, if the residual depends on it."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Floor:
 
 
 def floor_of(explained: ExplainedPoses, series: int) -> Floor:
-    """Noise of one series of poses; the residual of the best kinematic model where no pose repeats.
+    """Noise of one series of poses; if no pose is repeated, the residual of the best kinematic model.
 
     Args:
         explained: The fit.
@@ -40,17 +40,18 @@ def floor_of(explained: ExplainedPoses, series: int) -> Floor:
         second = left[2:] - 2 * left[1:-1] + left[:-2]
         return _floor(second**2 / 6.0, second.size / 2.0, "above_band")
     groups = _repeated(one.q)
-    squares = np.concatenate([_about_mean(left[group]) for group in groups]) if groups else np.zeros((0, 3))
+    squares = [(left[group] - left[group].mean(axis=0)) ** 2 for group in groups]
     free = 3.0 * sum(len(group) - 1 for group in groups)
     if free >= _FEWEST:
+        squares = np.concatenate(squares)
         return _floor(squares * len(squares) * 3 / free, free, "repetitions")
-    sigma, free = float(explained.noise.sigma[series]), explained.noise.free
+    sigma, free = float(explained.noise.sigma[series]), explained.noise.degrees_of_freedom
     return Floor(sigma, _interval(sigma, free), "predictors")
 
 
 def _left(explained: ExplainedPoses, series: int) -> Float[Array, "n 3"]:
     found = explained.found
-    return found.left[found.series == series].reshape(-1, 3)
+    return found.residual[found.series == series].reshape(-1, 3)
 
 
 def _repeated(q: Float[Array, "n nv"]) -> list[list[int]]:
@@ -59,10 +60,6 @@ def _repeated(q: Float[Array, "n nv"]) -> list[list[int]]:
     for k, key in enumerate(np.round(q / _SAME).astype(int).tolist()):
         groups.setdefault(tuple(key), []).append(k)
     return [group for group in groups.values() if len(group) > 1]
-
-
-def _about_mean(values: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-    return (values - values.mean(axis=0)) ** 2
 
 
 def _floor(squares: Array, free: float, source: str) -> Floor:
@@ -80,21 +77,22 @@ def _interval(sigma: float, free: float) -> tuple[float, float]:
 def depends_on_posture(explained: ExplainedPoses) -> bool:
     """True if joint positions predict the residuals of held-out poses better than those of shuffled poses.
 
-    A smooth function of the posture (ridge on Gaussian kernels) is fitted to nine tenths and tested on the last.
+    A smooth function of the posture (ridge regression on Gaussian kernels) is fitted to nine tenths of the poses and
+    predicts the remaining tenth.
 
     Args:
         explained: The fit that leaves the residuals.
     """
-    return any(_foreseen(explained, number) for number in range(len(explained.problem.sets)))
+    return any(_is_predicted(explained, number) for number in range(len(explained.problem.sets)))
 
 
-def _foreseen(explained: ExplainedPoses, number: int) -> bool:
+def _is_predicted(explained: ExplainedPoses, number: int) -> bool:
     one, found = explained.problem.sets[number], explained.found
     rows = (found.series // 2 == number) & explained.kept
     numbers = np.unique(found.pose[rows])
     first = int(found.pose[found.series // 2 == number].min())
     numbers = numbers[np.linspace(0, len(numbers) - 1, min(len(numbers), _POSES)).astype(int)]
-    weighted = found.left / explained.noise.sigma[found.series]
+    weighted = found.residual / explained.noise.sigma[found.series]
     y = np.array([weighted[(found.pose == k) & (found.series // 2 == number)] for k in numbers])
     predict = _predictor(one.q[numbers - first])
     rng = random_stream("shuffled poses")
@@ -103,13 +101,13 @@ def _foreseen(explained: ExplainedPoses, number: int) -> bool:
     def share(values: Array) -> float:
         return 1.0 - float(np.sum((values - predict @ values) ** 2)) / max(total, 1e-300)
 
-    if share(y) < _FORESEEN:
+    if share(y) < _LEAST_PREDICTED:
         return False
     return share(y) > max(share(y[rng.permutation(len(y))]) for _ in range(_SHUFFLES))
 
 
 def _predictor(q: Float[Array, "n nv"]) -> Float[Array, "n n"]:
-    """Matrix that predicts each pose from those of other blocks."""
+    """Matrix that predicts the residual of each pose from those of other blocks of poses."""
     n = len(q)
     size = np.ptp(q, axis=0)
     scaled = q / np.where(size > 0, size, 1.0)

@@ -1,13 +1,13 @@
 # pyright: reportAttributeAccessIssue=false
-r"""The loops of a closed chain as pairs of frames that stay together, also where the file states a formula.
+r"""The loops of a closed chain as pairs of frames that stay together; formulas in a file become pins if possible.
 
 A file may state a parallelogram by a formula (``elbow: theta3 - theta2``). In the robot a pin holds two links together,
-and with other link lengths the formula does not hold. So pins are searched for: two points, one on each link, that the
-formula keeps together in every posture. Where there are none, the formula is kept.
+and the formula is wrong for other link lengths. So this module looks for pins: two points, one on each link, that the
+formula keeps together in every posture. If there are none, the formula is kept.
 
-At measured poses active joints have encoders. Passive ones keep the loops closed: an error that moves the two frames of
-a loop apart by :math:`dc` moves the passive joints by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is needed for planar
-loops, whose joints cannot move the frames along one direction: an error along it stays open, and bearings take it up.
+Only active joints have encoders. Passive joints keep the loops closed: an error that moves the two frames of a loop
+apart by :math:`dc` moves the passive joints by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is needed for planar loops,
+whose joints cannot move the frames in one direction. An error in that direction stays, as the bearings give way to it.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def _with_found_pins(loops: Loops) -> Loops:
 
 
 def _staying_together(model: pin.Model, x: Float[Array, "n nt"], first: int, second: int) -> Array | None:
-    """Points of the bodies of two joints [m], ``(2, 3)``, that are together at all positions; None without such."""
+    """Points on the bodies of two joints [m], ``(2, 3)``, that coincide at all positions; None if there are none."""
     data, joints = model.createData(), [joint_index(model, row) for row in (first, second)]
     if set(model.supports[joints[0]]) & {joints[1]} or set(model.supports[joints[1]]) & {joints[0]}:
         return None
@@ -152,7 +152,7 @@ def _staying_together(model: pin.Model, x: Float[Array, "n nt"], first: int, sec
         matrix.append(np.hstack([a.rotation, -b.rotation]))
         right.append(b.translation - a.translation)
     A, y = np.concatenate(matrix), np.concatenate(right)
-    # The points nearest to the joints: those of a planar loop may be anywhere along its axes.
+    # The points nearest to the joints are taken: in a planar loop they may be anywhere along the axes.
     points = np.linalg.lstsq(A, y, rcond=SINGULAR)[0]
     return points.reshape(2, 3) if np.abs(A @ points - y).max() <= CLOSED else None
 
@@ -241,7 +241,7 @@ _STEPS = 20
 _LAST_STEP = 1e-11
 """Step [rad or m] at which a loop is closed, as of `phantom_dyn.loops.solver`."""
 _NOTHING = 1e-10
-"""Motion of a frame per unit of a place below which it is rounding: a joint compensates a turn about its own axis."""
+"""Motion of a frame per unit of an error below which it is rounding, as of a rotation about a passive joint's axis."""
 
 
 @dataclass(frozen=True)
@@ -260,7 +260,7 @@ class Followed:
 
 
 def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "n nt"]) -> Float[Array, "n nt"]:
-    """Positions of the tree at which frames of loops come nearest to each other, whether or not they meet [rad or m].
+    """Positions of all joints [rad or m] at which the frames of the loops are nearest to each other, ``(n, nt)``.
 
     Args:
         loops: Tree and loops of the current model.
@@ -311,7 +311,7 @@ def followed(loops: Loops, x: Float[Array, "n nt"]) -> Followed:
 
 
 def _moved_frames(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"], dict[int, Float[Array, "m 6"]]]:
-    """Distance of the frames of all anchors per twist of the places of joints, and per twist of each frame's own."""
+    """Distance of the frames of all anchors per twist of the places of joints, and per twist of each such frame."""
     model, count = at.model, sum(rows.stop - rows.start for rows in at.slices)
     places, pins = np.zeros((count, 6 * (model.njoints - 1))), {}
     for anchor, rows in zip(at.anchors, at.slices, strict=True):

@@ -1,4 +1,4 @@
-"""Result of a diagnosis of measured poses: frozen data with the names of ``diagnosis.json``."""
+"""Result of a diagnosis of measured poses; its fields have the names of ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Place:
-    """An effect, its joint, and which of its parameters."""
+    """Some parameters of one effect on one joint."""
 
     effect: str
     joint: str | None
@@ -101,7 +101,7 @@ class PoseBound:
 
 
 @dataclass(frozen=True)
-class Unseen:
+class UnseenTerm:
     """A term that these poses cannot show, and why."""
 
     effect: str
@@ -124,7 +124,7 @@ class FittedPose:
 
 
 @dataclass(frozen=True)
-class Lateness:
+class PoseDelay:
     """Time [s] by which poses are stamped later than joint positions, with its standard deviation."""
 
     file: str
@@ -178,9 +178,9 @@ class GeometryResult:
     findings: tuple[PoseFinding, ...]
     minor: tuple[PoseFinding, ...]
     bounds: tuple[PoseBound, ...]
-    not_testable: tuple[Unseen, ...]
+    not_testable: tuple[UnseenTerm, ...]
     fitted: tuple[FittedPose, ...]
-    delays: tuple[Lateness, ...]
+    delays: tuple[PoseDelay, ...]
     rank: int
     structured: bool
     warnings: tuple[Said, ...]

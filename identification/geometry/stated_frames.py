@@ -1,9 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""Whether poses are given in the robot's root frame and of its own frames, as their columns say, or of others.
+"""Decides whether measured poses are those that their columns state: of a robot's frame, in the robot's root frame.
 
-A log says ``p.<frame>``: the position of a frame of the robot in its root frame. A laser tracker writes its own axes
-under that name, and a reflector sits beside the frame. A pose that is off by more than anyone would overlook is of such
-another frame, whose pose is unknown and fitted; one that is off by less has an error of the base's or the tool's pose.
+The column ``p.<frame>`` states the position of a frame of the robot in its root frame. A laser tracker may write
+positions in its own axes under that name, and its reflector may be mounted beside the frame. If a pose differs from the
+model by more than anybody would overlook, the pose of the base or of the target is unknown and fitted. If it differs by
+less, the difference counts as an error of the base's or the tool's pose.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from identification.geometry.equations import Equations, PoseProblem, equations
 from identification.geometry.fit import fitted, frame_poses, start_of
-from identification.geometry.measured import Measured, Path
+from identification.geometry.measured import Measured
 from identification.geometry.pins import Loops
 from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, PoseTerm, pose_terms, terms_of
 from phantom_dyn.model.robot import Robot
@@ -27,14 +29,14 @@ _CHANCE = 1e-4
 
 
 def problem_of(
-    robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Path], loops: Loops | None = None
+    robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, CubicSpline], loops: Loops | None = None
 ) -> PoseProblem:
-    """Measured poses with all candidate errors, among them poses of base and tool where these are given.
+    """Measured poses with all candidate errors; poses of base and tool are among them if the columns state them.
 
     Args:
         robot: The given model.
         sets: Measured poses.
-        paths: Of joints of motions.
+        paths: Joint positions over time of the recordings that are motions.
         loops: Loops of a closed chain.
     """
     free = _without_compensated(
@@ -62,7 +64,7 @@ def problem_of(
 
 
 def _without_compensated(problem: PoseProblem) -> PoseProblem:
-    """Without places that passive joints compensate: beside other errors they would move frames by next to nothing."""
+    """The problem without errors of places that passive joints compensate, so that they hardly move a frame."""
     if problem.loops is None or not problem.terms:
         return problem
     size = np.abs(equations(problem, start_of(problem)).columns).max(axis=0)
@@ -77,7 +79,7 @@ def _without_compensated(problem: PoseProblem) -> PoseProblem:
 
 
 def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measured]) -> tuple[PoseTerm, ...]:
-    """Terms without the place of a first joint that carries everything: it is the same as the pose of the base.
+    """Terms without the place of a first joint that carries all frames, which cannot be told from the base's pose.
 
     Args:
         robot: The given model.
@@ -101,7 +103,7 @@ def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measu
 
 
 def _is_far(problem: PoseProblem, one: Measured) -> bool:
-    """True if no plausible poses of base and tool bring the frame to where it was measured."""
+    """True if no plausible errors of the poses of base and tool explain how far the frame is from the model's."""
     reached = frame_poses(problem, one)[:, :3, 3]
     shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest
     reach = float(np.linalg.norm(reached, axis=1).max())
@@ -113,7 +115,7 @@ def _as_good(near: Equations, terms: int, free: Equations) -> bool:
     """True if the residual of the constrained fit is not larger than that of the free one by more than chance."""
     from scipy.special import fdtri
 
-    of_near, of_free = float(near.left @ near.left), float(free.left @ free.left)
-    more, rest = max(free.nuisance.shape[1] - near.nuisance.shape[1] - terms, 1), max(len(free.left) - 1, 1)
+    of_near, of_free = float(near.residual @ near.residual), float(free.residual @ free.residual)
+    more, rest = max(free.nuisance.shape[1] - near.nuisance.shape[1] - terms, 1), max(len(free.residual) - 1, 1)
     limit = 1.0 + more / rest / float(fdtri(rest, more, _CHANCE))
-    return of_near <= limit * of_free + 1e-24 * len(near.left)
+    return of_near <= limit * of_free + 1e-24 * len(near.residual)

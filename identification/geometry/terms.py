@@ -33,15 +33,14 @@ class PoseTerm:
 
     Attributes:
         effect: ``encoder_offset``, ``link_geometry``, ``joint_elasticity``, ``base_pose`` or ``tool_pose``.
-        joint: The joint; the frame of a ``tool_pose`` or of the ``link_geometry`` of a loop's pin, None for a
-            ``base_pose``.
-        row: For a zero or an elasticity the number among the robot's joints, for a ``link_geometry`` that among the
-            velocities of the tree, which is the same but for closed chains; -1 without a joint.
+        joint: Name of the joint; for a ``tool_pose`` and the pin of a loop the frame; None for a ``base_pose``.
+        row: Index of the joint: for a zero or an elasticity among the robot's joints, for a ``link_geometry`` among the
+            velocities of the tree, which differs in closed chains only; -1 without a joint.
         parameter: Name of the number.
         unit: Unit of the number.
-        part: Of a pose, which of its six numbers; else -1.
-        largest: Beyond this the number is not plausible, in its unit: a place that is off by a decimetre or an angle by
-            half a radian is seen by eye, and a joint that gives way by a tenth of a radian at one newton metre as well.
+        part: Index of the number among the six of a pose; -1 for other effects.
+        largest: Largest plausible value. A place that is wrong by a decimetre or half a radian is seen by eye, and so
+            is a joint that gives way by a tenth of a radian at one newton metre.
         frame: Pinocchio's index of a loop's pin; -1 for all others.
     """
 
@@ -80,13 +79,13 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
     """All terms of the joints that carry one of the frames, directly or through loops, from the root on.
 
     The part of a joint's place along or about its own axis is its zero and is left out of its ``link_geometry``. An
-    encoder on the link measures the elasticity of the transmission, so that such a joint has no term for it. Passive
-    joints have places alone; the part along or about the axis is a term where a formula gives the joint's position
-    (it is the formula's constant), and none where a loop does.
+    encoder on the link measures the deflection of the transmission, so that such a joint has no term for it. Passive
+    joints have terms for their places only. The part along or about the axis is one of them if a formula gives the
+    joint's position, of which it is the constant; it is not if a loop does.
 
     Args:
-        robot: A tree with one velocity a joint.
-        frames: Names.
+        robot: A robot with one velocity per joint.
+        frames: Names of the measured frames.
         loops: Loops of a closed chain.
     """
     model, out = robot.model, []
@@ -117,7 +116,7 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
 
 
 def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[PoseTerm, ...]]:
-    """Joints that carry frames themselves or by loops, and the terms of the pins of these loops."""
+    """Joints that carry frames directly or through loops, and terms for the pins of these loops."""
     found, used = set(carrying), []
     for _ in loops.chain.anchors:
         for one in loops.chain.anchors:
@@ -132,7 +131,7 @@ def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[PoseTer
 
 
 def _followed(loops: Loops, placed: set[int]) -> set[int]:
-    """Active joints that formulas of some joints follow, by Pinocchio's index."""
+    """Active joints on which the formulas of some joints depend, by Pinocchio's index."""
     model, chain = loops.model, loops.chain
     rows = [model.joints[index].idx_v for index in placed]
     columns = np.flatnonzero(np.any(chain.linear_map[rows][:, : chain.nv] != 0, axis=0))
@@ -144,8 +143,8 @@ def moved_part(robot: Robot, index: int) -> int:
     """Number of the axis (x, y, z, rx, ry, rz) along or about which a joint moves; -1 if it is none of these.
 
     Args:
-        robot: Gives the model.
-        index: Pinocchio's of the joint.
+        robot: The robot with its model.
+        index: Pinocchio's index of the joint.
     """
     direction = np.abs(subspace(robot.model, index))
     part = int(np.argmax(direction))

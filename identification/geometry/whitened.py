@@ -1,7 +1,7 @@
-"""Pose equations weighted by their noise, which is estimated from the residual of the base kinematic parameters.
+"""Pose equations divided by their noise, and the estimate of that noise.
 
-The noise of each series is the residual of the best kinematic model; where it is correlated in time, poses count less.
-Errors on held-out blocks of poses come from products, which the engine takes.
+The noise of each series is the residual of the best kinematic model, with all base kinematic parameters free. Poses
+whose noise is correlated in time have less weight. Residuals on held-out blocks are computed from products of columns.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.engine.autocorrelation import integrated_autocorrelation_time, lagged_products, positive_sequence
-from identification.engine.numerics.spans import orthonormal, without
-from identification.engine.products.block_products import BlockProducts, block_products, left_of_each
+from identification.engine.numerics.spans import orthogonal_part, orthonormal
+from identification.engine.products.block_products import BlockProducts, block_products, held_out_residual
 from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 SEEN = 1e-5
-"""Share of a column that has to be independent of the nuisances: angles in robot files have nine digits at best."""
+"""Least share of a column that is independent of the nuisances: angles in robot files have nine digits at best."""
 BLOCKS = 10
-"""Blocks that are held out of fits in turn, of each recording."""
+"""Number of blocks of each recording; each is held out of one fit."""
 _ROUNDS = 4
 _FEWEST = 8  # least poses of a motion for an estimate of the noise's correlation time
 
@@ -32,13 +32,13 @@ class Noise:
 
     Attributes:
         sigma: Standard deviation of each coordinate, by series [m or rad].
-        slow: By series, poses that carry the information of an independent one: variances of estimates grow by it.
-        free: Degrees of freedom of the estimate.
+        correlation_time: Number of poses per independent pose, by series; variances of estimates grow by it.
+        degrees_of_freedom: Degrees of freedom of the estimate of the noise.
     """
 
     sigma: Float[Array, " s"]
-    slow: Float[Array, " s"]
-    free: float
+    correlation_time: Float[Array, " s"]
+    degrees_of_freedom: float
 
     @property
     def weights(self) -> Float[Array, " s"]:
@@ -51,15 +51,15 @@ class Whitened:
     """Equations in units of noise, residual and terms projected off the nuisances.
 
     Attributes:
-        left: Residual, projected, ``(m,)``.
-        columns: Terms, projected, ``(m, p)``.
-        seen: False for terms that nuisances alone can make, ``(p,)``.
-        whole: Nuisances, terms and residual, not projected, ``(m, k + p + 1)``.
+        residual: Residual, projected, ``(m,)``.
+        columns: Columns of the terms, projected, ``(m, p)``.
+        seen: False for terms whose column is a combination of nuisances, ``(p,)``.
+        whole: Columns of nuisances and terms, and the residual, not projected, ``(m, k + p + 1)``.
         block: Block of each row.
         rank: Number of base kinematic parameters.
     """
 
-    left: Float[Array, " m"]
+    residual: Float[Array, " m"]
     columns: Float[Array, "m p"]
     seen: Bool[Array, " p"]
     whole: Float[Array, "m w"]
@@ -93,32 +93,32 @@ def noise_of(
         found: Equations at some estimate.
         units: Units of the terms.
         names: Names of the terms.
-        moving: By series, True for poses of a motion, whose noise may be slow.
-        kept: True for rows that count.
+        moving: True for series of poses of a motion, whose noise may be correlated in time.
+        kept: True for rows that are used.
     """
     count = len(moving)
-    size = np.array([_rms(found.left[kept & (found.series == s)]) for s in range(count)])
-    sigma, left, rank = np.where(size > 0, size, 1.0), found.left, 0
+    size = np.array([_rms(found.residual[kept & (found.series == s)]) for s in range(count)])
+    sigma, left, rank = np.where(size > 0, size, 1.0), found.residual, 0
     for _ in range(_ROUNDS):
         scale = kept / sigma[found.series]
         basis = orthonormal(found.nuisance * scale[:, None], 1e-9)
-        own = without(found.columns * scale[:, None], basis)
+        own = orthogonal_part(found.columns * scale[:, None], basis)
         whole = np.hstack([basis, orthonormal(own[:, base_columns(own, units, names)], SEEN)])
         rank = whole.shape[1]
-        left = without(found.left * scale, whole) * sigma[found.series]
+        left = orthogonal_part(found.residual * scale, whole) * sigma[found.series]
         share = max(1.0 - rank / max(kept.sum(), 1), 1.0 / max(kept.sum(), 1))
         size = np.array([_rms(left[kept & (found.series == s)]) for s in range(count)]) / np.sqrt(share)
         sigma = np.where(size > 0, size, 1.0)
-    slow = np.array([_slowness(left, found, s) if moving[s] else 1.0 for s in range(count)])
-    return Noise(sigma, slow, max(float(kept.sum() - rank), 1.0) / float(slow.max(initial=1.0)))
+    times = np.array([_correlation_time(left, found, s) if moving[s] else 1.0 for s in range(count)])
+    return Noise(sigma, times, max(float(kept.sum() - rank), 1.0) / float(times.max(initial=1.0)))
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-def _slowness(left: Array, found: Equations, series: int) -> float:
-    """Poses that carry the information of one, by their correlation from pose to pose, mean over the axes."""
+def _correlation_time(left: Array, found: Equations, series: int) -> float:
+    """Number of poses per independent pose, from their autocorrelation, summed over the axes."""
     values = left[found.series == series].reshape(-1, 3)
     n = len(values)
     if n < _FEWEST:
@@ -139,24 +139,24 @@ def whitened(
 
     Args:
         found: Equations at an estimate.
-        values: Values of the terms there: what they explain is added to the residual.
+        values: Values of the terms at the estimate. What they explain is added to the residual.
         noise: Noise of the poses.
         block: Block of each row.
-        kept: True for rows that count.
+        kept: True for rows that are used.
         named: Units and names of the terms.
     """
-    scale = (kept / (noise.sigma * np.sqrt(noise.slow))[found.series])[kept]
+    scale = (kept / (noise.sigma * np.sqrt(noise.correlation_time))[found.series])[kept]
     rows = found.rows(kept)
     nuisance, columns = rows.nuisance * scale[:, None], rows.columns * scale[:, None]
-    left = rows.left * scale + columns @ values
+    left = rows.residual * scale + columns @ values
     basis = orthonormal(nuisance, 1e-9)
-    own = without(columns, basis)
+    own = orthogonal_part(columns, basis)
     size = np.linalg.norm(columns, axis=0)
     seen = np.linalg.norm(own, axis=0) > SEEN * np.where(size > 0, size, 1.0)
     own = np.where(seen, own, 0.0)
     rank = len(base_columns(own, *named))
     whole = np.hstack([nuisance, columns, left[:, None]])
-    return Whitened(without(left, basis), own, seen, whole, block[kept], rank)
+    return Whitened(orthogonal_part(left, basis), own, seen, whole, block[kept], rank)
 
 
 @dataclass(frozen=True)
@@ -190,8 +190,8 @@ def blocks_of(found: Whitened) -> Blocks:
     return Blocks(products, rows.astype(float), found.nuisances)
 
 
-def left_of_rows(found: Whitened, blocks: Blocks, chosen: Sequence[int]) -> Float[Array, " m"]:
+def held_out_residual_of_rows(found: Whitened, blocks: Blocks, chosen: Sequence[int]) -> Float[Array, " m"]:
     """Residual of each row by fits of the other blocks, in units of noise."""
     at = blocks.columns(chosen)
     place = np.searchsorted(np.unique(found.block), found.block)
-    return left_of_each(found.whole[:, at], found.whole[:, -1], place, blocks.products.without_each(at))
+    return held_out_residual(found.whole[:, at], found.whole[:, -1], place, blocks.products.fits_without_each(at))

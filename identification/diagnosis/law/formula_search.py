@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.diagnosis.law.joint_residual import JointResidual
 from identification.diagnosis.law.terms import LawTerm, library
-from identification.engine.chance import in_another_order
+from identification.engine.chance import shuffled_pieces
 from identification.engine.numerics.bounded import bounded_solve
 from identification.engine.products.block_products import BlockProducts, NuisancePrior, Products, block_products
 from identification.engine.resampling import CHOSEN_AGAIN, block_counts
@@ -244,7 +244,7 @@ def chance(residual: JointResidual, columns: LibraryColumns, left: Float[Array, 
     prior = replace(columns.prior, right=np.zeros(columns.prior.count))
     out = []
     for _ in range(_PERMUTATIONS):
-        mixed = in_another_order(pieces, rng)
+        mixed = shuffled_pieces(pieces, rng)
         products = prior.eliminate_from(Products(gram, mixed @ x, float(mixed @ mixed)))
         out.append(gains(columns.terms, products, ()).max())
     return float(np.quantile(out, above_chance.CLAIM_LEVEL))

@@ -22,7 +22,7 @@ from identification.diagnosis.input_names import base_of, frequency_of, is_frequ
 from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 from identification.diagnosis.law.responses import laguerre, laguerre_gains
 from identification.diagnosis.residual_law import FrequencyResponse, InputCurve, InputGain, Pair
-from identification.engine.chance import in_another_order
+from identification.engine.chance import shuffled_pieces
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import block_products
 from identification.engine.resampling import REPLICATES, block_counts, interval
@@ -155,7 +155,7 @@ def _samples(residual: JointResidual, used: Array) -> _Samples:
     )
     left = y - nuisances @ theta
     pieces = [left[blocks == k] for k in np.unique(blocks)]
-    mixed = [in_another_order(pieces, rng) for _ in range(_DRAWS)]
+    mixed = [shuffled_pieces(pieces, rng) for _ in range(_DRAWS)]
     prior = np.column_stack([residual.right, np.zeros((len(residual.right), _DRAWS))])
     return _Samples(np.column_stack([y, *mixed]), nuisances, blocks, residual.folds, root, prior)
 

@@ -17,7 +17,7 @@ def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "
     return u[:, s > tolerance * s[0]]
 
 
-def without(matrix: Array, basis: Float[Array, "m r"]) -> Array:
+def orthogonal_part(matrix: Array, basis: Float[Array, "m r"]) -> Array:
     """The part of columns outside of a span, projected twice so that rounding leaves nothing along it."""
     for _ in range(2):
         matrix = matrix - basis @ (basis.T @ matrix)

@@ -150,7 +150,7 @@ class BlockProducts:
             out[first : first + _AT_ONCE] = np.linalg.solve(normal, (some @ self.right + right)[:, :, None])[:, :, 0]
         return out
 
-    def without_each(self, columns: list[int]) -> Float[Array, "B k"]:
+    def fits_without_each(self, columns: list[int]) -> Float[Array, "B k"]:
         """Least squares coefficients of some columns by one fit for each block, which leaves that block out.
 
         Columns may be linear combinations of others, as two poses of one body are: each fit returns the solution of
@@ -167,7 +167,7 @@ class BlockProducts:
 
     def losses(self, columns: list[int]) -> Float[Array, " B"]:
         """Sum of squares of each block's residual after a fit to all other blocks."""
-        at, x = np.array(columns, dtype=int), self.without_each(columns)
+        at, x = np.array(columns, dtype=int), self.fits_without_each(columns)
         predicted = np.einsum("bk,bkl,bl->b", x, self.gram[:, at[:, None], at], x)
         return np.maximum(self.total - 2 * np.einsum("bk,bk->b", x, self.right[:, at]) + predicted, 0.0)
 
@@ -193,7 +193,7 @@ def block_products(
     return BlockProducts(gram, right, total)
 
 
-def left_of_each(
+def held_out_residual(
     x: Float[Array, "n k"], y: Float[Array, " n"], blocks: Int[Array, " n"], coefficients: Float[Array, "B k"]
 ) -> Float[Array, " n"]:
     """Residual of each sample after the fit that leaves out the block of the sample.
@@ -202,6 +202,6 @@ def left_of_each(
         x: Columns of the fit.
         y: Residual.
         blocks: Block of each sample.
-        coefficients: Coefficients of the fit without each block, as `BlockProducts.without_each` returns them.
+        coefficients: Coefficients of the fit without each block, as `BlockProducts.fits_without_each` returns them.
     """
     return y - np.einsum("nk,nk->n", x, coefficients[blocks])

@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.engine.claims import GateResult
-from identification.engine.products.block_products import block_products, left_of_each
+from identification.engine.products.block_products import block_products, held_out_residual
 from identification.engine.resampling import block_counts, probabilities, share_by_likelihood
 from identification.gates.above_chance import more_than_chance
 from identification.gates.special_case import both_are_there
@@ -146,5 +146,5 @@ def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]
     rest = error - x @ theta
     variance = float(rest @ rest) / max(len(error) - x.shape[1], 1)
     std = np.sqrt(variance * np.diag(inverse))
-    left = left_of_each(x, error, rests, products.without_each(every))
+    left = held_out_residual(x, error, rests, products.fits_without_each(every))
     return Way(tuple(name for name, _ in columns), theta[1:], std[1:], left)

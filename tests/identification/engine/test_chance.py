@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from scipy.stats import gumbel_r
 
 from identification.engine.autocorrelation import autocorrelation_time, lagged_products, positive_sequence
-from identification.engine.chance import exceeded_by_chance, in_another_order, squares_by_chance
+from identification.engine.chance import exceeded_by_chance, shuffled_pieces, squares_by_chance
 from identification.engine.claims import (
     Claim,
     GateResult,
@@ -97,7 +97,7 @@ def test_the_best_of_some_columns_explains_more_than_chance_as_rarely_as_asked_f
 
 def test_pieces_in_another_order_are_the_same_pieces_but_for_their_signs(rng):
     pieces = [np.array([1.0, 2.0]), np.array([30.0]), np.array([4.0, 5.0, 6.0])]
-    mixed = in_another_order(pieces, rng)
+    mixed = shuffled_pieces(pieces, rng)
     text = ",".join(f"{abs(x):g}" for x in mixed)
     assert sorted(abs(mixed)) == [1, 2, 4, 5, 6, 30]
     assert all(part in text for part in ("1,2", "30", "4,5,6"))
@@ -105,7 +105,7 @@ def test_pieces_in_another_order_are_the_same_pieces_but_for_their_signs(rng):
 
 def test_every_piece_comes_first_as_often_as_any_other(rng):
     # Multinomial: a third of 600 draws each, with a deviation of 12.
-    first = [abs(in_another_order([np.array([1.0]), np.array([2.0]), np.array([3.0])], rng)[0]) for _ in range(600)]
+    first = [abs(shuffled_pieces([np.array([1.0]), np.array([2.0]), np.array([3.0])], rng)[0]) for _ in range(600)]
     assert np.bincount(np.array(first, dtype=int))[1:] == pytest.approx(200, abs=50)
 
 

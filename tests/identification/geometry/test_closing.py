@@ -60,11 +60,11 @@ def test_columns_are_slopes_through_the_loops(name, rng):
     problem = problem_at(robot, frame, q)
     start = start_of(problem)
     found, step = equations(problem, start), 1e-6
-    assert np.abs(found.left).max() < 1e-12
+    assert np.abs(found.residual).max() < 1e-12
     for k, term in enumerate(problem.terms):
         size = step * (1e-1 if term.effect == ELASTIC else 1.0)
         way = size * (np.arange(len(problem.terms)) == k)
-        up, down = (equations(problem, replace(start, values=sign * way)).left for sign in (1, -1))
+        up, down = (equations(problem, replace(start, values=sign * way)).residual for sign in (1, -1))
         scale = max(1.0, np.abs(found.columns[:, k]).max())
         np.testing.assert_allclose((down - up) / (2 * size), found.columns[:, k], atol=2e-6 * scale, err_msg=str(term))
 
@@ -91,7 +91,7 @@ def test_a_frame_is_where_a_link_of_another_length_puts_it(name, true, named, ax
     problem = problem_at(linkage.robot, linkage.frame, q)
     values = _at({(named, "xyz"[axis]): 0.003}, problem.terms)
     assert np.count_nonzero(values) == 1
-    left = equations(problem, replace(start_of(problem), values=values)).left.reshape(-1, 6)
+    left = equations(problem, replace(start_of(problem), values=values)).residual.reshape(-1, 6)
     text = moved_joint(linkage.text, true, 0.003 * np.eye(3)[axis])
     truth, given = TrueChain(linkage, text), TrueChain(linkage, linkage.text)
     joints = linkage.robot.joint_names
@@ -186,18 +186,18 @@ def test_a_delay_moves_passive_joints_along(rng):
     start = start_of(late)
     column = equations(late, start).nuisance[:, len(kinds) - 1]
     ways = [moved(kinds, start, (), sign * step * (np.arange(len(kinds)) == len(kinds) - 1)) for sign in (1, -1)]
-    up, down = (equations(late, _timed(way)).left for way in ways)
+    up, down = (equations(late, _timed(way)).residual for way in ways)
     np.testing.assert_allclose((down - up) / (2 * step), column, atol=1e-6)
 
 
 class _Straight:
-    """Paths that go straight on from each pose."""
+    """A path that goes straight on from each pose, with derivatives as those of a spline."""
 
     def __init__(self, t, q, v):
         self._t, self._q, self._v = t, q, v
 
-    def at(self, t):
-        return self._q + (t - self._t)[:, None] * self._v, self._v
+    def __call__(self, t, derivative=0):
+        return self._v if derivative else self._q + (t - self._t)[:, None] * self._v
 
 
 def _timed(estimate: Estimate) -> Estimate:
@@ -220,7 +220,7 @@ def test_columns_of_nuisances_are_the_slopes_where_nothing_is_left(problem):
     kinds, step, found = nuisances_of(problem), 1e-6, equations(exact, start)
     for k, kind in enumerate(kinds):
         way = step * (np.arange(len(kinds)) == k)
-        up, down = (equations(exact, moved(kinds, start, (), sign * way)).left for sign in (1, -1))
+        up, down = (equations(exact, moved(kinds, start, (), sign * way)).residual for sign in (1, -1))
         # The velocity of a column is low-passed, that of the path is not.
         close = 1e-2 if kind.kind == DELAY else 1e-6
         np.testing.assert_allclose((down - up) / (2 * step), found.nuisance[:, k], atol=close)
@@ -230,11 +230,11 @@ def test_columns_of_terms_are_the_slopes_where_nothing_is_left(problem):
     start = replace(start_of(problem), delay=(0.0,))
     exact = _without_rest(problem, start)
     found, step = equations(exact, start), 1e-6
-    assert np.abs(found.left).max() < 1e-12
+    assert np.abs(found.residual).max() < 1e-12
     for k in range(len(problem.terms)):
         size = step * (1e-3 if problem.terms[k].parameter == "compliance" else 1.0)
         way = size * (np.arange(len(problem.terms)) == k)
-        up, down = (equations(exact, replace(start, values=sign * way)).left for sign in (1, -1))
+        up, down = (equations(exact, replace(start, values=sign * way)).residual for sign in (1, -1))
         scale = max(1.0, np.abs(found.columns[:, k]).max())
         np.testing.assert_allclose((down - up) / (2 * size), found.columns[:, k], atol=1e-6 * scale)
 

@@ -11,7 +11,7 @@ from identification.gates import ORDER
 from identification.geometry.diagnose_poses import diagnose_poses
 from identification.geometry.equations import Equations
 from identification.geometry.result import GeometryResult
-from identification.geometry.whitened import Noise, blocks_of, left_of_rows, noise_of, whitened
+from identification.geometry.whitened import Noise, blocks_of, held_out_residual_of_rows, noise_of, whitened
 from identification.reporting.comparison import compare, comparison_text
 from identification.reporting.stored.diagnosis_files import json_text
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
@@ -266,7 +266,7 @@ def _whitened(equations: Equations):
 
 def test_losses_are_those_of_fits_that_have_not_seen_the_block(equations):
     found = _whitened(equations)
-    matrix, y, block = np.hstack([equations.nuisance, equations.columns[:, [0, 2]]]), equations.left, found.block
+    matrix, y, block = np.hstack([equations.nuisance, equations.columns[:, [0, 2]]]), equations.residual, found.block
     expected = []
     for b in range(10):
         values = np.linalg.lstsq(matrix[block != b], y[block != b])[0]
@@ -277,7 +277,7 @@ def test_losses_are_those_of_fits_that_have_not_seen_the_block(equations):
 def test_what_is_left_of_each_pose_squares_up_to_the_losses(equations):
     found = _whitened(equations)
     blocks = blocks_of(found)
-    left = left_of_rows(found, blocks, (1,))
+    left = held_out_residual_of_rows(found, blocks, (1,))
     sums = [np.sum(left[found.block == b] ** 2) for b in range(10)]
     np.testing.assert_allclose(blocks.losses((1,)), sums, rtol=1e-8)
 
@@ -285,7 +285,7 @@ def test_what_is_left_of_each_pose_squares_up_to_the_losses(equations):
 def test_noise_is_what_all_columns_together_leave(equations):
     noise = noise_of(equations, UNITS, NAMES, np.zeros(2, dtype=bool), np.ones(600, dtype=bool))
     assert noise.sigma[0] == pytest.approx(0.1, rel=0.1)
-    assert noise.free == pytest.approx(600 - 7)
+    assert noise.degrees_of_freedom == pytest.approx(600 - 7)
 
 
 def test_noise_that_lasts_counts_for_as_many_poses_fewer(equations, rng):
@@ -298,7 +298,7 @@ def test_noise_that_lasts_counts_for_as_many_poses_fewer(equations, rng):
         slow.ravel(), np.ones((n, 1)), np.zeros((n, 4)), (), np.repeat(np.arange(4000), 3), np.zeros(n, dtype=int)
     )
     noise = noise_of(long, UNITS, NAMES, np.ones(2, dtype=bool), np.ones(n, dtype=bool))
-    assert noise.slow[0] == pytest.approx(9.0, rel=0.3)
+    assert noise.correlation_time[0] == pytest.approx(9.0, rel=0.3)
 
 
 @pytest.fixture

@@ -19,7 +19,14 @@ from identification.stages import Announcement, Stage
 from identification.words.effect_words import meaning_of, size_words, value_cell
 from identification.words.ledger_words import gate_line, nearest_claims, why
 from identification.words.note_words import WORDS, sentence, sentences
-from identification.words.numbers_and_names import NO_BREAK, with_cause_outside_catalogue, number, percent, value_words, with_std
+from identification.words.numbers_and_names import (
+    NO_BREAK,
+    with_cause_outside_catalogue,
+    number,
+    percent,
+    value_words,
+    with_std,
+)
 from identification.words.stage_words import NAMES, in_words, stage_words
 from made_up_diagnosis import made_up_diagnosis
 from phantom_dyn.effects.catalogue import EFFECTS

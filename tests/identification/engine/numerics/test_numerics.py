@@ -5,7 +5,7 @@ import pytest
 
 from identification.engine.numerics import bounded, tableau_changes
 from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without, solve, solve_each
-from identification.engine.numerics.spans import orthonormal, without
+from identification.engine.numerics.spans import orthonormal, orthogonal_part
 from identification.engine.numerics.tableau import tableau
 from identification.engine.numerics.tableau_changes import changed
 
@@ -87,7 +87,7 @@ def test_no_columns_have_an_empty_basis():
 
 def test_what_is_outside_of_a_span_is_what_least_squares_leaves(rng):
     x, y = rng.normal(size=(30, 4)), rng.normal(size=(30, 2))
-    np.testing.assert_allclose(without(y, orthonormal(x, 1e-9)), y - x @ np.linalg.lstsq(x, y)[0], atol=1e-12)
+    np.testing.assert_allclose(orthogonal_part(y, orthonormal(x, 1e-9)), y - x @ np.linalg.lstsq(x, y)[0], atol=1e-12)
 
 
 KNOWN, ALL = 40, 60

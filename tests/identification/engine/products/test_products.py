@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from identification.engine.products import row_products
-from identification.engine.products.block_products import BlockProducts, NuisancePrior, block_products, left_of_each
+from identification.engine.products.block_products import (
+    BlockProducts,
+    NuisancePrior,
+    block_products,
+    held_out_residual,
+)
 from identification.engine.products.blocks import FOLDS, Block, assign_folds
 from identification.engine.products.grams import Weights, all_row_grams, row_grams, summed
 from identification.engine.products.row_products import RowProducts
@@ -68,7 +73,7 @@ def test_a_column_twice_predicts_what_it_does_once(samples):
 def test_what_is_left_of_each_sample_squares_up_to_the_losses(samples):
     x, y, blocks = samples
     products, at = _products(samples), [1, 7]
-    left = left_of_each(x[:, at], y, blocks, products.without_each(at))
+    left = held_out_residual(x[:, at], y, blocks, products.fits_without_each(at))
     np.testing.assert_allclose([np.sum(left[blocks == b] ** 2) for b in range(8)], products.losses(at), rtol=1e-8)
 
 
