@@ -27,13 +27,13 @@ from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.followed import with_followed
 from identification.rollout.rollout import Explained, rollout_of, unknown_if_motion_deviates
-from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
-from identification.scenarios.known_changes import named_by_recording
+from identification.scenarios.common_model import has_unknown_load, with_common_model
+from identification.scenarios.gain_or_load import preferred_diagnosis, scales_by_friction, with_scaled_gains
+from identification.scenarios.known_changes import with_catalogue_names
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
-from identification.scenarios.motion_limits import limited_to_motion
-from identification.scenarios.one_difference import beside_the_model_in_common, judged_by_difference
+from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.protected_drives import protection_notes
-from identification.scenarios.torque_or_motion import Reader, moved_by_controllers, torque_or_motion
+from identification.scenarios.torque_or_motion import Reader, driven_by_controllers, torque_or_motion
 from identification.scenarios.unlike_recordings import unlike_notes
 from identification.stages import Announcement, Progress, Stage
 from identification.words.user_words import with_user_words
@@ -150,7 +150,7 @@ def diagnose_without_plan(
     if not motion:
         used = prepared(driven, given, held_out=held_out, known=known, changes=changes)
         del given  # frees hours of samples, of which a few minutes are diagnosed
-        used = beside_the_model_in_common(used) if judged_by_difference(changes) else used
+        used = with_common_model(used) if has_unknown_load(changes) else used
         return _by_torque(used, progress)
     from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 
@@ -185,14 +185,14 @@ def _by_controllers(
     Raises:
         LogError: If a recording cannot be used, or the motion does not determine the gains.
     """
-    driven, moved = moved_by_controllers(robot, recordings)
+    driven, moved = driven_by_controllers(robot, recordings)
     first = _by_torque(prepared(driven, moved, held_out=held_out, known=known), progress)
     scales = scales_by_friction(driven, moved, first.diagnosis.findings)
     if not scales:
         return replace(first, diagnosis=replace(first.diagnosis, driven=driven))
     higher, again = with_scaled_gains(driven, moved, scales)
     second = _by_torque(prepared(higher, again, held_out=held_out, known=known), progress)
-    leads, found = either(first.diagnosis, second.diagnosis, scales)
+    leads, found = preferred_diagnosis(first.diagnosis, second.diagnosis, scales)
     leading = second if leads else first
     return replace(leading, diagnosis=replace(found, driven=higher if leads else driven), started=first.started)
 
@@ -217,10 +217,12 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     progress(Announcement(Stage.SIMULATION))
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
-    judgement = unknown_if_motion_deviates(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
+    judgement = unknown_if_motion_deviates(
+        without_gain_ambiguities(judgement, session.recordings, rollout, robot), rollout
+    )
     # Effects of single recordings explain what changed between recordings. A further motion would not separate these.
     between = bool(session.differences.own)
-    judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)
+    judgement = with_user_words(with_catalogue_names(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
     tried = {"fits": explanation.fits, "floating": robot.floating}
     endless = (Note(Code.SEARCH_WITHOUT_END, numbers=tried),) if explanation.endless else ()

@@ -118,7 +118,7 @@ def _replay(arguments: argparse.Namespace) -> Replay:
     with Progress(Stage.LOADING, sys.stderr, stages=VIEW) as progress:
         from identification.data.reading import read_recording
         from identification.export.corrected.corrected_yaml import known_effects
-        from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
+        from identification.scenarios.torque_or_motion import driven_by_controllers, torque_or_motion
         from identification.viewing.corrections import read_correction
         from identification.viewing.replay import replay_of
 
@@ -132,7 +132,7 @@ def _replay(arguments: argparse.Namespace) -> Replay:
 
         driven, recordings, motion = torque_or_motion(robot, read, motion_only=arguments.motion_only)
         if motion:
-            driven, recordings = moved_by_controllers(driven, recordings)
+            driven, recordings = driven_by_controllers(driven, recordings)
         return replay_of(
             driven,
             recordings[0],

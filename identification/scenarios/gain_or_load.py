@@ -1,9 +1,9 @@
-"""A low gain or a heavy robot: without torque and stated gains, positions do not show the scale of all torques.
+"""Choice between a higher controller gain and a lighter robot, which positions alone do not separate.
 
-The gain of a controller is estimated from the masses of the model. If the robot carries a load that the model lacks,
-the estimated gain is too low, and so is all friction that is found: below the modelled one, by more than an error of
-the damping gain could explain. Then the gains can be scaled so that the friction is as modelled, and the load becomes
-visible. Recordings are diagnosed with both gains, and held-out samples decide between the two results if they can.
+Without torque and stated gains, the gain of a controller is estimated from the masses of the model. If the robot
+carries a load that the model lacks, the estimated gain is too low. All friction that is found is then too low as well,
+by more than an error of the damping gain could explain. With gains scaled so that the friction is as modelled, the load
+becomes visible. Recordings are diagnosed with both gains, and held-out samples decide between the results if they can.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
 
-_MOST = 10.0  # largest scale of the gains: a load of more than so many times the robot's masses is implausible
-_BLOCKS = 30  # number of time blocks of a bootstrap: neighbouring samples are not independent
+_MOST = 10.0  # largest scale of the gains: a load of more than this many times the robot's masses is implausible
+_BLOCKS = 30  # number of time blocks of a bootstrap, because neighbouring samples are not independent
 
 
 def scales_by_friction(
@@ -84,11 +84,11 @@ def with_scaled_gains(
     return driven, tuple(out)
 
 
-def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> tuple[bool, Diagnosis]:
+def preferred_diagnosis(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> tuple[bool, Diagnosis]:
     """Whether the diagnosis with higher gains is preferred, and the preferred one with the other's findings as rivals.
 
-    If both have a residual of noise only, each has half of the probability, and the one with fewer findings is
-    preferred. Else each has the probability that the held-out losses give it.
+    If both leave noise only, each has half of the probability, and the one with fewer findings is preferred. Otherwise
+    each has the probability that follows from the held-out losses.
 
     Args:
         first: Diagnosis with the gains as they were estimated.

@@ -1,8 +1,8 @@
-"""Unstated gains of position controllers, from references and positions by least squares with the given model.
+"""Estimate of unstated gains of position controllers from references and positions, by least squares.
 
 The torque ``kp (q_ref - q) - kd v`` of a controller is set equal to the modelled torque plus dry friction and a
-constant torque that the model lacks. Positions alone show only ratios to ``kp``, which is the scale of all torques: it
-follows from the model's gravity and inertia, and has the same relative error. Viscous friction that the model lacks
+constant torque that the model lacks. Positions alone show only ratios to ``kp``, which is the scale of all torques. So
+``kp`` follows from the model's gravity and inertia, with the same relative error. Viscous friction that the model lacks
 becomes a part of ``kd``.
 """
 
@@ -24,12 +24,14 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Controller, Robot
 
 _FEWEST = 100  # smallest number of rows
-_LEAST = 1e-9  # range of position errors [rad or m] below which the references are the readings themselves
-# Number of stretches of time; the jackknife leaves out one at a time, as neighbouring samples are not independent.
+_LEAST = 1e-9  # range of position errors [rad or m] below which the references count as copies of the readings
+# Number of stretches of time for a jackknife that leaves out one stretch at a time, as neighbouring samples depend on
+# each other.
 _STRETCHES = 10
-# Relative deviation up to which a gain counts as known: findings are no more accurate than it.
+# Largest relative deviation of a gain that counts as known; findings are as accurate as the gain.
 _KNOWN = 0.1
-# Share of the modelled torque (without the part that friction could explain) from which gravity or inertia sets a gain.
+# Least share of the modelled torque, without the part that friction could explain, with which gravity or inertia counts
+# as a part of the model that determines a gain.
 _RESTS_ON = 0.25
 
 
@@ -38,14 +40,14 @@ class Gains:
     """Estimated gains of one joint; NaN where the motion does not determine them.
 
     Attributes:
-        joint: Its name.
+        joint: Name of the joint.
         kp: Proportional gain [N m/rad or N/m], with the masses of the model.
-        kp_std: Its deviation, that of the model not included.
-        kd: Damping gain [N m s/rad or N s/m], with viscous friction that the model lacks.
-        kd_std: Its deviation.
-        ratio: ``kd / kp`` [s]; it does not depend on the model where the joint's viscous friction is small.
-        ratio_std: Its deviation.
-        rests_on: Part of the model that sets the scale: gravity, inertia or both.
+        kp_std: Standard deviation of ``kp``, without that of the model.
+        kd: Damping gain [N m s/rad or N s/m], including viscous friction that the model lacks.
+        kd_std: Standard deviation of ``kd``.
+        ratio: ``kd / kp`` [s]; it does not depend on the model if the joint's viscous friction is small.
+        ratio_std: Standard deviation of ``ratio``.
+        rests_on: Parts of the model that determine ``kp``: gravity, inertia or both.
     """
 
     joint: str
@@ -64,7 +66,7 @@ class Gains:
 
 
 def unstated(robot: Robot) -> tuple[str, ...]:
-    """Driven joints whose controller robot.yaml does not state, or not its gain."""
+    """Driven joints of which robot.yaml states no controller, or a controller without a gain."""
     pairs = zip(robot.joint_names, robot.actuators, strict=True)
     return tuple(joint for joint, a in pairs if a.actuated and (a.controller is None or a.controller.kp <= 0))
 
@@ -81,7 +83,7 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
     """
     for one in recordings:
         _require_references(one)
-    # Of a recording of hours, five minutes are enough for the gains.
+    # Five minutes of a long recording are enough for the gains.
     shortened = [busiest(one) for one in recordings]
     silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in shortened)
     logs, _ = process_all(silent, robot)
@@ -101,7 +103,7 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
 
 
 def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
-    """The robot with controllers where it states none, and recordings with notes on the estimated gains.
+    """The robot with estimated controllers for joints without stated ones, and recordings with notes on the estimates.
 
     Args:
         robot: The given model.

@@ -1,9 +1,9 @@
-"""References that a drive holds from row to row (zero-order hold): whether a log shows it, and the step response.
+"""Drives that hold each reference until the next row of the log (zero-order hold): detection, and their step response.
 
 A held reference acts half a row late on average. It also jumps at every row, and the joint responds to each jump. The
-log has one sample per row, so that this response is aliased to the frequencies of the motion, where it looks like a
-torque that couples the joints. Delay and response are linear in the references. So gains and inertia determine the
-aliased response, which can be subtracted from the positions.
+log has one sample per row. So this response is aliased to the frequencies of the motion, where it looks like a torque
+that couples the joints. Delay and response are linear in the references: gains and inertia determine the aliased
+response, which is subtracted from the positions.
 """
 
 from __future__ import annotations

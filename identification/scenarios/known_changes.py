@@ -1,4 +1,4 @@
-"""Findings of a single recording, reported with the effect, the recording and the ratio to the others."""
+"""Findings that act in a single recording, reported with the catalogue's effect, the recording and a ratio."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MODELLED = {"viscous_friction": (0, "viscous friction"), "coulomb_friction": (1
 _LEAST_LEVEL = 2.0
 
 
-def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
+def with_catalogue_names(judgement: Judgement, session: Session) -> Judgement:
     """The judgement with the catalogue's names for effects of single recordings.
 
     Args:
@@ -35,8 +35,7 @@ def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
     return replace(
         judgement,
         findings=tuple(
-            _with_catalogue_names(finding, judgement, session.robot, own, session.known)
-            for finding in judgement.findings
+            _renamed(finding, judgement, session.robot, own, session.known) for finding in judgement.findings
         ),
         bounds=tuple(bound for bound in judgement.bounds if bound.effect not in own),
         not_testable=tuple(entry for entry in judgement.not_testable if entry.effect not in own),
@@ -51,7 +50,7 @@ def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
     )
 
 
-def _with_catalogue_names(
+def _renamed(
     finding: Finding,
     judgement: Judgement,
     robot: Robot,

@@ -1,4 +1,4 @@
-"""Findings of measured poses of frames on the geometry, together with torques or alone."""
+"""Adds the diagnosis of measured poses to that of torques, or makes a diagnosis of poses alone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _AGREE = 3.0  # standard deviations within which two estimates of an encoder's z
 def with_poses(
     diagnosis: Diagnosis, robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None
 ) -> Diagnosis:
-    """A diagnosis of torques with the findings of measured poses added; unchanged where there are no poses.
+    """A diagnosis of torques with the findings of measured poses added; unchanged if there are no poses.
 
     Args:
         diagnosis: Diagnosis of the torques.

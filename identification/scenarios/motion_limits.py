@@ -1,4 +1,4 @@
-"""Limits of a diagnosis without torque: a torque constant cannot be separated from the gain of its controller."""
+"""Removes claims that positions without torque cannot support, as of a torque constant beside a controller's gain."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from identification.notes import Code, Note
 from identification.rollout.compare import Rollout
 from phantom_dyn.model.robot import Robot
 
-# Deviations of the readings: without a gap a simulation under controllers stays within a few of them.
+# Error of simulated motion under controllers, in deviations of the readings, above which it is noted.
 _STRAYS = 10.0
 _TWIN = (
     "positions tell only the product of torque constant and controller gain: measure the current or torque, or hang "
@@ -33,18 +33,18 @@ _LOAD = (
 )
 
 
-def limited_to_motion(
+def without_gain_ambiguities(
     judgement: Judgement, recordings: tuple[Recording, ...], rollout: Rollout, robot: Robot
 ) -> Judgement:
     """The judgement without claims on torque constants, which a controller's gain would explain as well.
 
-    A ratio within two tolerances of the gains is no gap and is listed as adjusted; a larger one stays a finding on the
-    product of both, with a warning. Gains that were estimated from the same positions hide any ratio, loads that scale
-    a joint, and viscous friction within the damping gain: these are listed as not testable.
+    A ratio within two tolerances of the gains is no gap and is listed as adjusted. A larger ratio stays a finding on
+    the product of both, with a warning. Gains that were estimated from the same positions hide any ratio, loads that
+    scale the weight and inertia of a joint, and viscous friction within the damping gain. These are not testable.
 
     Args:
         judgement: Judgement of the torque that controllers command.
-        recordings: Its recordings; where a torque was measured the judgement is returned unchanged.
+        recordings: Its recordings; if a torque was measured, the judgement is returned unchanged.
         rollout: Motion simulated under the controllers.
         robot: The robot with its gains, estimated ones included.
     """
@@ -98,7 +98,7 @@ def limited_to_motion(
         not_testable=(*others, *twins),
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),
-        notes=(*judgement.notes, *(_deviation_notes(rollout) if verdict == "no_gap" else ())),
+        notes=(*judgement.notes, *(_stray_notes(rollout) if verdict == "no_gap" else ())),
         ledger=tuple(_limited(claim, asked) for claim in judgement.ledger),
     )
 
@@ -116,7 +116,7 @@ def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], Gate
     return replace(claim, gates=(*claim.gates, result), outcome=outcome)
 
 
-def _deviation_notes(simulated: Rollout) -> tuple[Note, ...]:
+def _stray_notes(simulated: Rollout) -> tuple[Note, ...]:
     """A note for each joint whose simulated motion strays although its torque shows no gap."""
     rollout = simulated.json or {}
     after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})

@@ -1,4 +1,4 @@
-"""Recordings without torque: the torque that the position controllers command is used instead.
+"""Torque that position controllers command, for recordings without a torque.
 
 It follows from references, positions and gains. `identification.scenarios.gains` estimates gains that are not stated.
 """
@@ -102,7 +102,7 @@ def controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"
 
 
 def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | float:
-    """Supply voltage relative to the stated one, for a drive whose output is a share of its supply; else one."""
+    """Measured over stated supply voltage for a drive whose output is a share of its supply; one for other drives."""
     duty = actuator.controller is not None and actuator.controller.kind == "duty"
     if not duty or recording.supply is None or actuator.voltage_limit is None:
         return 1.0

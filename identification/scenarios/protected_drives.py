@@ -1,7 +1,7 @@
 """Drives that limit their output beyond a position error, found from the torque that the model needs.
 
-Where the torque was computed from references, no output of the drive was recorded. The modelled torque along the motion
-takes its place, and gives the gain and delay of the control loop, and the error beyond which the drive reduces its
+If the torque was computed from references, no output of the drive was recorded. The modelled torque along the motion is
+used in its place. It shows the gain and delay of the control loop, and the error beyond which the drive reduces its
 output to protect itself. A wrong mass changes the gain but not that error.
 """
 

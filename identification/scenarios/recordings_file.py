@@ -1,4 +1,4 @@
-"""The file ``recordings.yaml``: known differences between recordings of one robot, and recordings read with them."""
+"""Reads ``recordings.yaml``, which states known differences between recordings, and the recordings themselves."""
 
 from __future__ import annotations
 

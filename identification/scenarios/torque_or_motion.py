@@ -1,4 +1,4 @@
-"""Choice of what is diagnosed: torques, or, where none were recorded, positions with references, or measured poses."""
+"""Chooses what is diagnosed: torques, or, if none were recorded, positions with references, or measured poses."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def torque_or_motion(
         return motion_robot(robot), recordings, True
 
 
-def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
+def driven_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
     """The robot with the gains of all its controllers, and recordings with the torque that these controllers command.
 
     Args:
@@ -67,7 +67,7 @@ def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tup
 
 
 def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
-    """The recordings with one note on their torque, in the first one, instead of notes that differ only in the file."""
+    """The recordings with one note on their torque, in the first one, in place of notes that differ in the file only."""
     first, *others = recordings
     shared = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
     if shared is None:

@@ -1,4 +1,4 @@
-"""Recordings of which some fit the given model and others do not, as where the robot carried a load in some of them."""
+"""A note if the given model fits some recordings and not others, for example because the robot carried a load."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from identification.engine import contract_levels
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 
-# Share of the modelled torque in other recordings from which on a gap that is proportional to it would show as well.
+# A gap in proportion to the torque would show in recordings with at least this share of the others' modelled torque.
 _AS_MUCH = 0.5
 
 
 def unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
     """A note on the recordings that the given model fits, where it does not fit others; at most one.
 
-    A recording fits if what the given model leaves may be noise on every joint. Only those count in which the model
-    needs about as much torque on the joints on which others have a gap. Where the findings explain all recordings, or
-    the user states what changed between them, there is nothing to say.
+    A recording fits if the residual of the given model may be noise on every joint. It counts only if the model needs
+    about as much torque on the joints with a gap as in the other recordings. There is no note if the findings explain
+    all recordings, or if the user states what changed between them.
 
     Args:
         problem: Robot and recordings.

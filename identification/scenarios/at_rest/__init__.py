@@ -1,1 +1,1 @@
-"""Backlash and compliance of joints from slow recordings of positions and references, at rest under known loads."""
+"""Diagnosis of backlash and compliance from positions and references while the robot rests under known loads."""

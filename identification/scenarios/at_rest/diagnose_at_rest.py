@@ -1,6 +1,7 @@
-"""Diagnosis of positions at rest: for recordings too slow for torques, or controllers without a stated gain.
+"""Diagnosis of backlash and compliance from positions at rest.
 
-It finds backlash and compliance. Its ledger lists the gates that each of them has passed.
+It is used for recordings that are too slow for torques, or controllers without a stated gain. Its ledger lists the
+gates that each effect has passed.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ from identification.engine import contract_levels
 from identification.engine.claims import Claim, GateResult, until_failed
 from identification.gates.rivalry import likelier_than_rivals
 from identification.notes import Code, Note
-from identification.scenarios.at_rest.giving_way import WAYS, GivingWay, Way, giving_way, testable
-from identification.scenarios.at_rest.rests import LOADED, StandstillSamples, stills_under_load
+from identification.scenarios.at_rest.rest_models import REST_MODELS, RestFits, RestModel, fitted_rests, testable
+from identification.scenarios.at_rest.rests import LOADED, StandstillSamples, standstill_samples
 from identification.scenarios.measured_poses import with_poses
 from identification.words.user_words import user_words
 from phantom_dyn import __version__
@@ -38,7 +39,7 @@ from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.effects import catalogue
 from phantom_dyn.model.robot import Robot
 
-_GIVES = ("backlash", "transmission_compliance")
+_SHOWN_AT_REST = ("backlash", "transmission_compliance")
 _ON_MOTOR = (
     "the encoder sits before the transmission, whose give it does not see: state encoder_side: link if it does not"
 )
@@ -57,7 +58,7 @@ def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
     gains = all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
     if gains or any(recording.q_ref is None or recording.tau is not None for recording in recordings):
         return False
-    return any(_why_not(robot, stills_under_load(robot, recordings, row), row) is None for row in range(robot.nv))
+    return any(_why_not(robot, standstill_samples(robot, recordings, row), row) is None for row in range(robot.nv))
 
 
 def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
@@ -75,16 +76,16 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     """
     started = time.perf_counter()
     require_right(recordings)
-    every = [stills_under_load(robot, recordings, row) for row in range(robot.nv)]
+    every = [standstill_samples(robot, recordings, row) for row in range(robot.nv)]
     why = [_why_not(robot, stills, row) for row, stills in enumerate(every)]
-    ways = {row: giving_way(stills) for row, stills in enumerate(every) if why[row] is None}
-    rows = sorted(ways, key=lambda row: -abs(ways[row].shift))
-    findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], ways[row]))
-    gaps = tuple(_gap(robot, row, every[row], ways.get(row)) for row in range(robot.nv))
-    rest = _unexplained(robot, every, ways)
-    warnings = [note for row in rows for note in _rest_notes(robot, row, every[row], ways[row])]
+    fits = {row: fitted_rests(stills) for row, stills in enumerate(every) if why[row] is None}
+    rows = sorted(fits, key=lambda row: -abs(fits[row].shift))
+    findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], fits[row]))
+    gaps = tuple(_gap(robot, row, every[row], fits.get(row)) for row in range(robot.nv))
+    rest = _unexplained(robot, every, fits)
+    warnings = [note for row in rows for note in _rest_notes(robot, row, every[row], fits[row])]
     found = Diagnosis(
-        verdict=_verdict(ways, findings, rest),
+        verdict=_verdict(fits, findings, rest),
         robot=robot.name,
         recordings=tuple(recording.file for recording in recordings),
         joints=gaps,
@@ -92,7 +93,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         findings=findings,
         adjusted=(),
         unexplained=rest,
-        bounds=tuple(_bound(robot, row, way) for row, way in ways.items() if not way.ways),
+        bounds=tuple(_bound(robot, row, fit) for row, fit in fits.items() if not fit.models),
         not_testable=_untestable(robot, why),
         data_warnings=(
             *fault_warnings(recordings),
@@ -104,19 +105,20 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         rollout=None,
         seconds=time.perf_counter() - started,
         version=__version__,
-        evidence=_evidence(robot, every, ways, rows),
+        evidence=_evidence(robot, every, fits, rows),
         wrong=wrong_with(recordings),
         run=uuid4().hex,
         ledger=tuple(
             claim
             for row in rows
-            for claim in claims_at_rest(robot.joint_names[row], ways[row], every[row].repeatability)
+            for claim in claims_at_rest(robot.joint_names[row], fits[row], every[row].repeatability)
         ),
     )
     return with_poses(found, robot, recordings)
 
 
 def _why_not(robot: Robot, stills: StandstillSamples, row: int) -> str | None:
+    """Why the rests of a joint cannot show backlash or compliance; None if they can."""
     if robot.actuators[row].encoder_side == "motor":
         return _ON_MOTOR
     return None if testable(stills) else _ONE_SIGN
@@ -127,19 +129,20 @@ def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
     for effect in catalogue.effects_of(robot):
         words = user_words(effect.name, robot)
         for joint in effect.places(robot):
-            reason = why[robot.joint_names.index(joint)] if effect.name in _GIVES and joint is not None else _AT_REST
+            own = effect.name in _SHOWN_AT_REST and joint is not None
+            reason = why[robot.joint_names.index(joint)] if own else _AT_REST
             out += [NotTestable(effect.name, joint, reason, words)] if reason is not None else []
     return tuple(out)
 
 
-def _findings(robot: Robot, row: int, stills: StandstillSamples, found: GivingWay) -> list[Finding]:
+def _findings(robot: Robot, row: int, stills: StandstillSamples, found: RestFits) -> list[Finding]:
     """Findings on one joint: one for each effect of the most probable model of its rests."""
-    if not found.ways:
+    if not found.models:
         return []
-    joint, best = robot.joint_names[row], found.ways[0]
+    joint, best = robot.joint_names[row], found.models[0]
     rivals = tuple(
-        Rival(tuple(EffectAt(effect, joint) for effect in way.effects), probability)
-        for way, probability in zip(found.ways[1:], found.probabilities[1:], strict=True)
+        Rival(tuple(EffectAt(effect, joint) for effect in model.effects), probability)
+        for model, probability in zip(found.models[1:], found.probabilities[1:], strict=True)
         if probability >= contract_levels.LISTED
     )
     # Probabilities of models that are not listed are distributed over the listed ones.
@@ -153,7 +156,7 @@ def _findings(robot: Robot, row: int, stills: StandstillSamples, found: GivingWa
             joint=joint,
             regime="high_load",
             parameters=_parameters(robot, row, best, k),
-            gap_closed=(_square(found.before) - _square(best.left)) / gap,
+            gap_closed=(_square(found.before) - _square(best.residual)) / gap,
             gap_closed_interval=(low, high),
             probability=found.probabilities[0] / listed,
             rivals=rivals,
@@ -163,15 +166,15 @@ def _findings(robot: Robot, row: int, stills: StandstillSamples, found: GivingWa
     ]
 
 
-def _parameters(robot: Robot, row: int, way: Way, k: int) -> dict[str, Value]:
-    value, std = float(way.values[k]), float(way.std[k])
-    if way.effects[k] == "backlash":
+def _parameters(robot: Robot, row: int, model: RestModel, k: int) -> dict[str, Value]:
+    value, std = float(model.values[k]), float(model.std[k])
+    if model.effects[k] == "backlash":
         return {"gap": Value(value, std, robot.position_units[row])}
     unit = f"{robot.torque_units[row]}/{robot.position_units[row]}"
     return {"stiffness": Value(1.0 / value, std / value**2, unit)}
 
 
-def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: GivingWay) -> list[Note]:
+def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: RestFits) -> list[Note]:
     """Distance of the positions at rest, in the joint's unit and in steps of its reading, and their load."""
     joint, unit = robot.joint_names[row], robot.position_units[row]
     load = np.abs(stills.rest_medians(stills.load))
@@ -186,29 +189,31 @@ def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: Giving
         "counted": LOADED,
     }
     apart = Note(Code.RESTS_APART, joint, numbers)
-    return [apart, Note(Code.CONTROLLER_GIVES_WAY, joint)] if found.ways else [apart]
+    return [apart, Note(Code.CONTROLLER_GIVES_WAY, joint)] if found.models else [apart]
 
 
-def _bound(robot: Robot, row: int, found: GivingWay) -> Bound:
-    return Bound("backlash", robot.joint_names[row], "gap", found.detectable_sizes, robot.position_units[row])
+def _bound(robot: Robot, row: int, found: RestFits) -> Bound:
+    return Bound("backlash", robot.joint_names[row], "gap", found.detectable_size, robot.position_units[row])
 
 
-def _gap(robot: Robot, row: int, stills: StandstillSamples, found: GivingWay | None) -> JointGap:
+def _gap(robot: Robot, row: int, stills: StandstillSamples, found: RestFits | None) -> JointGap:
     joint, unit = robot.joint_names[row], robot.position_units[row]
     if found is None:
         return JointGap(joint, unit, 0.0, 0.0, max(stills.repeatability, 1e-12), 0)
-    left = found.ways[0].left if found.ways else found.before
+    left = found.models[0].residual if found.models else found.before
     before, after = np.sqrt(_square(found.before)), np.sqrt(_square(left))
     return JointGap(joint, unit, before, after, max(min(stills.repeatability, after), 1e-12), len(stills.t))
 
 
-def _unexplained(robot: Robot, every: list[StandstillSamples], ways: dict[int, GivingWay]) -> Unexplained:
+def _unexplained(robot: Robot, every: list[StandstillSamples], fits: dict[int, RestFits]) -> Unexplained:
     """Share of the residual at rest beyond repeatability, and the joint with the largest residual."""
-    found = {row: way for row, way in ways.items() if way.ways}
+    found = {row: fit for row, fit in fits.items() if fit.models}
     if not found:
         return Unexplained(0.0, False, None, None)
-    left = {row: max(_square(way.ways[0].left) - every[row].repeatability ** 2, 0.0) for row, way in found.items()}
-    gap = {row: max(_square(way.before) - every[row].repeatability ** 2, 1e-300) for row, way in found.items()}
+    left = {
+        row: max(_square(fit.models[0].residual) - every[row].repeatability ** 2, 0.0) for row, fit in found.items()
+    }
+    gap = {row: max(_square(fit.before) - every[row].repeatability ** 2, 1e-300) for row, fit in found.items()}
     share = {row: left[row] / gap[row] for row in found}
     worst = max(share, key=lambda row: share[row])
     mean = float(np.mean(list(share.values())))
@@ -216,24 +221,24 @@ def _unexplained(robot: Robot, every: list[StandstillSamples], ways: dict[int, G
     return Unexplained(mean, structured, robot.joint_names[worst] if structured else None, None)
 
 
-def _verdict(ways: dict[int, GivingWay], findings: tuple[Finding, ...], rest: Unexplained) -> str:
-    if not ways:
+def _verdict(fits: dict[int, RestFits], findings: tuple[Finding, ...], rest: Unexplained) -> str:
+    if not fits:
         return "not_testable"
     if not findings:
         return "no_gap"
     return "partly_explained" if rest.structured else "explained"
 
 
-def _evidence(robot: Robot, every: list[StandstillSamples], ways: dict[int, GivingWay], rows: list[int]) -> Evidence:
+def _evidence(robot: Robot, every: list[StandstillSamples], fits: dict[int, RestFits], rows: list[int]) -> Evidence:
     """Samples at rest of the joint that gives way most, with its position error instead of a torque."""
     row = rows[0] if rows else 0
-    stills, found = every[row], ways.get(row)
+    stills, found = every[row], fits.get(row)
     count = (len(stills.t), robot.nv)
     error, after, load = np.zeros(count), np.zeros(count), np.zeros(count)
     error[:, row], load[:, row] = stills.error, stills.load
     if found is not None:
         rest_error = stills.rest_medians(stills.error)
-        held_out = found.ways[0].left if found.ways else found.before
+        held_out = found.models[0].residual if found.models else found.before
         after[:, row] = (rest_error - held_out)[stills.rest]
     still = read_only(np.zeros(count))
     arrays = (read_only(x) for x in (error, np.zeros(count), after))
@@ -255,7 +260,7 @@ def _square(values: Array) -> float:
     return float(np.mean(values**2))
 
 
-def claims_at_rest(joint: str, found: GivingWay, repeat: float) -> tuple[Claim[EffectAt], ...]:
+def claims_at_rest(joint: str, found: RestFits, repeat: float) -> tuple[Claim[EffectAt], ...]:
     """Entries of the ledger: one for each model of the rests, or for each effect of the named model.
 
     Args:
@@ -263,45 +268,45 @@ def claims_at_rest(joint: str, found: GivingWay, repeat: float) -> tuple[Claim[E
         found: Fits to its rests.
         repeat: Deviation of the samples within a rest.
     """
-    named = found.ways[0].effects if found.ways else ()
-    # With loads of one size, or few rests, both effects together cannot be tested, and have no entry.
-    asked = WAYS if found.both is not None or not found.ways else WAYS[:2]
-    names = [(effect,) for effect in named] + [way for way in asked if not set(way) <= set(named)]
-    return tuple(_claim(joint, found, way, repeat) for way in names)
+    named = found.models[0].effects if found.models else ()
+    # With loads of one size, or few rests, both effects together cannot be tested and have no entry.
+    tested = REST_MODELS if found.both_needed is not None or not found.models else REST_MODELS[:2]
+    names = [(effect,) for effect in named] + [model for model in tested if not set(model) <= set(named)]
+    return tuple(_claim(joint, found, model, repeat) for model in names)
 
 
-def _claim(joint: str, found: GivingWay, effects: tuple[str, ...], repeat: float) -> Claim[EffectAt]:
+def _claim(joint: str, found: RestFits, effects: tuple[str, ...], repeat: float) -> Claim[EffectAt]:
     at = tuple(EffectAt(effect, joint) for effect in effects)
-    if not found.ways:
-        return Claim(at, (found.shown,), "not_claimed", judged_by="rests")
-    first = found.ways[0]
+    if not found.models:
+        return Claim(at, (found.above_chance,), "not_claimed", judged_by="rests")
+    first = found.models[0]
     claimed = set(effects) <= set(first.effects)
-    gates = until_failed((found.shown, *_against_rivals(found, first.effects if claimed else effects)))
-    own = next((way for way in found.ways if way.effects == effects), None)
+    gates = until_failed((found.above_chance, *_against_rivals(found, first.effects if claimed else effects)))
+    own = next((model for model in found.models if model.effects == effects), None)
     if own is None:  # both together, of which one does not differ from zero
         return Claim(at, gates, "not_claimed", judged_by="rests")
     figures = {"closes": _closes(found, own, repeat)}
     if claimed:
         return Claim(at, gates, "claimed", figures=figures, judged_by="rests")
-    figures["floors_more"] = (_rms(own.left) - _rms(first.left)) / repeat
+    figures["floors_more"] = (_rms(own.residual) - _rms(first.residual)) / repeat
     instead = tuple(EffectAt(effect, joint) for effect in first.effects)
     return Claim(at, gates, "displaced", instead, figures, "rests")
 
 
-def _against_rivals(found: GivingWay, way: tuple[str, ...]) -> tuple[GateResult, ...]:
+def _against_rivals(found: RestFits, model: tuple[str, ...]) -> tuple[GateResult, ...]:
     """Gates between the models: whether both effects together are needed, and then which model is most probable."""
-    odds = {one.effects: share for one, share in zip(found.ways, found.probabilities, strict=True)}
-    asked = (found.both,) if len(way) > 1 and found.both is not None else ()
-    if way not in odds:
-        return asked
-    rival = max((share for other, share in odds.items() if other != way), default=0.0)
-    return (*asked, likelier_than_rivals(odds[way], rival, leads=way == found.ways[0].effects))
+    odds = {one.effects: share for one, share in zip(found.models, found.probabilities, strict=True)}
+    both = (found.both_needed,) if len(model) > 1 and found.both_needed is not None else ()
+    if model not in odds:
+        return both
+    rival = max((share for other, share in odds.items() if other != model), default=0.0)
+    return (*both, likelier_than_rivals(odds[model], rival, leads=model == found.models[0].effects))
 
 
-def _closes(found: GivingWay, way: Way, repeat: float) -> float:
+def _closes(found: RestFits, model: RestModel, repeat: float) -> float:
     """Share of the joint's gap that a model of the rests explains."""
     before = _rms(found.before) ** 2
-    return (before - _rms(way.left) ** 2) / max(before - repeat**2, 1e-300)
+    return (before - _rms(model.residual) ** 2) / max(before - repeat**2, 1e-300)
 
 
 def _rms(left: Float[Array, " R"]) -> float:

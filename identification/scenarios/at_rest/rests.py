@@ -16,9 +16,9 @@ from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-# Share of the largest load below which friction and not the load decides where a joint with backlash rests.
+# Share of the largest load below which a load is not used: friction then decides where a joint with backlash rests.
 LOADED = 0.2
-# Load [N m or N] below which it is only rounding, as that on a vertical axis.
+# Load [N m or N] below which it is rounding, as on a vertical axis.
 _LEAST_LOAD = 1e-6
 
 
@@ -59,7 +59,7 @@ class StandstillSamples:
         return max(float(np.sqrt((within @ within) / freedom)), self.quantum / np.sqrt(12.0))
 
 
-def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int) -> StandstillSamples:
+def standstill_samples(robot: Robot, recordings: tuple[Recording, ...], row: int) -> StandstillSamples:
     """Samples in which the robot stands still while a joint is under load, by rests.
 
     A joint stands still where it differs by at most one step of its reading from both neighbouring samples. After a

@@ -15,8 +15,8 @@ from identification.export.corrected.corrected_yaml import write_corrected
 from identification.notes import Code, Note
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import json_text
+from identification.scenarios.common_model import common_model, has_unknown_load
 from identification.scenarios.known_changes import growth
-from identification.scenarios.one_difference import judged_by_difference, model_in_common
 from identification.words.diagnosis_words import finding_words
 from identification.words.ledger_words import why
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
@@ -218,7 +218,7 @@ def recordings(lab, truly, recorded):
 
 @pytest.mark.whole
 def test_the_model_in_common_needs_the_torques_of_the_true_arm(planar2, truly, recordings, lab):
-    found, offsets, note = model_in_common(planar2, recordings(LOAD), CHANGES)
+    found, offsets, note = common_model(planar2, recordings(LOAD), CHANGES)
     motion = lab.motion(2, 9, seconds=5.0, swing=1.2)
     wanted = inverse_dynamics(truly, motion)
     off = np.sqrt(np.mean((inverse_dynamics(found, motion) - wanted) ** 2, axis=0))
@@ -247,16 +247,16 @@ def test_no_load_is_found_where_none_was_added(planar2, recordings):
 
 @pytest.mark.whole
 def test_only_a_load_without_a_value_is_judged_by_its_difference():
-    assert judged_by_difference(CHANGES)
-    assert not judged_by_difference((CHANGES[0], replace(CHANGES[1], payload=LOAD)))
-    assert not judged_by_difference((CHANGES[0], replace(CHANGES[1], changed=("friction",))))
+    assert has_unknown_load(CHANGES)
+    assert not has_unknown_load((CHANGES[0], replace(CHANGES[1], payload=LOAD)))
+    assert not has_unknown_load((CHANGES[0], replace(CHANGES[1], changed=("friction",))))
 
 
 @pytest.mark.whole
 def test_a_load_in_every_recording_leaves_nothing_to_compare_with(planar2, recordings):
     both = tuple(replace(one, changed=("payload",)) for one in CHANGES)
     with pytest.raises(LogError, match="every recording carries a load without a value"):
-        model_in_common(planar2, recordings(LOAD), both)
+        common_model(planar2, recordings(LOAD), both)
 
 
 CHANGING = sorted(effect.name for effect in EFFECTS if effect.changes_with is not None)

@@ -17,8 +17,8 @@ from identification.diagnosis.result import Bound, Diagnosis, Finding, Judgement
 from identification.notes import Code, Note
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
-from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
-from identification.scenarios.motion_limits import limited_to_motion
+from identification.scenarios.gain_or_load import preferred_diagnosis, scales_by_friction, with_scaled_gains
+from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.motion_only import limited_controller_torque, states_controllers, with_controller_torque
 from identification.scenarios.recordings_file import read_changes
 from identification.words.note_words import sentence
@@ -112,7 +112,7 @@ def readings(made_up, left: tuple[float, float]) -> tuple[Diagnosis, Diagnosis]:
 
 @pytest.mark.parametrize(("left", "leads"), [((1.2, 1.1), True), ((1.1, 1.2), False)])
 def test_what_noise_alone_separates_stays_in_the_set(made_up, left, leads):
-    second_leads, found = either(*readings(made_up, left), {})
+    second_leads, found = preferred_diagnosis(*readings(made_up, left), {})
     (finding,) = found.findings
     (rival,) = finding.rivals
     assert second_leads is leads
@@ -122,7 +122,7 @@ def test_what_noise_alone_separates_stays_in_the_set(made_up, left, leads):
 
 @pytest.mark.parametrize(("left", "effect"), [((5.0, 1.1), "payload"), ((1.1, 5.0), "viscous_friction")])
 def test_a_reading_that_leaves_a_gap_is_ruled_out(made_up, left, effect):
-    _, found = either(*readings(made_up, left), {})
+    _, found = preferred_diagnosis(*readings(made_up, left), {})
     (finding,) = found.findings
     assert (finding.effect, finding.rivals) == (effect, ())
 
@@ -130,7 +130,7 @@ def test_a_reading_that_leaves_a_gap_is_ruled_out(made_up, left, effect):
 def test_torques_of_the_second_are_compared_at_the_scale_of_the_first(made_up):
     # By hand: twice as large torques that leave four times as much leave twice as much.
     first, second = readings(made_up, (3.0, 4.0))
-    assert [either(first, second, {"pin": scale})[0] for scale in (1.0, 2.0)] == [False, True]
+    assert [preferred_diagnosis(first, second, {"pin": scale})[0] for scale in (1.0, 2.0)] == [False, True]
 
 
 @pytest.mark.whole
@@ -156,11 +156,13 @@ def test_a_load_is_not_ruled_out_where_the_gain_was_estimated(made_up, driven, e
     )
     shared = {name: getattr(made, name) for name in ("joints", "adjusted", "unexplained", "evidence")}
     judgement = Judgement("no_gap", findings=(), bounds=bounds, not_testable=(), **shared)
-    found = limited_to_motion(judgement, (estimated,), Rollout(None, {}, {}), driven)
+    found = without_gain_ambiguities(judgement, (estimated,), Rollout(None, {}, {}), driven)
     assert [bound.effect for bound in found.bounds] == ["cogging"]
     (why,) = (entry.why for entry in found.not_testable if entry.effect == "payload")
     assert "a load that changes weight and inertia of a joint alike makes it higher" in why
-    stated = limited_to_motion(judgement, (replace(estimated, gains_estimated=()),), Rollout(None, {}, {}), driven)
+    stated = without_gain_ambiguities(
+        judgement, (replace(estimated, gains_estimated=()),), Rollout(None, {}, {}), driven
+    )
     assert [bound.effect for bound in stated.bounds] == ["payload", "cogging"]
 
 

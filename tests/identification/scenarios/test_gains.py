@@ -20,7 +20,7 @@ from identification.pipeline import diagnose
 from identification.scenarios.gains import Gains, estimated_gains, unstated, with_estimated_gains
 from identification.scenarios.motion_only import motion_robot, states_controllers, with_commanded_torque
 from identification.scenarios.protected_drives import protection_notes
-from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
+from identification.scenarios.torque_or_motion import driven_by_controllers, torque_or_motion
 from identification.words.note_words import sentence, sentences
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -147,7 +147,7 @@ def rubbing(pendulum):
     recording = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
     robot, recordings, motion = torque_or_motion(pendulum, read(recording), motion_only=True)
     assert motion
-    return diagnose(*moved_by_controllers(robot, recordings))
+    return diagnose(*driven_by_controllers(robot, recordings))
 
 
 @pytest.mark.whole
@@ -168,20 +168,20 @@ def test_what_the_gains_take_up_cannot_be_tested(rubbing, effect):
 
 @pytest.mark.whole
 def test_without_a_gap_and_without_gains_nothing_is_found(pendulum, swung):
-    diagnosis = diagnose(*moved_by_controllers(pendulum, (swung,)))
+    diagnosis = diagnose(*driven_by_controllers(pendulum, (swung,)))
     assert (diagnosis.verdict, diagnosis.findings) == ("no_gap", ())
 
 
 @pytest.mark.whole
 def test_viscous_friction_without_gains_is_no_finding(pendulum):
-    diagnosis = diagnose(*moved_by_controllers(pendulum, (moved(pendulum, cause("viscous_friction", "pin", 2.0)),)))
+    diagnosis = diagnose(*driven_by_controllers(pendulum, (moved(pendulum, cause("viscous_friction", "pin", 2.0)),)))
     assert diagnosis.findings == ()
 
 
 def test_what_is_true_of_all_recordings_is_told_once(pendulum, swung):
     stated = replace(pendulum, actuators=(Actuator(controller=Controller("pd", 60.0, 6.0)),))
     other = replace(swung, file="other.csv")
-    _, (first, second) = moved_by_controllers(stated, (swung, other))
+    _, (first, second) = driven_by_controllers(stated, (swung, other))
     assert sentence(first.notes[-1]).startswith("moved.csv and 1 more: positions and references only: ")
     assert second.notes == other.notes
 

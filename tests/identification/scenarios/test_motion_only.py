@@ -13,7 +13,7 @@ from identification.engine.claims import Claim
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
 from identification.scenarios.gains import estimated_gains
-from identification.scenarios.motion_limits import limited_to_motion
+from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.motion_only import limited_controller_torque, motion_robot, with_commanded_torque
 from identification.words.note_words import sentences
 from phantom_dyn import load_robot
@@ -145,7 +145,7 @@ def judgement_of(diagnosis):
 
 def test_where_a_torque_was_measured_nothing_is_taken_back(rubbing, pendulum, recording):
     judgement = judgement_of(rubbing)
-    assert limited_to_motion(judgement, (recording,), Rollout(None, {}, {}), pendulum) is judgement
+    assert without_gain_ambiguities(judgement, (recording,), Rollout(None, {}, {}), pendulum) is judgement
 
 
 def test_without_a_gain_the_refusal_says_what_is_needed(pendulum, recording):
@@ -201,7 +201,7 @@ def test_a_torque_constant_within_twice_the_tolerance_of_the_gain_is_not_claimed
     finding = replace(rubbing.findings[0], effect="torque_constant", joint="pin", parameters=size)
     claim = Claim((EffectAt("torque_constant", "pin"),), (), "claimed")
     given = replace(judgement_of(rubbing), findings=(finding,), ledger=(claim,))
-    found = limited_to_motion(given, asked, Rollout(None, {}, {}), pendulum)
+    found = without_gain_ambiguities(given, asked, Rollout(None, {}, {}), pendulum)
     (entry,) = found.ledger
     assert entry.outcome == outcome
     assert (outcome == "claimed") is (finding in found.findings)
@@ -213,10 +213,10 @@ def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, recording,
     asked = (with_commanded_torque(recording, pendulum),)
     rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})
     still = replace(judgement_of(rubbing), findings=(), verdict="no_gap", notes=())
-    (note,) = sentences(limited_to_motion(still, asked, rollout, pendulum).notes)
+    (note,) = sentences(without_gain_ambiguities(still, asked, rollout, pendulum).notes)
     assert "under its controller pin strays by 0.01 from the recorded motion, 100 times the noise of its" in note
     near = replace(rollout, rms_after={"pin": 5e-4})
-    assert limited_to_motion(still, asked, near, pendulum).notes == ()
+    assert without_gain_ambiguities(still, asked, near, pendulum).notes == ()
 
 
 def test_what_controllers_ask_for_keeps_its_band(pendulum):

@@ -21,10 +21,10 @@ from identification.words.ledger_words import gate_line, nearest_claims, why
 from identification.words.note_words import WORDS, sentence, sentences
 from identification.words.numbers_and_names import (
     NO_BREAK,
-    with_cause_outside_catalogue,
     number,
     percent,
     value_words,
+    with_cause_outside_catalogue,
     with_std,
 )
 from identification.words.stage_words import NAMES, in_words, stage_words

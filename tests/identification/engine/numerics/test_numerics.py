@@ -5,7 +5,7 @@ import pytest
 
 from identification.engine.numerics import bounded, tableau_changes
 from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without, solve, solve_each
-from identification.engine.numerics.spans import orthonormal, orthogonal_part
+from identification.engine.numerics.spans import orthogonal_part, orthonormal
 from identification.engine.numerics.tableau import tableau
 from identification.engine.numerics.tableau_changes import changed
 

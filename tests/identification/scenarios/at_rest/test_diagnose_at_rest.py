@@ -9,8 +9,8 @@ from identification.data.recording import Recording
 from identification.diagnosis.result import Finding
 from identification.reporting.page.explaining import explaining_variable, joint_motions
 from identification.scenarios.at_rest.diagnose_at_rest import claims_at_rest, diagnose_at_rest, judged_at_rest
-from identification.scenarios.at_rest.giving_way import GivingWay, _probabilities, giving_way
-from identification.scenarios.at_rest.rests import StandstillSamples, stills_under_load
+from identification.scenarios.at_rest.rest_models import RestFits, _probabilities, fitted_rests
+from identification.scenarios.at_rest.rests import StandstillSamples, standstill_samples
 from identification.words.ledger_words import REASONS, why
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.errors import LogError
@@ -158,20 +158,20 @@ def test_a_play_of_the_bounds_size_is_seen_in_nearly_all_recordings(robot, rng):
 
 def test_a_servo_that_has_not_answered_yet_does_not_rest(robot, rng):
     # Known truth: ten rests of five samples each; before the answer the error is the whole step.
-    stills = stills_under_load(robot, (recorded(robot, WIDE, rng, gap=GAP),), 0)
+    stills = standstill_samples(robot, (recorded(robot, WIDE, rng, gap=GAP),), 0)
     assert stills.rests == len(WIDE)
     assert np.abs(stills.error).max() < GAP
 
 
 def test_what_is_excluded_holds_no_rests(robot, rng):
     recording = replace(recorded(robot, WIDE, rng, gap=GAP), excluded=((0.0, 5.0),))
-    assert stills_under_load(robot, (recording,), 0).t.min() > 5.0
+    assert standstill_samples(robot, (recording,), 0).t.min() > 5.0
 
 
 def test_several_recordings_are_judged_together(robot, rng):
     halves = (recorded(robot, WIDE[:4], rng, gap=GAP), recorded(robot, WIDE[4:], rng, gap=GAP))
     assert not judged_at_rest(robot, halves[:1])
-    assert stills_under_load(robot, halves, 0).rests == len(WIDE)
+    assert standstill_samples(robot, halves, 0).rests == len(WIDE)
     assert [finding.effect for finding in diagnose_at_rest(robot, halves).findings] == ["backlash"]
 
 
@@ -195,7 +195,7 @@ def test_a_robot_without_weight_has_no_rests_under_load(robot, rng):
     # Edge: an axis that nothing loads; its load of rounding errors is none.
     recording = recorded(robot, WIDE, rng, gap=GAP)
     weightless = replace(robot, model=_weightless(robot))
-    assert stills_under_load(weightless, (recording,), 0).rests == 0
+    assert standstill_samples(weightless, (recording,), 0).rests == 0
     assert diagnose_at_rest(weightless, (recording,)).verdict == "not_testable"
 
 
@@ -240,15 +240,15 @@ PLAY, SPRING = ("backlash",), ("transmission_compliance",)
 BOTH = (*PLAY, *SPRING)
 
 
-def way(rng: np.random.Generator, gap: float = 0.0, compliance: float = 0.0, sizes: float = 1.0) -> GivingWay:
+def way(rng: np.random.Generator, gap: float = 0.0, compliance: float = 0.0, sizes: float = 1.0) -> RestFits:
     """What forty rests under loads of either sign say; they repeat to a tenth of a milliradian."""
     load = np.tile([1.0, -1.0], 20) * (1.0 + sizes * np.repeat(np.arange(20), 2) / 10.0)
     error = -0.5 * gap * np.sign(load) - compliance * load + 1e-4 * rng.standard_normal(40)
     rest = np.arange(40)
-    return giving_way(StandstillSamples(rest.astype(float), load[:, None], error, load, rest, 0.0))
+    return fitted_rests(StandstillSamples(rest.astype(float), load[:, None], error, load, rest, 0.0))
 
 
-def outcomes(found: GivingWay) -> dict[tuple[str, ...], str]:
+def outcomes(found: RestFits) -> dict[tuple[str, ...], str]:
     claims = claims_at_rest("pin", found, 1e-4)
     for claim in claims:
         passed = [result.passed for result in claim.gates]

@@ -1,8 +1,8 @@
-"""Recordings with and without a load: a model fitted to those without it, so that only the difference is diagnosed.
+"""A model fitted to the recordings without an unknown load, so that a diagnosis finds only the load of the others.
 
-Links, friction and constant torques of all joints are fitted to the recordings without an unknown load, among bodies
-that can exist, with a prior at the given ones. The diagnosis of all recordings then starts from that model, so that
-errors which a weak given model has in all of them do not count as a change.
+Links, friction and constant torques of all joints are fitted, among bodies that can exist, with a prior at the given
+ones. The diagnosis of all recordings then starts from the fitted model. So errors of the given model that affect all
+recordings do not count as a change.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ _OFFSET = "torque_offset"
 _FRICTION = ("viscous_friction", "coulomb_friction")
 
 
-def judged_by_difference(changes: tuple[Change, ...]) -> bool:
+def has_unknown_load(changes: tuple[Change, ...]) -> bool:
     """True if an unknown load is the change between recordings."""
     return any("payload" in change.unknown for change in changes)
 
 
-def beside_the_model_in_common(given: Prepared) -> Prepared:
-    """The same recordings with the model fitted to those without an unknown load; raises as `model_in_common`."""
-    robot, offsets, note = model_in_common(given.robot, given.seen, given.changes)
+def with_common_model(given: Prepared) -> Prepared:
+    """The same recordings with the model of `common_model`, which raises the errors."""
+    robot, offsets, note = common_model(given.robot, given.seen, given.changes)
     return replace(given, robot=robot, known=(*given.known, *offsets), notes=(note, *given.notes))
 
 
-def model_in_common(
+def common_model(
     robot: Robot, recordings: tuple[Recording, ...], changes: tuple[Change, ...]
 ) -> tuple[Robot, tuple[KnownEffect, ...], Note]:
     """The robot fitted to recordings without an unknown load, constant torques of its joints, and a note on it.
@@ -55,8 +55,6 @@ def model_in_common(
     Raises:
         LogError: If every recording carries an unknown load.
     """
-    # Imports the solvers of convex programs, which few runs need.
-
     pairs = zip(recordings, changes, strict=False)
     bare = tuple(one for one, change in pairs if "payload" not in change.unknown and change.payload is None)
     if not bare:

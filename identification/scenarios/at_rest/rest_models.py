@@ -1,9 +1,9 @@
-r"""Backlash, stiffness, or both, of a joint from its positions at standstill under load.
+r"""Fits of backlash, compliance, or both to the positions of one joint at standstill under load.
 
-With the motor at its reference, the link is at :math:`q - q_{ref} = c - \frac{g}{2} s - \tau_l / k`, with the load
-:math:`\tau_l` that the transmission passes to the link, its sign :math:`s`, the full width :math:`g` of the backlash,
-the stiffness :math:`k`, and a constant :math:`c` of reading and reference. Loads of one size do not separate backlash
-from a spring.
+With the motor at its reference, the link is at :math:`q - q_{ref} = c - \frac{g}{2} s - \tau_l / k`. Here
+:math:`\tau_l` is the load that the transmission passes to the link, :math:`s` its sign, :math:`g` the full width of the
+backlash, :math:`k` the stiffness, and :math:`c` a constant of reading and reference. If all loads have the same size,
+backlash cannot be separated from a spring.
 """
 
 from __future__ import annotations
@@ -22,59 +22,58 @@ from identification.scenarios.at_rest.rests import StandstillSamples
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-# Smallest number of rests under each sign of load: fewer do not show how well they repeat.
+# Smallest number of rests under each sign of load: fewer do not show how well rests repeat.
 LEAST_RESTS = 3
-# Relative difference in size that loads need to separate backlash from a spring: model and forces are no more accurate.
+# Least relative difference of the sizes of loads that separates backlash from a spring; loads are no more accurate.
 _ALIKE = 0.2
-
 # Smallest standard deviation, for rests that are exactly equal; a number divided by it can still be squared.
 _NO_DEVIATION = 1e-150
-
-# The models of the rests, by their effects in the catalogue.
-WAYS = (("backlash",), ("transmission_compliance",), ("backlash", "transmission_compliance"))
+# The models that are fitted to the rests, each given by its effects in the catalogue.
+REST_MODELS = (("backlash",), ("transmission_compliance",), ("backlash", "transmission_compliance"))
 
 
 @dataclass(frozen=True)
-class Way:
+class RestModel:
     """One model of how a joint gives way, fitted to the rests.
 
     Attributes:
         effects: Names of its effects in the catalogue.
         values: Full width of the backlash [rad or m], or compliance [rad/(N m) or m/N], one for each effect.
         std: Their standard deviations.
-        left: Residual of each rest by the fit to all others, ``(R,)``.
+        residual: Residual of each rest by the fit to all others, ``(R,)``.
     """
 
     effects: tuple[str, ...]
     values: Float[Array, " k"]
     std: Float[Array, " k"]
-    left: Float[Array, " R"]
+    residual: Float[Array, " R"]
 
 
 @dataclass(frozen=True)
-class GivingWay:
+class RestFits:
     """Fits to the rests of one joint.
 
     Attributes:
         before: Error of each rest minus the mean of all others, ``(R,)``.
-        ways: Fitted models, the most probable first; empty where nothing is beyond chance.
+        models: Fitted models, the most probable first; empty if the shift may be chance.
         probabilities: Probability of each model, see `engine.resampling`.
         replicates: Share of the gap that the first model explains, in each bootstrap replicate.
         shift: Distance of the rests under loads of opposite sign [rad or m].
-        detectable_sizes: The smallest shift that would be claimed in 95 of 100 such recordings.
-        shown: Whether the shift is larger than by chance; both numbers are squares in units of its deviation.
-        both: Whether backlash and compliance, fitted together, both differ from zero; None where loads of one size, or
-            few rests, cannot show that.
+        detectable_size: The smallest shift that would be claimed in 95 of 100 such recordings.
+        above_chance: Whether the shift is larger than chance explains; both numbers are squares in units of its
+            deviation.
+        both_needed: Whether backlash and compliance, fitted together, both differ from zero; None if the loads have one
+            size or the rests are few, which cannot show that.
     """
 
     before: Float[Array, " R"]
-    ways: tuple[Way, ...]
+    models: tuple[RestModel, ...]
     probabilities: tuple[float, ...]
     replicates: Float[Array, " B"]
     shift: float
-    detectable_sizes: float
-    shown: GateResult
-    both: GateResult | None = None
+    detectable_size: float
+    above_chance: GateResult
+    both_needed: GateResult | None = None
 
 
 def testable(stills: StandstillSamples) -> bool:
@@ -83,7 +82,7 @@ def testable(stills: StandstillSamples) -> bool:
     return bool(min(np.sum(load > 0), np.sum(load < 0)) >= LEAST_RESTS)
 
 
-def giving_way(stills: StandstillSamples) -> GivingWay:
+def fitted_rests(stills: StandstillSamples) -> RestFits:
     """Fits of backlash and compliance to the rests of a joint; each rest is predicted by fits without it.
 
     Args:
@@ -93,39 +92,39 @@ def giving_way(stills: StandstillSamples) -> GivingWay:
 
     error, load = stills.rest_medians(stills.error), stills.rest_medians(stills.load)
     side = np.sign(load)
-    before = _fit(error, ()).left
+    before = _fit(error, ()).residual
     shift = _fit(error, (("backlash", -0.5 * side),))
     width = float(shift.values[0])
     deviation = max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)), _NO_DEVIATION)
     needed = -float(stdtrit(len(error) - 2, rules.REST_CHANCE))
-    detectable_sizes = (needed + 1.645) * deviation
-    shown = more_than_chance(float(np.sign(width)) * (width / deviation) ** 2, needed**2)
-    if not shown.passed:
-        return GivingWay(before, (), (), np.zeros(0), width, detectable_sizes, shown)
+    detectable_size = (needed + 1.645) * deviation
+    above_chance = more_than_chance(float(np.sign(width)) * (width / deviation) ** 2, needed**2)
+    if not above_chance.passed:
+        return RestFits(before, (), (), np.zeros(0), width, detectable_size, above_chance)
     columns = {"backlash": -0.5 * side, "transmission_compliance": -load}
     sizes = np.abs(load)
     alike = sizes.max() - sizes.min() < _ALIKE * sizes.mean()
-    ways = [_fit(error, tuple((name, columns[name]) for name in names)) for names in WAYS]
+    models = [_fit(error, tuple((name, columns[name]) for name in names)) for names in REST_MODELS]
     both = None
     if len(error) > 6 and not alike:
         # Both together are a model only if each differs from zero when fitted together.
-        certain = stdtr(len(error) - 3, ways[2].values / np.maximum(ways[2].std, 1e-300))
+        certain = stdtr(len(error) - 3, models[2].values / np.maximum(models[2].std, 1e-300))
         both = both_are_there(float(certain.min()))
-    ways = ways if both is not None and both.passed else ways[:2]
-    losses = np.array([way.left**2 for way in ways]).T
-    wins = np.full(len(ways), 1.0 / len(ways)) if alike else _probabilities(losses)
-    ranked = sorted(range(len(ways)), key=lambda k: (-wins[k], k))
+    models = models if both is not None and both.passed else models[:2]
+    losses = np.array([model.residual**2 for model in models]).T
+    wins = np.full(len(models), 1.0 / len(models)) if alike else _probabilities(losses)
+    ranked = sorted(range(len(models)), key=lambda k: (-wins[k], k))
     shares = block_counts(len(error), random_stream("bootstrap of rests")) / len(error)
-    given = shares @ before**2
-    closed = (given - shares @ losses[:, ranked[0]]) / np.maximum(given - stills.repeatability**2, 1e-300)
-    return GivingWay(
+    loss_before = shares @ before**2
+    closed = (loss_before - shares @ losses[:, ranked[0]]) / np.maximum(loss_before - stills.repeatability**2, 1e-300)
+    return RestFits(
         before,
-        tuple(ways[k] for k in ranked),
+        tuple(models[k] for k in ranked),
         tuple(float(wins[k]) for k in ranked),
         closed,
         width,
-        detectable_sizes,
-        shown,
+        detectable_size,
+        above_chance,
         both,
     )
 
@@ -136,7 +135,7 @@ def _probabilities(losses: Float[Array, "R m"]) -> Float[Array, " m"]:
     return probabilities(losses / noise, (np.zeros(losses.shape[1]),), lead=share_by_likelihood)
 
 
-def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]], ...]) -> Way:
+def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]], ...]) -> RestModel:
     """Least squares with a constant; the residual of each rest is that of the fit to all others."""
     x = np.column_stack([np.ones_like(error), *(column for _, column in columns)])
     every, rests = list(range(x.shape[1])), np.arange(len(error))
@@ -147,4 +146,4 @@ def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]
     variance = float(rest @ rest) / max(len(error) - x.shape[1], 1)
     std = np.sqrt(variance * np.diag(inverse))
     left = held_out_residual(x, error, rests, products.fits_without_each(every))
-    return Way(tuple(name for name, _ in columns), theta[1:], std[1:], left)
+    return RestModel(tuple(name for name, _ in columns), theta[1:], std[1:], left)
