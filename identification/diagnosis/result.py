@@ -40,6 +40,16 @@ class Value:
         """True if the recordings determine the number; of a list, all numbers."""
         return bool(np.isfinite(self.std).all())
 
+    @property
+    def numbers(self) -> list[float]:
+        """All numbers; a parameter that is no list has one."""
+        return self.value if isinstance(self.value, list) else [self.value]
+
+    @property
+    def stds(self) -> list[float]:
+        """Standard deviation of each number."""
+        return self.std if isinstance(self.std, list) else [self.std] * len(self.numbers)
+
 
 @dataclass(frozen=True)
 class EffectAt:

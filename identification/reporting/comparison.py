@@ -121,7 +121,7 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
         for at in places
     }
     pairs = [pair for found in table.values() for values in _sizes(found).values() for pair in _pairs(values)]
-    comparisons = max(1, sum(len(_listed(one.value)) for one, _ in pairs))
+    comparisons = max(1, sum(len(one.numbers) for one, _ in pairs))
     limit = NormalDist().inv_cdf(1 - (1 - SIZES_DIFFER) / (2 * comparisons))
     rows = [
         ComparedFinding(
@@ -190,8 +190,8 @@ def _sizes(found: Sequence[Finding | None]) -> dict[str, tuple[Value | None, ...
 
 def _pairs(values: Sequence[Value | None]) -> list[tuple[Value, Value]]:
     """Pairs of values that can be compared: both with known deviations, and lists of equal length."""
-    usable = [value for value in values if value is not None and all(map(math.isfinite, _listed(value.std)))]
-    return [pair for pair in combinations(usable, 2) if len(_listed(pair[0].value)) == len(_listed(pair[1].value))]
+    usable = [value for value in values if value is not None and all(map(math.isfinite, value.stds))]
+    return [pair for pair in combinations(usable, 2) if len(pair[0].numbers) == len(pair[1].numbers)]
 
 
 def _differ(name: str, values: Sequence[Value | None], limit: float) -> bool | None:
@@ -202,17 +202,13 @@ def _differ(name: str, values: Sequence[Value | None], limit: float) -> bool | N
     return any(
         abs(_difference(name, x, y)) > limit * math.hypot(s, r)
         for one, other in pairs
-        for x, y, s, r in zip(*map(_listed, (one.value, other.value, one.std, other.std)), strict=True)
+        for x, y, s, r in zip(one.numbers, other.numbers, one.stds, other.stds, strict=True)
     )
 
 
 def _difference(name: str, x: float, y: float) -> float:
     """Difference of two values; for phases the difference within half a turn."""
     return math.remainder(y - x, 2 * math.pi) if name == "phase" else y - x
-
-
-def _listed(value: float | list[float]) -> list[float]:
-    return value if isinstance(value, list) else [value]
 
 
 def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
@@ -251,7 +247,7 @@ def size_words(value: Value | None) -> str:
     if value is None:
         return ""
     parts = []
-    for x, std in zip(_listed(value.value), _listed(value.std), strict=True):
+    for x, std in zip(value.numbers, value.stds, strict=True):
         half = INTERVAL * std
         known = math.isfinite(half) and half > 0
         digits = max(0, 1 - math.floor(math.log10(half))) if known else 0

@@ -17,7 +17,6 @@ from identification.reporting.comparison import (
 )
 from identification.reporting.plain_page import figure, page, table
 from identification.words.diagnosis_words import capital, effect_at, joined, parameter_name
-from identification.words.effect_words import sizes_of
 from identification.words.numbers_and_names import NO_BREAK, number
 
 _SIZE = (4.6, 2.3)  # size of a figure [inch]
@@ -66,7 +65,7 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
     place = (row.at.effect, row.at.joint, size.parameter)
     unit = next(value.unit for value in size.values if value is not None)
     changed = size.changed or any(row.missing)
-    entries = max(len(sizes_of(value)) for value in size.values if value is not None)
+    entries = max(len(value.numbers) for value in size.values if value is not None)
     curves = tuple(_entry_curve(size, k, BEFORE if changed else AFTER) for k in range(entries))
     name = f"{capital(effect_at(row.at))}, {parameter_name(size.parameter)}"
     label = f"{short_name(parameter_name(size.parameter))} [{unit}]"
@@ -103,10 +102,9 @@ def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:
 
 
 def _entry(value: Value | None, entry: int) -> tuple[float, float]:
-    if value is None or entry >= len(sizes_of(value)):
+    if value is None or entry >= len(value.numbers):
         return float("nan"), float("nan")
-    stds = value.std if isinstance(value.std, list) else [value.std]
-    return float(sizes_of(value)[entry]), float(stds[min(entry, len(stds) - 1)])
+    return float(value.numbers[entry]), float(value.stds[entry])
 
 
 def _residual_figures(found: Comparison) -> list[str]:

@@ -50,7 +50,7 @@ def scales_by_friction(
             row = robot.joint_names.index(finding.joint)
             controller = robot.actuators[row].controller
             damping = controller.kd if controller is not None and effect == "viscous_friction" else 0.0
-            left = float(modelled[row]) + damping + _first(finding)
+            left = float(modelled[row]) + damping + next(iter(finding.parameters.values())).numbers[0]
             if left < modelled[row] and left * _MOST > modelled[row]:
                 out[finding.joint] = float(modelled[row]) / left
     return out
@@ -142,8 +142,3 @@ def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], sure: float) ->
 def _losses(diagnosis: Diagnosis, floor: Float[Array, " nv"]) -> Float[Array, " N"]:
     evidence = diagnosis.evidence
     return (((evidence.tau_measured - evidence.tau_after) / np.maximum(floor, 1e-300)) ** 2).sum(axis=1)
-
-
-def _first(finding: Finding) -> float:
-    value = next(iter(finding.parameters.values())).value
-    return float(value[0] if isinstance(value, list) else value)

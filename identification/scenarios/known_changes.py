@@ -94,8 +94,9 @@ def level_elsewhere(
         if finding.joint == joint and finding.recording is None:
             for parameter, share in _shares(robot, finding.effect, joint, at).items():
                 if share:
-                    value, std = _single(finding.parameters[parameter])
-                    level, variance = level + share * value, variance + (share * std) ** 2
+                    size = finding.parameters[parameter]
+                    level += share * size.numbers[0]
+                    variance += (share * size.stds[0]) ** 2
     return Value(level, math.sqrt(variance), "")
 
 
@@ -115,16 +116,10 @@ def growth(difference: Value, level: Value) -> Value | None:
     The variance of the difference is the sum of both levels' variances, so that the variance of the level in that
     recording is the difference of the two variances given.
     """
-    more, more_std = _single(difference)
-    base, base_std = _single(level)
+    more, more_std = difference.numbers[0], difference.stds[0]
+    base, base_std = level.numbers[0], level.stds[0]
     if base <= _LEAST_LEVEL * base_std:
         return None
     here = base + more
     own = max(more_std**2 - base_std**2, 0.25 * more_std**2)
     return Value(here / base, math.sqrt(own + (here / base * base_std) ** 2) / base, "1")
-
-
-def _single(value: Value) -> tuple[float, float]:
-    assert not isinstance(value.value, list)
-    assert not isinstance(value.std, list)
-    return value.value, value.std

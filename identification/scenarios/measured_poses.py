@@ -136,9 +136,8 @@ def zero_notes(findings: Sequence[Finding], poses: GeometryResult) -> list[Note]
         if finding.effect != ZERO or finding.joint not in seen:
             continue
         by_torque, by_pose = finding.parameters["offset"], seen[finding.joint]
-        if isinstance(by_torque.value, list) or isinstance(by_torque.std, list):
-            continue
-        apart = abs(by_torque.value - by_pose.value) / max(float(np.hypot(by_torque.std, by_pose.std)), 1e-300)
-        sizes = {"by_torque": by_torque.value, "by_pose": by_pose.value, "unit": by_pose.unit}
+        offset, std = by_torque.numbers[0], by_torque.stds[0]
+        apart = abs(offset - by_pose.value) / max(float(np.hypot(std, by_pose.std)), 1e-300)
+        sizes = {"by_torque": offset, "by_pose": by_pose.value, "unit": by_pose.unit}
         out.append(Note(Code.ZEROS_COMPARED, finding.joint, {**sizes, "agree": bool(apart < _AGREE)}))
     return out

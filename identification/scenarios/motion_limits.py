@@ -133,21 +133,17 @@ def _given_back(finding: Finding, robot: Robot) -> bool:
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
     kd = 0.0 if controller is None else controller.kd
     size = finding.parameters["coefficient"]
-    assert not isinstance(size.value, list)
-    assert not isinstance(size.std, list)
-    return kd + size.value >= -2 * size.std
+    return kd + size.numbers[0] >= -2 * size.stds[0]
 
 
 def _over_damping(finding: Finding, robot: Robot) -> float:
     """Ratio of the found viscous friction to the damping gain that contains it; not finite where that gain is zero."""
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
-    size = finding.parameters["coefficient"].value
-    assert not isinstance(size, list)
+    size = finding.parameters["coefficient"].numbers[0]
     return size / controller.kd if controller is not None and controller.kd else np.inf
 
 
 def _excess(finding: Finding) -> float:
     """Relative excess of the torque per command over the modelled one [1]."""
-    value = finding.parameters["ratio"].value
-    return float(value[0] if isinstance(value, list) else value) - 1.0
+    return float(finding.parameters["ratio"].numbers[0]) - 1.0

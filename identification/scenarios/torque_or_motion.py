@@ -67,7 +67,7 @@ def driven_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tu
 
 
 def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
-    """The recordings with one note on their torque, in the first one, in place of notes that differ in the file only."""
+    """The recordings with one note on their torque, in the first one, in place of notes that differ in the file."""
     first, *others = recordings
     shared = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
     if shared is None:

@@ -111,7 +111,7 @@ def size_words(finding: Finding) -> str:
 
 def shortfall_words(value: Value) -> str:
     """Size of a finding below the modelled value, as ``by 0.051 N m``."""
-    return f"by {with_unit(number(abs(sizes_of(value)[0])), value.unit)}"
+    return f"by {with_unit(number(abs(value.numbers[0])), value.unit)}"
 
 
 def meaning_of(named: Named, parameter: str) -> str:
@@ -123,17 +123,11 @@ def meaning_of(named: Named, parameter: str) -> str:
 def value_cell(value: Value) -> str:
     """A value for a table; a single angle in degrees as well."""
     shown = value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
-    values = sizes_of(value)
-    if value.unit != "rad" or len(values) != 1 or not math.isfinite(values[0]):
+    if value.unit != "rad" or len(value.numbers) != 1 or not math.isfinite(value.numbers[0]):
         return shown
-    return f"{shown}{NO_BREAK}({number(math.degrees(values[0]))}°)"
+    return f"{shown}{NO_BREAK}({number(math.degrees(value.numbers[0]))}°)"
 
 
 def _shown(value: Value) -> str:
     """A value in a sentence, without its standard deviation, which the table of sizes states."""
-    return with_unit(" and ".join(number(v) for v in sizes_of(value)), value.unit)
-
-
-def sizes_of(value: Value) -> list[float]:
-    """All numbers of a value; most values have one."""
-    return value.value if isinstance(value.value, list) else [value.value]
+    return with_unit(" and ".join(map(number, value.numbers)), value.unit)

@@ -17,10 +17,7 @@ NO_BREAK = "\N{NO-BREAK SPACE}"  # keeps a number and its unit on one line
 
 def value_words(value: Value) -> str:
     """An estimate as ``0.0510 ± 0.0006 N m``; several values are separated by commas."""
-    values = value.value if isinstance(value.value, list) else [value.value]
-    stds = value.std if isinstance(value.std, list) else [value.std] * len(values)
-    numbers = ", ".join(with_std(v, s) for v, s in zip(values, stds, strict=True))
-    return with_unit(numbers, value.unit)
+    return with_unit(", ".join(map(with_std, value.numbers, value.stds)), value.unit)
 
 
 def with_unit(text: str, unit: str) -> str:

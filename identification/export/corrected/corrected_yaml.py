@@ -184,16 +184,14 @@ def _effect_entry(effect: CorrectedEffect) -> dict[str, object]:
 
 
 def _value_entry(effect: str, name: str, value: Value) -> dict[str, object]:
-    values = value.value if isinstance(value.value, list) else [value.value]
-    if not all(map(math.isfinite, values)):
+    if not all(map(math.isfinite, value.numbers)):
         raise ParameterError(
             f"{name} of {effect} is {value.value}, wanted a finite number: it cannot be added to a model."
         )
-    stds = value.std if isinstance(value.std, list) else [value.std] * len(values)
-    numbers, unsure = [float(v) for v in values], [_finite_or_none(std) for std in stds]
+    numbers, stds = [float(x) for x in value.numbers], [_finite_or_none(std) for std in value.stds]
     if isinstance(value.value, list):
-        return {"value": numbers, "std": unsure, "unit": value.unit}
-    return {"value": numbers[0], "std": unsure[0], "unit": value.unit}
+        return {"value": numbers, "std": stds, "unit": value.unit}
+    return {"value": numbers[0], "std": stds[0], "unit": value.unit}
 
 
 def _finite_or_none(number: float) -> float | None:

@@ -63,14 +63,12 @@ def _names(robot: Robot, finding: Finding, stated: Collection[str]) -> list[str]
 
 def _rows(finding: Finding, name: str) -> list[list[float]]:
     """Rows of the loadings of one parameter, which has several if its value is a list."""
-    sizes = {key: len(v.value) if isinstance(v.value, list) else 1 for key, v in finding.parameters.items()}
+    sizes = {key: len(value.numbers) for key, value in finding.parameters.items()}
     total = sum(sizes.values())
     start = sum(sizes[key] for key in list(sizes)[: list(sizes).index(name)])
     if len(finding.loadings) == total:
         return [list(row) for row in finding.loadings[start : start + sizes[name]]]
-    std = finding.parameters[name].std
-    values = std if isinstance(std, list) else [std]
-    finite = [float(s) if np.isfinite(s) else 0.0 for s in values]
+    finite = [float(std) if np.isfinite(std) else 0.0 for std in finding.parameters[name].stds]
     return [[s if start + k == j else 0.0 for j in range(total)] for k, s in enumerate(finite)]
 
 

@@ -222,7 +222,7 @@ def _first(finding: Finding, name: str) -> float | None:
 
 def _all(finding: Finding, name: str) -> list[float]:
     value = finding.parameters.get(name)
-    return [] if value is None else list(value.value) if isinstance(value.value, list) else [value.value]
+    return [] if value is None else value.numbers
 
 
 @dataclass(frozen=True)
