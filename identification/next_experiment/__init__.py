@@ -1,1 +1,1 @@
-"""T-optimal design of the next recording, which separates effects that one recording cannot."""
+"""T-optimal design of the next recording, which is to separate effects that the existing recordings do not."""

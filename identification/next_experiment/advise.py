@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Proposes the recording that separates the rivals of a diagnosis.
+"""Proposes the recording that separates the rivals of a diagnosis best.
 
-Motions are scored by how well they separate rivals (T-optimal design), on their own, with a known mass, or with softer
-gains. A known mass separates effects on the whole torque from effects on one body. Softer position controllers separate
-delays from friction. The proposal is a sentence and a reference motion, which is written as a CSV file.
+Motions are scored by how well they separate rivals (T-optimal design): alone, with a known mass, or with softer gains.
+A known mass separates effects on the whole torque from effects on one body. Softer position controllers separate delays
+from friction. The proposal is a sentence and a reference motion, which is written as a CSV file.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations, islice
+from itertools import islice
 
 import numpy as np
 
@@ -34,8 +34,8 @@ from identification.next_experiment.candidates import (
     safe_limits,
     varied,
 )
-from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of, union_of, with_all_findings
-from identification.next_experiment.laboratory import Laboratory, laboratory
+from identification.next_experiment.hypotheses import hypotheses_of, union_of, with_all_findings
+from identification.next_experiment.planned_recording import PlannedRecording, planned_recording
 from identification.next_experiment.separation import Pair, Rivalry, rivalry_of, separation
 from identification.notes import Code, Note
 from identification.words.diagnosis_words import percent
@@ -51,13 +51,13 @@ from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
 
 SHARES = (0.5, 0.2, 0.1, 0.05)
-"""Known masses in the order of trial, as shares of the mass of the link that carries them, rounded to one digit."""
+"""Known masses in the order in which they are tried, as shares of the mass of the link that carries them."""
 GAINS = (0.5, 0.25)
-"""Softer controllers, as shares of the stated gains; larger gains may shake a robot."""
+"""Gains of softer controllers, as shares of the stated gains; larger gains might make a robot vibrate."""
 # Number of motions that are drawn, and of variations of the best one: ``_WORK / nv^2`` within these limits, as many as
 # take a second or two.
 _WORK, _FEWEST, _MOST = 120, 12, 40
-# Number of the best motions that are also scored with a known mass and with softer gains, if possible.
+# Number of the best motions that are scored with a known mass and with softer gains as well, if possible.
 _CHANGED = 3
 # Probability of separation above which motions are compared by the distance of rivals instead.
 _SURE = 0.995
@@ -91,7 +91,7 @@ def known_mass(robot: Robot, share: float) -> KnownMass:
     return KnownMass(mass, (x, y, z), f"the frame of joint {robot.model.names[body]}")
 
 
-def carried(robot: Robot, mass: KnownMass) -> Robot:
+def with_mass(robot: Robot, mass: KnownMass) -> Robot:
     """The robot with the mass attached."""
     return with_payload(robot, KnownPayload(mass.mass, mass.center))
 
@@ -130,7 +130,7 @@ class Trial:
 
     Attributes:
         candidate: The motion.
-        mass: Mass that is carried along it; None for none.
+        mass: Mass that the robot carries; None for none.
         gains: Share of the stated gains that the position controllers have; None for the stated gains.
         power: Probability of separation of each pair, shape ``(p,)``.
         gain: Squared distance of each pair, shape ``(p,)``.
@@ -157,7 +157,7 @@ class Trial:
 
 
 def ranked_trials(
-    robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...], duration: float
+    robot: Robot, limits: Limits, recording: PlannedRecording, rivalries: tuple[Rivalry, ...], duration: float
 ) -> tuple[Trial, ...]:
     """Motions scored by their separation of the pairs, the best first, with a mass or softer gains if these help.
 
@@ -169,18 +169,22 @@ def ranked_trials(
     problem = design_of(robot, limits)
     drawn = candidates(problem, duration=duration, count=count, rng=rng)
     drawn = (*drawn, exciting(problem, duration, random_stream("exciting motion of a next experiment")))
-    trials = [trial_of(candidate, robot, lab, rivalries) for candidate in drawn]
+    trials = [trial_of(candidate, robot, recording, rivalries) for candidate in drawn]
     trials.sort(key=lambda trial: trial.worth, reverse=True)
     for _ in range(0 if _is_best(trials) else count):
         candidate = varied(trials[0].candidate, problem, rng)
-        other = trial_of(candidate, robot, lab, rivalries) if fast_enough(candidate, problem) else trials[0]
+        other = trial_of(candidate, robot, recording, rivalries) if fast_enough(candidate, problem) else trials[0]
         if other.worth > trials[0].worth:
             trials.insert(0, other)
     if (trials[0].power >= rules.SEPARATED).all():
         return tuple(trials)
     changed = (
-        *islice(_feasible(loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
-        *islice(_feasible(softer_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
+        *islice(
+            _feasible(loaded_trial(trial.candidate, robot, limits, recording, rivalries) for trial in trials), _CHANGED
+        ),
+        *islice(
+            _feasible(softer_trial(trial.candidate, robot, limits, recording, rivalries) for trial in trials), _CHANGED
+        ),
     )
     # A mass or other gains take effort: they must separate more than the best motion without them.
     more = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
@@ -188,41 +192,41 @@ def ranked_trials(
 
 
 def _is_best(trials: list[Trial]) -> bool:
-    """True if no variation of the best motion can be much better: each pair is separated, or no motion separates it."""
+    """True if variations of the best motion cannot be much better: it separates each pair, or no motion does."""
     never = np.max([trial.power for trial in trials], axis=0) < contract_levels.LISTED
     return trials[0].resolved >= _SURE or bool((never | (trials[0].power >= _SURE)).all())
 
 
 def loaded_trial(
-    candidate: Candidate, robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...]
+    candidate: Candidate, robot: Robot, limits: Limits, recording: PlannedRecording, rivalries: tuple[Rivalry, ...]
 ) -> Trial | None:
     """The motion with the largest mass that the drives can carry along it; None if they can carry none."""
     for share in SHARES:
         mass = known_mass(robot, share)
-        loaded = carried(robot, mass)
+        loaded = with_mass(robot, mass)
         if within_torque_limits(loaded, limits, candidate.motion(candidate.shapes.samples / candidate.shapes.duration)):
-            return trial_of(candidate, loaded, lab, rivalries, mass=mass)
+            return trial_of(candidate, loaded, recording, rivalries, mass=mass)
     return None
 
 
 def softer_trial(
-    candidate: Candidate, robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...]
+    candidate: Candidate, robot: Robot, limits: Limits, recording: PlannedRecording, rivalries: tuple[Rivalry, ...]
 ) -> Trial | None:
     """The motion as a reference of softer controllers, at the better share of gains; None without controllers."""
     out = []
     for share in GAINS:
-        motion = simulated_tracking(robot, candidate.motion(lab.band.rate_hz), share)
+        motion = simulated_tracking(robot, candidate.motion(recording.band.rate_hz), share)
         if motion is None or not within_motion_limits(robot, limits, motion):
             continue
         if within_torque_limits(robot, limits, motion):
-            out.append(trial_of(candidate, robot, lab, rivalries, gains=share, motion=motion))
+            out.append(trial_of(candidate, robot, recording, rivalries, gains=share, motion=motion))
     return max(out, key=lambda trial: trial.worth, default=None)
 
 
 def trial_of(
     candidate: Candidate,
     robot: Robot,
-    lab: Laboratory,
+    recording: PlannedRecording,
     rivalries: tuple[Rivalry, ...],
     *,
     mass: KnownMass | None = None,
@@ -234,13 +238,13 @@ def trial_of(
     Args:
         candidate: The motion, or the reference of softer controllers.
         robot: The robot, with the mass if there is one.
-        lab: Computes the columns of the rivals along a motion.
+        recording: Computes the columns of the rivals along a motion.
         rivalries: The rivals to separate.
         mass: Known mass that the robot carries.
         gains: Share of the stated gains of the controllers.
         motion: Motion of the robot, if it differs from the candidate.
     """
-    planned = lab.products(candidate.motion(lab.band.rate_hz) if motion is None else motion, robot)
+    planned = recording.products(candidate.motion(recording.band.rate_hz) if motion is None else motion, robot)
     each = [separation(rivalry, planned) for rivalry in rivalries]
     power, gain = (np.concatenate(values) for values in ([one.power for one in each], [one.gain for one in each]))
     return Trial(candidate, mass, gains, power, gain, float(np.mean([one.resolved for one in each])))
@@ -290,15 +294,16 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
         return Proposal()
     found = found_effects(search.evaluate(chosen), chosen)
     union = union_of(tuple(one for group in groups for one in group))
-    lab = laboratory(search.problem, explanation.noise, union, found)
+    recording = planned_recording(search.problem, explanation.noise, union, found)
     try:
         limits = safe_limits(session.robot, session.logs)
-        trials = ranked_trials(session.robot, limits, lab, rivalry_of(search, groups), length_of(session.logs))
+        rivalries = rivalry_of(search, groups)
+        trials = ranked_trials(session.robot, limits, recording, rivalries, length_of(session.logs))
     except (RobotError, ParameterError, ChainError) as problem:
         return Proposal(notes=(Note(Code.NO_EXPERIMENT, None, {"problem": str(problem)}),))
     except np.linalg.LinAlgError:
         return Proposal(notes=(Note(Code.NO_EXPERIMENT),))
-    return _proposal(min(session.logs[0].band.rate_hz, _RATE_HZ), groups, trials)
+    return _proposal(min(session.logs[0].band.rate_hz, _RATE_HZ), rivalries, trials)
 
 
 def length_of(logs: tuple[Log, ...]) -> float:
@@ -311,11 +316,11 @@ def length_of(logs: tuple[Log, ...]) -> float:
     return max(float(np.clip(round(seconds), _SHORTEST, _LONGEST)), fewest)
 
 
-def _proposal(rate_hz: float, groups: tuple[tuple[Hypothesis, ...], ...], trials: tuple[Trial, ...]) -> Proposal:
-    pairs = tuple(pair for group in groups for pair in _pairs(group))
-    best = trials[0] if trials else None
-    if best is None or not best.separates:
-        return Proposal(notes=(not_separated(pairs),))
+def _proposal(rate_hz: float, rivalries: tuple[Rivalry, ...], trials: tuple[Trial, ...]) -> Proposal:
+    pairs = tuple(pair for rivalry in rivalries for pair in rivalry.pairs)
+    best = trials[0]
+    if not best.separates:
+        return Proposal(notes=(_not_separated(pairs),))
     separated = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= rules.SEPARATED)
     left = tuple(pair for pair in pairs if pair not in separated)
     effects = dict.fromkeys(
@@ -328,11 +333,7 @@ def _proposal(rate_hz: float, groups: tuple[tuple[Hypothesis, ...], ...], trials
         "expected_power": power,
         "say": proposal_words(separated, best, REFERENCE, power),
     }
-    return Proposal(experiment, best.candidate.motion(rate_hz), (not_separated(left),) if left else ())
-
-
-def _pairs(group: tuple[Hypothesis, ...]) -> tuple[Pair, ...]:
-    return tuple(Pair(one, other) for one, other in combinations(group, 2))
+    return Proposal(experiment, best.candidate.motion(rate_hz), (_not_separated(left),) if left else ())
 
 
 @dataclass(frozen=True)
@@ -369,7 +370,7 @@ def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, po
     )
 
 
-def not_separated(pairs: tuple[Pair, ...]) -> Note:
+def _not_separated(pairs: tuple[Pair, ...]) -> Note:
     """A note on rivals that no safe motion separates."""
     return Note(Code.NOT_SEPARATED, None, {"pairs": _effects_of(pairs)})
 

@@ -15,7 +15,7 @@ from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
 from phantom_dyn.array_types import Array, Float, Int
 
-# Number of shapes of one law that are kept, as a rival may need another shape to fit what the truth causes.
+# Number of shapes of one law that are kept: a rival may need another shape to fit the torque of the true effect.
 _VARIANTS = 3
 # A shape is kept if it costs at most this much more than the best one, in squared standard deviations.
 _CLOSE = 8.0
@@ -42,10 +42,10 @@ class Variant:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One explanation of what a finding explains.
+    """One explanation of the residual that a finding explains.
 
     Attributes:
-        effects: Effects in the place of the finding.
+        effects: Effects that replace the finding; of the finding itself, its own effect.
         probability: Share of bootstrap replicates that it wins.
         variants: Fits, the best first.
     """
@@ -148,7 +148,7 @@ def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[F
 def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
     """All columns that any hypothesis uses, and all tolerance parameters, which come first."""
     fits = [variant.fitted for one in hypotheses for variant in one.variants]
-    # All tolerance parameters are included, as the next recording may show one that no recording so far has shown.
+    # All tolerance parameters are included, because the next recording may show further ones.
     used = {int(k) for found in fits for k in (*range(found.problem.nuisance_count), *found.active)}
     return np.array(sorted(used), dtype=int)
 
@@ -156,7 +156,7 @@ def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
 def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
     """A variant expressed in the columns of a union."""
     found = variant.fitted
-    # Its own problem: a fit may contain tolerance parameters that those of the search do not.
+    # A fit may contain other tolerance parameters than the problem of the search.
     problem = found.problem
     at = np.searchsorted(union, found.active)
     expand = np.eye(len(at)) if found.expand is None else found.expand

@@ -1,6 +1,6 @@
 """Power of a planned recording to separate rivals, and the squared distance between their torques (T-optimality).
 
-The distance of two rivals is what remains of the torque of one after the other is fitted to it.
+The distance of two rivals is the residual of one rival after a fit to the torque of the other.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from identification.next_experiment.hypotheses import Hypothesis, Model, model_o
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-# Draws of models that the recordings leave possible, in addition to the fit itself.
+# Number of random models that the recordings leave possible, in addition to the fit itself.
 _DRAWS = 7
-# Largest in-sample lead of a rival that held-out data have left on the list, in squared standard deviations: a larger
-# lead means that its shapes have fitted noise. A rival that is behind is still on the list.
+# Largest in-sample lead of a rival that counts, in squared standard deviations: with a larger lead its shapes have
+# fitted noise.
 _AHEAD = 8.0
 
 
@@ -55,37 +55,41 @@ class Rivalry:
     nuisance_count: int
 
     @cached_property
-    def left_open(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _LeftOpen]]:
-        """Models that the recordings leave possible if one explanation is true, by that one and the other of the pair.
+    def possible_models(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]]:
+        """Models that the recordings leave possible, by the explanation that is true and the other one of the pair.
 
-        They are the same for every planned motion, so that motions are compared and not random draws.
+        They are the same for every planned motion, so that random draws do not change the order of motions.
         """
         rng = random_stream("models that recordings leave possible")
-        out: dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _LeftOpen]] = {}
+        out: dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]] = {}
         for pair in self.pairs:
             for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
                 model = self.models[truth.effects][0]
                 normals = rng.normal(size=(_DRAWS, model.basis.shape[1]))
-                possible = draws_of(model, self.recorded, normals)
-                before = tuple(self.apart(possible, other, self.recorded) for other in self.models[wrong.effects])
-                out.setdefault(truth.effects, {})[wrong.effects] = _LeftOpen(possible, before)
+                coefficients = draws_of(model, self.recorded, normals)
+                before = tuple(
+                    self.held_out_loss(coefficients, other, self.recorded) for other in self.models[wrong.effects]
+                )
+                out.setdefault(truth.effects, {})[wrong.effects] = _PossibleModels(coefficients, before)
         return out
 
-    def apart(self, possible: Float[Array, "d u"], wrong: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
+    def held_out_loss(
+        self, coefficients: Float[Array, "d u"], wrong: Model, products: Float[Array, "u u"]
+    ) -> Float[Array, " d"]:
         """Expected held-out loss of a wrong model for each set of coefficients that may be true, shape ``(d,)``."""
-        return self.held_out * distance(possible, self.nuisance_count, wrong, products)
+        return self.held_out * distance(coefficients, self.nuisance_count, wrong, products)
 
 
 @dataclass(frozen=True)
-class _LeftOpen:
+class _PossibleModels:
     """Models that the recordings leave possible if one of two explanations is true.
 
     Attributes:
-        possible: Coefficients that may be true, ``(d, u)``.
+        coefficients: Coefficients that may be true, ``(d, u)``.
         before: Expected held-out loss of each model of the other explanation in the recordings, ``(d,)`` each.
     """
 
-    possible: Float[Array, "d u"]
+    coefficients: Float[Array, "d u"]
     before: tuple[Float[Array, " d"], ...]
 
 
@@ -117,64 +121,64 @@ def separation(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Separation:
         rivalry: Pairs of rivals with their fits.
         planned: Products over the planned recording, shape ``(u, u)``.
     """
-    together = rivalry.recorded + planned
-    chance, apart = [], []
+    all_products = rivalry.recorded + planned
+    powers, distances = [], []
     hardest: dict[tuple[EffectAt, ...], float] = {}
     likely: dict[tuple[EffectAt, ...], float] = {}
     for pair in rivalry.pairs:
         shares, gains, weights = [], [], []
         for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
             if wrong.contains(truth):
-                shares.append(_simpler_left(rivalry, truth, wrong, together))
+                shares.append(_power_against_richer(rivalry, truth, wrong, all_products))
             else:
-                power, gain = _separated(rivalry, truth, wrong, together)
+                power, gain = _power_and_distance(rivalry, truth, wrong, all_products)
                 shares.append(power)
                 gains.append(gain)
             weights.append(max(truth.probability, 1e-3))
             hardest[truth.effects] = min(hardest.get(truth.effects, 1.0), shares[-1])
             likely[truth.effects] = weights[-1]
-        chance.append(float(np.average(shares, weights=weights)))
-        apart.append(min(gains, default=0.0))
+        powers.append(float(np.average(shares, weights=weights)))
+        distances.append(min(gains, default=0.0))
     resolved = float(np.average(list(hardest.values()), weights=list(likely.values())))
-    return Separation(np.array(chance), np.array(apart), resolved)
+    return Separation(np.array(powers), np.array(distances), resolved)
 
 
-def _separated(
+def _power_and_distance(
     rivalry: Rivalry,
     truth: Hypothesis,
     wrong: Hypothesis,
-    together: Float[Array, "u u"],
+    all_products: Float[Array, "u u"],
 ) -> tuple[float, float]:
-    """Mean probability, over what may be true, that the wrong explanation is ruled out, and the median gain."""
-    model, left_open = rivalry.models[truth.effects][0], rivalry.left_open[truth.effects][wrong.effects]
-    count = len(left_open.possible)
+    """Probability that the wrong explanation is ruled out, averaged over the possible models, and the median gain."""
+    model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects][wrong.effects]
+    count = len(possible_models.coefficients)
     power, gain = np.full(count, np.inf), np.full(count, np.inf)
-    for other, before in zip(rivalry.models[wrong.effects], left_open.before, strict=True):
-        more = np.maximum(rivalry.apart(left_open.possible, other, together) - before, 0.0)
+    for other, before in zip(rivalry.models[wrong.effects], possible_models.before, strict=True):
+        more = np.maximum(rivalry.held_out_loss(possible_models.coefficients, other, all_products) - before, 0.0)
         ahead = float(np.clip(other.score - model.score, -_AHEAD, 0.0))
         power = np.minimum(power, power_of(more, ahead, before))
         gain = np.minimum(gain, more)
     return float(power.mean()), float(np.median(gain))
 
 
-def _simpler_left(
+def _power_against_richer(
     rivalry: Rivalry,
     truth: Hypothesis,
     wrong: Hypothesis,
-    together: Float[Array, "u u"],
+    all_products: Float[Array, "u u"],
 ) -> float:
     """Mean probability that a richer law is ruled out if the simpler one is true.
 
-    The law is ruled out if all its shapes are. A shape is ruled out if its additional part would have been seen, or,
-    for a law that equals the simpler one only at the limit of its shapes, if it fits too badly.
+    The law is ruled out if all its shapes are. A shape is ruled out if its additional part would have been seen. A law
+    that equals the simpler one only at the limit of its shapes is also ruled out if it fits too badly.
     """
-    model, left_open = rivalry.models[truth.effects][0], rivalry.left_open[truth.effects][wrong.effects]
-    power = np.full(len(left_open.possible), np.inf)
-    for rich, before in zip(rivalry.models[wrong.effects], left_open.before, strict=True):
-        after = rivalry.apart(left_open.possible, rich, together)
+    model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects][wrong.effects]
+    power = np.full(len(possible_models.coefficients), np.inf)
+    for rich, before in zip(rivalry.models[wrong.effects], possible_models.before, strict=True):
+        after = rivalry.held_out_loss(possible_models.coefficients, rich, all_products)
         lead = max(rich.score - model.score, -_AHEAD)
         worse = power_of_hopeless(np.maximum(after - before, 0.0), lead, after)
-        unseen = power_of_simpler(model, rich, together, rivalry.recorded)
+        unseen = power_of_simpler(model, rich, all_products, rivalry.recorded)
         power = np.minimum(power, np.maximum(worse, unseen))
     return float(power.mean())
 
@@ -207,9 +211,9 @@ def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, 
 def distance(
     truth: Float[Array, "d u"], nuisance_count: int, model: Model, products: Float[Array, "u u"]
 ) -> Float[Array, " d"]:
-    """Least weighted squared residual of a model fitted to the torque of others.
+    """Least weighted squared residual of a model that is fitted to the torque of other models.
 
-    The further cost of its tolerance parameters is added.
+    It includes the difference of the costs of both models' tolerance parameters.
 
     Args:
         truth: True coefficients, one row each, ``(d, u)``; tolerance parameters first.
@@ -218,13 +222,13 @@ def distance(
         products: Products of all columns over all recordings, ``(u, u)``.
     """
     inner = _solvable(model.basis.T @ products @ model.basis + np.diag(model.prior))
-    apart = truth - model.shift
-    wanted = (model.basis.T @ products @ apart.T).T
+    difference = truth - model.shift
+    wanted = (model.basis.T @ products @ difference.T).T
     y = np.linalg.solve(inner, wanted.T).T
     # Parameters that exceed their bounds are solved again within them.
     for row in np.flatnonzero(((y < model.lower) | (y > model.upper)).any(axis=1)):
         y[row] = bounded_solve(inner, wanted[row], model.lower, model.upper)
-    residual = apart - y @ model.basis.T
+    residual = difference - y @ model.basis.T
     own = np.where(model.is_nuisance, model.prior, 0.0)
     theirs = np.zeros(len(model.shift))
     theirs[:nuisance_count] = own[model.is_nuisance]
@@ -251,7 +255,7 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
 
 
 def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array, " d"]) -> Float[Array, " d"]:
-    """Probability that a model loses so much, block by block, that it is no longer compared with the true one.
+    """Probability that a model fits so badly in every block that it is no longer compared with the true one.
 
     Args:
         gain: Expected further held-out loss of the wrong model.
@@ -268,7 +272,7 @@ def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array,
 def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], recorded: Float[Array, "u u"]) -> float:
     """Probability that a richer law is ruled out if the simpler law that it contains is true.
 
-    The richer law is kept as long as its additional part may be there without being seen; see `odds_of_richer`.
+    The richer law is kept while its additional part may exist without being seen; see `odds_of_richer`.
 
     Args:
         simple: The model that is true.

@@ -15,7 +15,7 @@ from identification.excitation.motion_shapes import FourierSeries
 from identification.next_experiment.advise import Proposal, Trial, length_of, proposal_words, proposed, reference_text
 from identification.next_experiment.candidates import Candidate
 from identification.next_experiment.hypotheses import Hypothesis, Variant, hypotheses_of, model_of, union_of
-from identification.next_experiment.laboratory import coarser, laboratory
+from identification.next_experiment.planned_recording import coarser, planned_recording
 from identification.next_experiment.separation import Pair
 from identification.notes import Code
 from identification.reporting.stored.diagnosis_files import write_outputs
@@ -207,7 +207,7 @@ def test_reversals_tell_as_little_of_a_planned_motion_as_of_a_recorded_one(lab, 
     )
     coulomb, viscous = (ready.term(name, "pin") for name in ("coulomb_friction", "viscous_friction"))
     union = np.array(sorted(k for term in (short, coulomb, viscous) for k in term.columns))
-    plan = laboratory(ready.problem, noise, union, ())
+    plan = planned_recording(ready.problem, noise, union, ())
     planned = plan.products(lab.motion(1, seconds=20.0, swing=0.5, rate=plan.band.rate_hz), pendulum)
     recorded = ready.problem.total_a[np.ix_(union, union)]
 

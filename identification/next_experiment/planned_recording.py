@@ -1,4 +1,4 @@
-"""Products of the columns over a planned motion, whitened and weighted as those of the recordings."""
+"""Products of columns along a planned motion, whitened and weighted as those of the recordings."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _SAMPLES = 4.0
 
 
 @dataclass(frozen=True)
-class Laboratory:
-    """Sampling, filters and noise of a planned recording, which are those of the recordings.
+class PlannedRecording:
+    """Sampling, filters and noise of a planned recording, taken from the existing recordings.
 
     Attributes:
         problem: Columns and weights of the fits.
@@ -35,7 +35,8 @@ class Laboratory:
         band: Filter of a planned motion, with as many samples as that of the recordings.
         kernels: Filters that whiten the noise of each row.
         variance: Variance of the whitened noise of each row [torque unit^2], ``(nv,)``.
-        trust: Mean share of the noise in the sum of noise and doubt, on each row of the recordings, ``(nv,)``.
+        trust: Mean share of the noise in the variance of noise and friction errors, on each row of the recordings,
+            ``(nv,)``.
         found: Effects that the diagnosis has found.
     """
 
@@ -51,7 +52,7 @@ class Laboratory:
     def products(self, motion: Motion, robot: Robot) -> Float[Array, "u u"]:
         """Weighted products over a motion at the band's rate, of a robot that may carry a known load, ``(u, u)``.
 
-        Samples at which friction is in doubt, as at reversals, have as little weight as in the diagnosis.
+        Samples at which friction is uncertain, as at reversals, have the same low weight as in the diagnosis.
         """
         tau = inverse_dynamics(robot, motion)
         log = Log("next", robot.joint_names, motion, tau, self.band, np.ones(len(motion.t), dtype=bool))
@@ -75,15 +76,17 @@ class Laboratory:
 
 
 def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"]) -> tuple[float, float]:
-    """Variance of a row's white noise in the recordings, and its mean share in the sum of noise and doubt."""
+    """Variance of a row's white noise in the recordings, and its mean share in the variance of noise and friction."""
     use = [part[:, row] for part in columns.usable]
     doubt = np.concatenate([friction_variance(columns, log, row, kernel)[u] for log, u in enumerate(use)])
     variance = noise_variance(columns, [part[:, row] for part in noise], row, kernel)
     return variance, max(float(np.mean(noise_share(variance, doubt))), 1e-300) if len(doubt) else 1.0
 
 
-def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]) -> Laboratory:
-    """The scoring of planned motions; the first log gives the sampling of the next recording."""
+def planned_recording(
+    problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]
+) -> PlannedRecording:
+    """The planned recording of a diagnosis; the first log gives its sampling."""
     columns = problem.columns
     wanted = set(union.tolist())
     local = tuple(
@@ -94,11 +97,11 @@ def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: 
     trusted = [_trusted(columns, noise, j, kernel) for j, kernel in enumerate(kernels)]
     variance, trust = (np.array(values) for values in zip(*trusted, strict=True))
     like, band = replace(columns, local=local), coarser(session.logs[0].band)
-    return Laboratory(problem, like, union, band, kernels, variance, trust, found)
+    return PlannedRecording(problem, like, union, band, kernels, variance, trust, found)
 
 
 def coarser(band: Band) -> Band:
-    """A filter for motions without noise: fewer samples in, but the same output rate."""
+    """A filter for motions without noise, which need fewer samples; its output rate is the same."""
     rate = band.output_rate_hz
     step = int(np.ceil(_SAMPLES * band.cutoff_hz / rate))
     if step >= band.step or len(band.kernel) == 1:
