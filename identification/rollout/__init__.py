@@ -1,1 +1,1 @@
-"""Multiple shooting: recordings simulated from many of their own states, with the given and the corrected model."""
+"""Multiple shooting: simulations of the given and the corrected model from many states of the recordings."""

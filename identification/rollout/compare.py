@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from identification.notes import Code, Note
-from identification.rollout.joint_limits import Engaged, Simulated, limit_notes, limits_engaged
+from identification.rollout.joint_limits import EngagedLimit, Simulated, limit_notes, limits_engaged
 from identification.rollout.rollout_starts import Window
 from identification.rollout.shots import Shot
 from identification.rollout.simulated_models import Model
@@ -20,8 +20,8 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 HORIZONS = (0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04)  # [s], the longest first
-# Largest effect of the starting state's noise, as a share of the given model's error, or of the travel of the joints.
-_OF_ERROR, _OF_TRAVEL = 0.33, 0.05
+# Largest error by noise of the starting state: as a share of the given model's error, or of the travel of the joints.
+_SHARE_OF_ERROR, _SHARE_OF_TRAVEL = 0.33, 0.05
 # Simulated readings of one window by one model, with the start shifted by (position, velocity).
 Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"]]
 # Returns a window with the estimated hidden states of a model (such as a bent spring) at its start.
@@ -58,13 +58,13 @@ class Errors:
         return np.sqrt(np.nansum(kept**2, axis=0) / np.maximum(count, 1))
 
     @property
-    def compared(self) -> Bool[Array, " nv"]:
+    def is_compared(self) -> Bool[Array, " nv"]:
         """True for joints that some window compares."""
         return np.any([~np.isnan(x[0]) for x in self.travel], axis=0)
 
 
 def possible_horizons(errors: Errors, horizons: tuple[float, ...]) -> tuple[float, ...]:
-    """Horizons within the windows with at least two samples; else the length of the windows."""
+    """Horizons that contain two samples and fit into the windows; if there are none, the length of the windows."""
     long = max(float(t[-1]) for t in errors.t)
     step = max(float(t[1]) for t in errors.t)
     return tuple(h for h in horizons if 2 * step <= h <= long + 0.5 * step) or (long,)
@@ -80,16 +80,11 @@ def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
     possible = possible_horizons(errors, horizons)
     for horizon in possible:
         allowed = np.maximum(
-            _OF_ERROR * errors.rms(errors.before, horizon), _OF_TRAVEL * errors.rms(errors.travel, horizon)
+            _SHARE_OF_ERROR * errors.rms(errors.before, horizon), _SHARE_OF_TRAVEL * errors.rms(errors.travel, horizon)
         )
         if (errors.rms(errors.noise, horizon) <= allowed).all():
             return horizon
     return possible[-1]
-
-
-def without_hidden_states(shot: Shot, _model: Model) -> Shot:
-    """The window as it is, with no hidden states."""
-    return shot
 
 
 @dataclass(frozen=True)
@@ -126,7 +121,7 @@ class Rollout:
     noise: dict[str, float] = field(default_factory=dict)
     deviations: dict[str, float] = field(default_factory=dict)
     recordings: dict[str, tuple[dict[str, float], dict[str, float]]] = field(default_factory=dict)
-    engaged: tuple[Engaged, ...] = ()
+    engaged: tuple[EngagedLimit, ...] = ()
     warnings: tuple[Note, ...] = ()
     notes: tuple[Note, ...] = ()
     motions: tuple[WindowMotion, ...] = ()
@@ -152,13 +147,13 @@ class Rollout:
         return out
 
 
-def compared(
+def compare_models(
     robot: Robot,
     models: Callable[[Window], tuple[Model, Model]],
     shots: tuple[Shot, ...],
     shoot: Shoot,
     horizons: tuple[float, ...],
-    hidden_states: HiddenStates = without_hidden_states,
+    hidden_states: HiddenStates,
     *,
     controlled: bool,
 ) -> Rollout:
@@ -182,11 +177,11 @@ def compared(
         given, model = models(plain.window)
         shot = hidden_states(plain, model)
         signs = rng.choice([-1.0, 1.0], (2, robot.nv))
-        moved, others = shoot(shot, model, None), _others(shot.window, robot.nv)
+        moved, others = shoot(shot, model, None), _not_compared(shot.window, robot.nv)
         before.append(shoot(shot, given, None) - shot.read + others)
         after.append(moved - shot.read + others)
         noise.append(shoot(shot, model, signs * np.array([shot.states.q_std, shot.states.v_std])) - moved + others)
-    travel = tuple(shot.read - shot.read[0] + _others(shot.window, robot.nv) for shot in shots)
+    travel = tuple(shot.read - shot.read[0] + _not_compared(shot.window, robot.nv) for shot in shots)
     errors = Errors(tuple(shot.t for shot in shots), tuple(before), tuple(after), tuple(noise), travel)
     horizon = horizon_of(errors, horizons)
     notes = () if horizon >= possible_horizons(errors, horizons)[0] else (shortened(horizon, controlled=controlled),)
@@ -214,8 +209,8 @@ def compared(
     )
 
 
-def _others(window: Window, nv: int) -> Float[Array, " nv"]:
-    """Zero for joints that a window compares, NaN for the others."""
+def _not_compared(window: Window, nv: int) -> Float[Array, " nv"]:
+    """Zero for joints that a window compares and NaN for all others, ``(nv,)``."""
     out = np.zeros(nv) if window.joints is None else np.full(nv, np.nan)
     out[list(window.joints or ())] = 0.0
     return out
@@ -223,8 +218,8 @@ def _others(window: Window, nv: int) -> Float[Array, " nv"]:
 
 def _sizes(robot: Robot, errors: Errors, horizon: float) -> tuple[dict[str, float], dict[str, float]]:
     """Error of the given and of the corrected model by joint."""
-    names = [joint for joint, own in zip(robot.joint_names, errors.compared, strict=True) if own]
-    before, after = (errors.rms(x, horizon)[errors.compared].tolist() for x in (errors.before, errors.after))
+    names = [joint for joint, own in zip(robot.joint_names, errors.is_compared, strict=True) if own]
+    before, after = (errors.rms(x, horizon)[errors.is_compared].tolist() for x in (errors.before, errors.after))
     return dict(zip(names, before, strict=True)), dict(zip(names, after, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""Simulated windows put on the samples that the figures of a report are drawn from."""
+"""Adds the simulated motion of all windows to the samples from which the figures of a report are drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from identification.rollout.compare import Rollout
 
 
 def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> Evidence:
-    """Evidence with the simulated motion of both models, unchanged where no motion was simulated.
+    """Evidence with the simulated motion of both models; unchanged if no motion was simulated.
 
     Args:
         evidence: Samples of all recordings, one after the other.

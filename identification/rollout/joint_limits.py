@@ -13,12 +13,12 @@ from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-# Tolerance at a limit, as a share of the range: stops are elastic, and encoders have offsets.
-_PAST = 0.005
+# Tolerance at a limit, as a share of the range, because stops are elastic and encoders have offsets.
+_LIMIT_TOLERANCE = 0.005
 
 
 @dataclass(frozen=True)
-class Engaged:
+class EngagedLimit:
     """A limit that simulated motion passes where the recorded motion reaches it and stays.
 
     Attributes:
@@ -59,7 +59,7 @@ class Simulated:
     corrected: Float[Array, "n nv"]
 
 
-def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engaged, ...]:
+def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[EngagedLimit, ...]:
     """Limits that a model passes and the recording stays at, one entry for each model, joint and recording.
 
     Args:
@@ -74,14 +74,14 @@ def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engage
                 found = [x for x in (_passed(window, model, j, limits[j]) for window in here) if x is not None]
                 if found:
                     t, limit = min(found)
-                    out.append(Engaged(model, joint, recording, t, limit, len(found), len(here)))
+                    out.append(EngagedLimit(model, joint, recording, t, limit, len(found), len(here)))
     return tuple(out)
 
 
-def limit_notes(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[Note, ...]:
-    """One note per recording on limits that the corrected model passes, or the given one where that does not.
+def limit_notes(robot: Robot, engaged: tuple[EngagedLimit, ...]) -> tuple[Note, ...]:
+    """One note per recording on limits that the corrected model passes, or only the given one.
 
-    Joints share a note, as one for each would bury all other notes.
+    Joints share a note, because one note each would hide all other notes.
     """
     corrected = {(one.joint, one.recording) for one in engaged if one.model == "corrected"}
     shown = [one for one in engaged if one.model == "corrected" or (one.joint, one.recording) not in corrected]
@@ -138,7 +138,7 @@ def _passed(window: Simulated, model: str, j: int, limits: Float[Array, " 2"]) -
 
 def _margin(limits: Float[Array, " 2"]) -> float:
     width = float(limits[1] - limits[0])
-    return _PAST * (width if np.isfinite(width) else 1.0)
+    return _LIMIT_TOLERANCE * (width if np.isfinite(width) else 1.0)
 
 
 def _limits(robot: Robot) -> Float[Array, "nv 2"]:

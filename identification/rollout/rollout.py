@@ -1,9 +1,8 @@
-"""The gap in motion: errors of the given and the corrected model, simulated from many recorded states.
+"""Errors of simulated motion of the given and the corrected model, started from many recorded states.
 
-Errors are compared with those that noise alone causes where the model is right. Noise acts in three ways: in the
-initial state of a simulation, as torque during it, and through the uncertainty of the changes within the tolerances.
-Each is simulated once in every window. A share of a joint's travel is added for errors of the filters and of the
-integration.
+Errors are compared with those of a right model, which noise alone causes. Noise acts in three ways: in the initial
+state of a simulation, as torque during it, and through the uncertainty of the changes within the tolerances. Each is
+simulated once in every window. A share of a joint's travel is added for errors of the filters and of the integration.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, res
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.result import Judgement
 from identification.notes import Code, Note
-from identification.rollout.compare import HORIZONS, HiddenStates, Rollout, Shoot, compared
+from identification.rollout.compare import HORIZONS, HiddenStates, Rollout, Shoot, compare_models
 from identification.rollout.joint_limits import recorded_past
 from identification.rollout.rollout_starts import SHORTEST, STEP, Window, acting_torque, spread, states_of, windows_in
 from identification.rollout.shots import (
@@ -42,7 +41,7 @@ from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, Runa
 from phantom_dyn.random_streams import random_stream
 
 # Probability that a right model leaves its noise band on some joint. Torques and motion together may give 5 % of false
-# alarms; the remaining 4 % are for torques.
+# alarms, of which torques have the other 4 %.
 _LEVEL = 0.01
 
 
@@ -77,14 +76,14 @@ def motion_deviations(
         kept = slice(1, int(np.searchsorted(shot.t, horizon + 1e-9)))
         drive = torque(shot, model)
         simulated = under_torque(shot, model, drive)
-        nudge = rng.choice([-1.0, 1.0], simulated.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
+        start_shift = rng.choice([-1.0, 1.0], simulated.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
         # Noise from another time has the same size and spectrum, and is independent of that in this window.
         torque_noise = np.roll(noise[window.log], len(drive) // 2, axis=0)
         # Factor from the difference of two leave-one-fold-out fits to the error of a fit (jackknife).
         jackknife = np.sqrt(0.5 * (len(folds) - 1))
         parts = (
             simulated - shot.read,
-            under_torque(shot, model, drive, nudge) - simulated,
+            under_torque(shot, model, drive, start_shift) - simulated,
             under_torque(shot, model, drive + torque_noise) - simulated,
             jackknife * (under_torque(shot, other, drive) - simulated),
             np.broadcast_to(shot.states.scatter, simulated.shape),
@@ -175,10 +174,10 @@ def rollout_of(explained: Explained) -> Rollout:
     if explained.controlled and loop is not None:
         return replace(loop, warnings=(*past, *loop.warnings))
 
-    def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
-        return under_torque(shot, model, torque(shot, model), nudge)
+    def shoot(shot: Shot, model: Model, start_shift: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
+        return under_torque(shot, model, torque(shot, model), start_shift)
 
-    out = _tried(explained, shoot, HORIZONS, hidden_states, by_control=False)
+    out = _longest_rollout(explained, shoot, HORIZONS, hidden_states, by_control=False)
     # The noise band does not include noise of the base's sensors, so legs are not tested.
     if not explained.terms and out.horizon_s is not None and not robot.floating:
         out = replace(out, deviations=_deviations(explained, out.horizon_s))
@@ -195,9 +194,9 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
 
     def model(window: Window, fold: int) -> Model:
         operation = operations[window.log]
-        key = (window.log, fold, _moment(window, operation))
+        key = (window.log, fold, _temperature_key(window, operation))
         if key not in made:
-            operation = _during(window, operation)
+            operation = _at_mean_temperature(window, operation)
             made[key] = corrected_model(session.robot, session.known, (), explained.theta(fold), operation)
         return made[key]
 
@@ -208,7 +207,7 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
         size
         * np.column_stack(
             [
-                np.interp(log.motion.t, log.motion.t[log.samples], _everywhere(part, use))
+                np.interp(log.motion.t, log.motion.t[log.samples], _without_gaps(part, use))
                 for part, use in zip(residual.T, usable.T, strict=True)
             ]
         )
@@ -228,8 +227,8 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
     return {joint: float(x) for joint, x in zip(session.robot.joint_names, ratios, strict=True) if x > 1.0}
 
 
-def _everywhere(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:
-    """Noise at all samples: where one is not used, as at standstill, noise of used samples takes its place."""
+def _without_gaps(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:
+    """Noise at all samples: samples that are not used, as at standstill, get the noise of used samples."""
     out = np.where(use, noise, 0.0)
     if use.any():
         out[~use] = np.resize(noise[use], np.count_nonzero(~use))
@@ -256,7 +255,7 @@ def _controlled_rollout(explained: Explained, at_start: HiddenStates) -> Rollout
     operations = problem.columns.operations
     if any(explained.session.logs[k].q_ref is None or not controlled(operations[k].robot) for k in judged):
         return None
-    return _tried(explained, under_control, _CONTROLLED, at_start, by_control=True)
+    return _longest_rollout(explained, under_control, _CONTROLLED, at_start, by_control=True)
 
 
 def _loop_notes(loop: Rollout) -> tuple[Note, ...]:
@@ -267,14 +266,14 @@ def _loop_notes(loop: Rollout) -> tuple[Note, ...]:
     return (Note(Code.CLOSED_LOOP, None, numbers),)
 
 
-def _tried(
+def _longest_rollout(
     explained: Explained, shoot: Shoot, horizons: tuple[float, ...], at_start: HiddenStates, *, by_control: bool
 ) -> Rollout:
     """Rollouts over the longest horizon at which no simulation diverges."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
         try:
-            return _rolled(
+            return _rollout_over(
                 explained, shoot, tuple(h for h in horizons if h <= horizon), at_start, by_control=by_control
             )
         except RobotError as error:
@@ -288,7 +287,7 @@ def _tried(
     return Rollout(None, {}, {}, notes=(Note(Code.NOT_SIMULATED, None, numbers),))
 
 
-def _rolled(
+def _rollout_over(
     explained: Explained, shoot: Shoot, horizons: tuple[float, ...], at_start: HiddenStates, *, by_control: bool
 ) -> Rollout:
     """Rollouts of the given and the corrected model over all horizons."""
@@ -306,24 +305,24 @@ def _rolled(
 
     def models(window: Window) -> tuple[Model, Model]:
         here = operations[window.log]
-        key = (window.log, window.fold, _moment(window, here))
+        key = (window.log, window.fold, _temperature_key(window, here))
         if key not in pairs:
-            here, theta = _during(window, here), explained.theta(window.fold)
+            here, theta = _at_mean_temperature(window, here), explained.theta(window.fold)
             pairs[key] = (
                 model_of(here.robot, at_work(known_causes(here.robot, known), here)),
                 corrected_model(robot, known, terms, theta, here),
             )
         return pairs[key]
 
-    return compared(robot, models, shots, shoot, horizons, at_start, controlled=by_control)
+    return compare_models(robot, models, shots, shoot, horizons, at_start, controlled=by_control)
 
 
-def _moment(window: Window, operation: Operation) -> int:
-    """Start of the window if temperatures change the models along a recording, else 0: a key of computed models."""
+def _temperature_key(window: Window, operation: Operation) -> int:
+    """Key by which models are stored: the start of the window if temperatures change along a recording, else 0."""
     return 0 if operation.temperature is None else window.start
 
 
-def _during(window: Window, operation: Operation) -> Operation:
+def _at_mean_temperature(window: Window, operation: Operation) -> Operation:
     """The operation with its temperatures replaced by their mean over a window."""
     if operation.temperature is None:
         return operation

@@ -1,7 +1,8 @@
-"""Initial states of rollouts (multiple shooting), and simulation of a model from them under a recorded torque.
+"""Windows and initial states of rollouts (multiple shooting), and simulation of a model from such a state.
 
-Windows are laid over the judged samples. States are smoothed over neighbouring samples; their deviations are the
-remaining encoder noise. A model moves freely from such a state, or is pulled along the recording.
+Windows are stretches of the judged samples. States are smoothed over neighbouring samples; their standard deviations
+are those of the remaining encoder noise. A simulation from such a state runs freely, or follows the recording by
+feedback.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from phantom_dyn.signals.splines import interpolated
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, Given, Simulation, simulate
 
-_WINDOW = 50  # samples over which scatter is estimated
+_WINDOW = 50  # number of samples over which scatter is estimated
 _LEAST = 1e-9  # smallest deviation of a state [rad or m]: rounding of the readings in files
-_NUDGE = 1e-4  # step of finite differences of a reading [rad or m]
-_ITERATIONS = 6  # Newton steps to invert a reading, whose slope is close to one
+_READING_STEP = 1e-4  # step of finite differences of a reading [rad or m]
+_ITERATIONS = 6  # steps that invert a reading, whose slope is close to one
 _LEAST_ROWS = 3  # smallest number of samples of a window
 _SHORTEST_SWING = 0.08  # [s]: a shorter one is a flickering contact
 
@@ -44,9 +45,9 @@ class States:
         a: Accelerations, ``(N, nv)``.
         raw: Raw readings of the positions.
         q_std: Standard deviation of each joint's ``q``, ``(nv,)``.
-        v_std: That of ``v``.
-        read_std: That of ``raw``: of the part that the smoothing removes.
-        scatter: The same in the quietest fifth of all windows, without stops and impacts.
+        v_std: Standard deviation of ``v``.
+        read_std: Standard deviation of ``raw``: of the part that the smoothing removes.
+        scatter: The same in the quietest fifth of short stretches, without stops and impacts.
         base: Motion of the base; None for a fixed one.
     """
 
@@ -64,7 +65,7 @@ class States:
 def states_of(log: Log, cutoff_hz: float) -> States:
     """States of a log from its positions, low-passed without delay above the judged band.
 
-    The part above the low-pass is taken for white noise, which gives the level of the noise below.
+    The part of the readings above the low-pass counts as white noise, which gives the level of the noise below it.
 
     Args:
         log: A recording.
@@ -106,7 +107,9 @@ class Start:
     motor_v: Float[Array, " nv"]
 
 
-def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Array, "2 nv"] | None = None) -> Start:
+def true_state(
+    model: Model, states: States, at: int, dt: float, start_shift: Float[Array, "2 nv"] | None = None
+) -> Start:
     """State of a model for which its encoders would give the recorded readings.
 
     The deflection of a spring or backlash between link and motor follows from the torque that the link needs.
@@ -116,10 +119,10 @@ def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Ar
         states: Recorded states.
         at: Index of the sample.
         dt: Sampling time [s].
-        nudge: Shift of position and velocity.
+        start_shift: Shift of position and velocity.
     """
     readings = [part.reading for part in model.simulated_causes if part.reading is not None]
-    moved = np.zeros((2, model.robot.nv)) if nudge is None else nudge
+    moved = np.zeros((2, model.robot.nv)) if start_shift is None else start_shift
     q, v = states.q[at] + moved[0], states.v[at] + moved[1]
 
     def read(x: Array) -> Array:
@@ -131,7 +134,7 @@ def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Ar
     for _ in range(_ITERATIONS if readings else 0):
         true = true + q - read(true)
     if readings:
-        speed = v / np.maximum((read(true + _NUDGE) - read(true - _NUDGE)) / (2.0 * _NUDGE), 0.5)
+        speed = v / np.maximum((read(true + _READING_STEP) - read(true - _READING_STEP)) / (2.0 * _READING_STEP), 0.5)
     start = Start(true, speed, np.array(true), np.array(speed))
     if model.transmissions:
         near = np.clip([at - 1, at, at + 1], 0, len(states.q) - 1)
@@ -210,9 +213,9 @@ def windows_in(
 
 
 def _free_stretches(log: Log, first: int, stop: int) -> list[tuple[tuple[int, ...] | None, int, int]]:
-    """Joints of each leg, with the first sample of each of its swings and the one after the last, within a range.
+    """Joints of each leg, first sample of each of its swings, and the sample after the last, within a range.
 
-    A robot without contacts has one stretch, with all joints.
+    A robot without contacts has one stretch with all joints.
     """
     if log.touched is None or not log.touched[first:stop].any():
         return [(None, first, stop)]
@@ -237,7 +240,7 @@ def spread(windows: tuple[Window, ...], count: int) -> tuple[Window, ...]:
 
 
 def window_at(logs: tuple[Log, ...], window: Window, lead: float) -> Window | None:
-    """A window with up to ``lead`` seconds before it; None where one of its samples must not be used."""
+    """A window with a lead of up to ``lead`` seconds; None if one of its samples must not be used."""
     log, start = logs[window.log], window.start
     if not log.valid[start : window.stop].all():
         return None
@@ -252,10 +255,10 @@ def window_at(logs: tuple[Log, ...], window: Window, lead: float) -> Window | No
 
 SHORTEST = 2e-5  # shortest step [s]: with shorter ones a rollout would take too long
 STEP = 1e-3  # longest step [s]: the midpoint rule follows a 20 Hz motion with a phase error of 0.2 %
-# Natural frequency [rad/s] of the critically damped feedback that keeps a model with hidden states on the recording.
-_PULL = 2.0 * np.pi * 15.0
+# Natural frequency [rad/s] of the critically damped feedback by which a model follows the recording.
+_FEEDBACK_FREQUENCY = 2.0 * np.pi * 15.0
 # The same for a motor behind a spring or backlash: higher, as its inertia alone is small.
-_MOTOR_PULL = 2.0 * np.pi * 60.0
+_MOTOR_FEEDBACK_FREQUENCY = 2.0 * np.pi * 60.0
 
 
 def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
@@ -331,11 +334,11 @@ def feedback_gains(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]
     They are zero where the encoder is on the link behind a spring or backlash: feedback through the motor is unstable.
     """
     inertia = np.diag(mass_matrix(model.robot, q[None])[0]).copy()
-    speed = np.full(model.robot.nv, _PULL)
+    speed = np.full(model.robot.nv, _FEEDBACK_FREQUENCY)
     for part in model.transmissions:
         row = row_of(model.robot, part.joint)
         on_motor = model.robot.actuators[row].encoder_side == "motor"
-        inertia[row], speed[row] = model.robot.rotor_inertia[row], _MOTOR_PULL if on_motor else 0.0
+        inertia[row], speed[row] = model.robot.rotor_inertia[row], _MOTOR_FEEDBACK_FREQUENCY if on_motor else 0.0
     return np.array([speed**2 * inertia, 2.0 * speed * inertia])
 
 

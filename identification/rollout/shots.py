@@ -1,10 +1,10 @@
 """Simulation of one window: under the recorded torque, or under the recorded references and their controllers.
 
 No encoder reads the state of a link within backlash, or of a motor whose encoder is on the link. This hidden state is
-estimated in two steps. First feedback makes the motors follow the recording, and their links move as this motion
-requires. Then a simulation under the recorded torque alone is fitted to the last readings before the window. The fit
-estimates all states at its start, also those that encoders read, because an impact is faster than any smoothing.
-Samples after the first one of the window are used only to smooth that first one.
+estimated in two steps. First a simulation with feedback follows the recording before the window, so that links and
+motors move as this motion requires. Then a simulation under the recorded torque alone is fitted to the last readings
+before the window. The fit estimates all states at its start, including those that encoders read, because smoothed
+readings are wrong shortly after an impact. Samples inside the window are used only to smooth its first sample.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from phantom_dyn.simulation.simulate import Cause, Simulation
 
 # Time [s] over which a simulation under the recorded torque is fitted to readings, and the smallest number of readings.
 # Over a longer time errors of the model matter more, over a shorter time the noise of the readings.
-_THROUGH, _FEWEST = 0.1, 8
+_FITTED_S, _FEWEST = 0.1, 8
 _ROUNDS, _ENOUGH = 4, 0.02  # iterations of least squares, and relative decrease of the cost at which they end
-_FAR_OFF = 4.0  # mean square of a bad fit, in variances of the readings
-_LOOK = 0.02  # step of finite differences, as a share of a state's uncertainty
-_ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # tried shifts of the hidden side within backlash, in widths of the gap
-_BLIND = 0.2  # error of smoothed speeds shortly after an impact, as a share of the usual speed
-_LATE = 0.005  # time [s] for which an error of the speed acts: their product is an error of the position
+_BAD_FIT = 4.0  # mean square of the residual above which a fit is bad, in variances of the readings
+_DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a state's uncertainty
+_TRIED_SHIFTS = (-1.0, -0.5, 0.5, 1.0)  # shifts of the hidden side within backlash that are tried, in widths of the gap
+_SPEED_ERROR = 0.2  # error of smoothed speeds shortly after an impact, as a share of the standard deviation of speeds
+_SPEED_ERROR_TIME_S = 0.005  # time [s] for which an error of the speed lasts; their product is an error of the position
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +69,12 @@ def has_hidden_states(model: Model) -> bool:
 
 def lead_for_hidden_states(rate_hz: float) -> float:
     """Length [s] of the recording before a window that the estimate of hidden states needs."""
-    return LEAD + max(_THROUGH, _FEWEST / rate_hz)
+    return LEAD + max(_FITTED_S, _FEWEST / rate_hz)
 
 
 def simulation_count(model: Model) -> int:
     """Approximate number of short simulations that `hidden_start` needs."""
-    return len(_ELSEWHERE) + 1 + _ROUNDS * (2 * model.robot.nv + 2 * len(_hidden(model)) + 2)
+    return len(_TRIED_SHIFTS) + 1 + _ROUNDS * (2 * model.robot.nv + 2 * len(_hidden(model)) + 2)
 
 
 def hidden_start(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
@@ -91,7 +91,7 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
     rate = log.band.rate_hz
-    fitted = max(round(_THROUGH * rate), _FEWEST)
+    fitted = max(round(_FITTED_S * rate), _FEWEST)
     if window.lead < fitted:
         return HiddenStart(model, window.start, true_state(model, states, window.start, 1.0 / rate))
     at = window.start - fitted
@@ -134,7 +134,7 @@ def _on_motor(model: Model, row: int) -> bool:
 
 
 def _hidden(model: Model) -> list[int]:
-    """Joints whose link, or whose motor, has no encoder of its own."""
+    """Indices of the joints with backlash or a spring: either their link or their motor has no encoder."""
     return sorted({row_of(model.robot, part.joint) for part in model.transmissions})
 
 
@@ -165,8 +165,8 @@ def _shifted(model: Model, start: Start, shifts: Float[Array, " n"]) -> Start:
 
 def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n"]:
     """Standard deviation of each shift of `_shifted`."""
-    v = 5.0 * states.v_std + _BLIND * states.v.std(axis=0)
-    q = 5.0 * states.q_std + _LATE * v
+    v = 5.0 * states.v_std + _SPEED_ERROR * states.v.std(axis=0)
+    q = 5.0 * states.q_std + _SPEED_ERROR_TIME_S * v
     out = [*q, *v]
     for row in _hidden(model):
         gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
@@ -176,11 +176,11 @@ def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n
 
 
 def _guesses(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
-    """First guesses of the shifts, in units of ``spread``: none, and one hidden side shifted within its backlash."""
+    """Starts of the fit of the shifts, in units of ``spread``: zero, and one hidden side shifted within its backlash."""
     out, nv = [np.zeros(len(spread))], model.robot.nv
     for k, row in enumerate(_hidden(model)):
         gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
-        for share in _ELSEWHERE if gap > 0 else ():
+        for share in _TRIED_SHIFTS if gap > 0 else ():
             shifts = np.zeros(len(spread))
             shifts[2 * nv + 2 * k] = share * gap / spread[2 * nv + 2 * k]
             out.append(shifts)
@@ -195,7 +195,7 @@ def _best_fitted(residuals: Callable[[Array], Array], guesses: list[Float[Array,
 
     first, *others = sorted(guesses, key=mean_square)
     best = _fitted(residuals, first)
-    if others and mean_square(best) > _FAR_OFF:
+    if others and mean_square(best) > _BAD_FIT:
         best = min(best, _fitted(residuals, others[0]), key=mean_square)
     return best
 
@@ -207,7 +207,9 @@ def _fitted(residuals: Callable[[Array], Array], guess: Float[Array, " n"]) -> F
     def slopes(at: Array) -> Array:
         # The steps are longer than rounding requires, as backlash makes the residuals rough.
         here = residuals(at)
-        return np.column_stack([(residuals(at + _LOOK * unit) - here) / _LOOK for unit in np.eye(len(at))])
+        return np.column_stack(
+            [(residuals(at + _DIFFERENCE_STEP * unit) - here) / _DIFFERENCE_STEP for unit in np.eye(len(at))]
+        )
 
     # SciPy's documented callable: pyright reads the type of `jac` off its default, a string.
     return least_squares(residuals, guess, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x  # pyright: ignore[reportArgumentType]
@@ -252,7 +254,7 @@ class Shot:
 
 
 def under_torque(
-    shot: Shot, model: Model, torque: Float[Array, "N nv"], nudge: Float[Array, "2 nv"] | None = None
+    shot: Shot, model: Model, torque: Float[Array, "N nv"], start_shift: Float[Array, "2 nv"] | None = None
 ) -> Float[Array, "n nv"]:
     """Simulated readings [rad or m] of the model under the torque of its drives, at the samples of the window.
 
@@ -260,7 +262,7 @@ def under_torque(
         shot: The window with its initial states.
         model: The model.
         torque: Torque of the drives over the whole log [N m or N].
-        nudge: Shift of position and velocity at the start.
+        start_shift: Shift of position and velocity at the start.
 
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
@@ -269,15 +271,15 @@ def under_torque(
         hidden = shot.hidden_start
         if hidden is None or hidden.model is not model:
             hidden = hidden_start(shot.log, shot.states, shot.window, model, torque)
-        return _from_hidden_start(shot, hidden, torque, nudge)
-    shift = np.zeros((2, model.robot.nv)) if nudge is None else nudge
+        return _from_hidden_start(shot, hidden, torque, start_shift)
+    shift = np.zeros((2, model.robot.nv)) if start_shift is None else start_shift
     window, states = shot.window, shot.states
     lead = min(window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
     rows = slice(window.start - lead, window.stop)
     t, q, v = shot.log.motion.t[rows], states.q[rows] + shift[0], states.v[rows] + shift[1]
-    pulled = _touched(shot.log, rows)
-    pulled[:lead] = True
-    law = feedback_law(t, torque[rows], q, v, feedback_gains(model, states.q[window.start]), pulled)
+    with_feedback = _touched(shot.log, rows)
+    with_feedback[:lead] = True
+    law = feedback_law(t, torque[rows], q, v, feedback_gains(model, states.q[window.start]), with_feedback)
     start = true_state(model, states, rows.start, float(t[1] - t[0]), shift)
     return np.array(moved(model, law, start, base_of(model, shot.log, rows)).q[lead:])
 
@@ -289,34 +291,34 @@ def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
 
 
 def _from_hidden_start(
-    shot: Shot, hidden: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None
+    shot: Shot, hidden: HiddenStart, torque: Array, start_shift: Float[Array, "2 nv"] | None
 ) -> Float[Array, "n nv"]:
     """Readings of a simulation that starts at the estimated hidden states."""
     rows, states = slice(hidden.at, shot.window.stop), shot.states
     gains = feedback_gains(hidden.model, states.q[hidden.at])
     q, v, where = states.q[rows], states.v[rows], _touched(shot.log, rows)
     law = feedback_law(shot.log.motion.t[rows], torque[rows], q, v, gains, where)
-    motion = moved(hidden.model, law, _nudged(hidden.start, nudge), base_of(hidden.model, shot.log, rows))
+    motion = moved(hidden.model, law, _shifted_start(hidden.start, start_shift), base_of(hidden.model, shot.log, rows))
     return np.array(motion.q[shot.window.start - hidden.at :])
 
 
-def _nudged(start: Start, nudge: Float[Array, "2 nv"] | None) -> Start:
-    """A start with position and velocity of links and motors shifted alike."""
-    if nudge is None:
+def _shifted_start(start: Start, start_shift: Float[Array, "2 nv"] | None) -> Start:
+    """A start whose links and motors have the same shift of position and velocity."""
+    if start_shift is None:
         return start
-    q, v = nudge
+    q, v = start_shift
     return Start(start.q + q, start.v + v, start.motor_q + q, start.motor_v + v)
 
 
 def under_control(
-    shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None = None, *, max_step: float = STEP
+    shot: Shot, model: Model, start_shift: Float[Array, "2 nv"] | None = None, *, max_step: float = STEP
 ) -> Float[Array, "n nv"]:
     """Simulated readings [rad or m] of the model under its controllers and the references of the recording.
 
     Args:
         shot: The window with its initial states.
         model: The model; its actuators hold the controllers.
-        nudge: Shift of position and velocity at the start.
+        start_shift: Shift of position and velocity at the start.
         max_step: Longest integration step [s].
 
     Raises:
@@ -327,10 +329,10 @@ def under_control(
     if shot.log.q_ref is None:
         raise LogError(f"{shot.log.file} has no references.")
     if shot.hidden_start is not None and shot.hidden_start.model is model:
-        first, start = shot.hidden_start.at, _nudged(shot.hidden_start.start, nudge)
+        first, start = shot.hidden_start.at, _shifted_start(shot.hidden_start.start, start_shift)
     else:
         first = window.start - min(window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
-        start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, nudge)
+        start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, start_shift)
     rows = slice(first, window.stop)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
     late = np.array([0.0 if a.controller is None else a.controller.reference_delay for a in robot.actuators])

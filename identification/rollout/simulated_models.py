@@ -26,7 +26,7 @@ from phantom_dyn.simulation.stepping import longest_step, machine_of
 _LARGEST = 1e12  # largest parameter: a larger one comes from a division by rounding errors
 # Times [s] for which a model follows a recording until its hidden states no longer depend on their initial values: in
 # general, and if only springs have hidden states.
-LEAD, _SPRING_LEAD = 0.15, 0.03
+LEAD, _SPRING_SETTLING_S = 0.15, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Model:
         """
         if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.simulated_causes):
             return LEAD
-        return _SPRING_LEAD if self.transmissions else 0.0
+        return _SPRING_SETTLING_S if self.transmissions else 0.0
 
 
 def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:

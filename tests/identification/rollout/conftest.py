@@ -10,7 +10,7 @@ from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.diagnosis.columns.blocks import split_blocks
-from identification.rollout.compare import HORIZONS, Rollout, compared
+from identification.rollout.compare import HORIZONS, Rollout, compare_models
 from identification.rollout.rollout_starts import given_torque, spread, states_of, windows_in
 from identification.rollout.shots import Shot, has_hidden_states, under_control, under_torque
 from identification.rollout.simulated_models import model_of
@@ -43,8 +43,8 @@ class Recorded:
         given, corrected = model_of(self.robot, ()), model_of(self.robot, causes)
         torque = {m: given_torque(m, self.log.motion.t, self.log.tau) for m in (given, corrected)}
 
-        def open_loop(shot, model, nudge):
-            return under_torque(shot, model, torque[model], nudge)
+        def open_loop(shot, model, start_shift):
+            return under_torque(shot, model, torque[model], start_shift)
 
         def settle(shot, model):
             return shot.with_hidden_start(model, torque[model]) if has_hidden_states(model) else shot
@@ -52,7 +52,7 @@ class Recorded:
         pair = given, corrected
         shoot = under_control if controlled else open_loop
         horizons = tuple(h for h in (2.0, 1.0, *HORIZONS) if h <= seconds)
-        return compared(
+        return compare_models(
             self.robot, lambda window: pair, self.shots(seconds), shoot, horizons, settle, controlled=controlled
         )
 

@@ -358,7 +358,7 @@ def test_errors_are_those_of_the_joints_that_a_window_compares():
               np.column_stack([none, [0.0, 5.0], none]))  # fmt: skip
     errors = Errors(3 * (np.array([0.0, 1.0]),), *(4 * (series,)))
     np.testing.assert_allclose(errors.rms(series, 1.0), [np.sqrt(12.5), 5.0, 0.0])
-    np.testing.assert_array_equal(errors.compared, [True, True, False])
+    np.testing.assert_array_equal(errors.is_compared, [True, True, False])
 
 
 def test_swings_of_two_legs_at_once_are_both_drawn():

@@ -13,8 +13,8 @@ from identification.diagnosis.result import Judgement, Unexplained
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion, horizon_of
 from identification.rollout.followed import with_followed
-from identification.rollout.joint_limits import Engaged, Simulated, limit_notes, limits_engaged, recorded_past
-from identification.rollout.rollout import _everywhere, motion_deviations, unknown_if_motion_deviates
+from identification.rollout.joint_limits import EngagedLimit, Simulated, limit_notes, limits_engaged, recorded_past
+from identification.rollout.rollout import _without_gaps, motion_deviations, unknown_if_motion_deviates
 from identification.rollout.rollout_starts import States, Window, given_torque, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import model_of, with_load
@@ -248,14 +248,14 @@ def test_a_load_is_simulated_with_the_inertia_that_its_fit_has_seen(pendulum):
 
 def test_where_a_joint_stands_the_noise_of_other_times_stands_in():
     # By hand: two used samples, repeated over the three that are not.
-    out = _everywhere(np.array([9.0, 1.0, 9.0, 2.0, 9.0]), np.array([False, True, False, True, False]))
+    out = _without_gaps(np.array([9.0, 1.0, 9.0, 2.0, 9.0]), np.array([False, True, False, True, False]))
     np.testing.assert_array_equal(out, [1.0, 1.0, 2.0, 2.0, 1.0])
-    np.testing.assert_array_equal(_everywhere(np.ones(3), np.zeros(3, dtype=bool)), np.zeros(3))
+    np.testing.assert_array_equal(_without_gaps(np.ones(3), np.zeros(3, dtype=bool)), np.zeros(3))
 
 
 def test_limits_of_several_joints_are_told_in_one_sentence(planar2):
     past = [
-        Engaged("corrected", joint, "a.csv", 1.0, limit, windows, 20)
+        EngagedLimit("corrected", joint, "a.csv", 1.0, limit, windows, 20)
         for joint, limit, windows in (("shoulder", 2.0, 4), ("elbow", -1.5, 16))
     ]
     (said,) = sentences(limit_notes(planar2, tuple(past)))
