@@ -1,4 +1,4 @@
-"""Claims of a diagnosis: each tested cause with the results of the gates that it passed or failed."""
+"""Claims of a diagnosis: tested causes with the results of the gates that each of them passed or failed."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ Outcome = Literal["claimed", "minor", "not_claimed", "displaced"]
 Data = Literal["torques", "poses", "rests"]
 
 NEVER_CLAIMED = 10
-"""Largest number of never claimed causes in a ledger (the list of all claims): those with the largest gain."""
+"""Largest number of never claimed causes in a ledger (the list of all claims). It holds those with the largest gain."""
 # A cause counts as displaced by a claimed one only if, in its place, it reaches this share of the claimed cause's gain.
-_STANDS_FOR = 0.2
+_LEAST_SHARE_OF_GAIN = 0.2
 
 Name = TypeVar("Name")
 Key = TypeVar("Key", bound=Hashable)
@@ -79,7 +79,7 @@ def could_stand_for(instead_of: float, needed: float, beside: float, of_other: f
         beside: Gain of the unclaimed cause beside the claimed one.
         of_other: Gain of the claimed cause.
     """
-    return instead_of > max(needed, 2.0 * beside, _STANDS_FOR * of_other)
+    return instead_of > max(needed, 2.0 * beside, _LEAST_SHARE_OF_GAIN * of_other)
 
 
 def until_failed(results: Iterable[GateResult]) -> tuple[GateResult, ...]:

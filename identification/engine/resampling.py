@@ -1,8 +1,9 @@
-"""Block bootstrap, and probabilities of rival answers: how often each has the lowest cost over replicates and choices.
+"""Block bootstrap, and probabilities of rival answers: the share of replicates in which each has the lowest cost.
 
-Blocks are drawn again with replacement, as neighbouring blocks are nearly independent and neighbouring samples are not.
-In each replicate the answer with the lowest cost leads. The same is done for each half of the blocks, and for every
-choice that should not matter, such as another band; the probability of an answer is the mean share of its leads.
+Blocks of samples are drawn with replacement, because neighbouring blocks are nearly independent and neighbouring
+samples are not. In each replicate the answer with the lowest cost wins. The same is done for each half of the blocks,
+and for other choices that should not matter, such as another band. The probability of an answer is the mean share of
+the replicates that it wins.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
 REPLICATES = 1000
-"""Replicates of every bootstrap: either end of a 95 % interval then rests on 25 of them, and a probability of 0.05,
-from which on a rival is listed, is known to 0.007."""
+"""Replicates of every bootstrap. Each end of a 95 % interval is then determined by 25 of them. A probability of 0.05,
+from which a rival is listed, has a standard error of 0.007."""
 
-CHOSEN_AGAIN = 40
-"""Replicates in which a choice among hundreds of terms is made again, as each costs as much as the choice itself; a
+REPEATED_CHOICES = 40
+"""Replicates in which a choice among hundreds of terms is repeated, because each costs as much as the first choice. A
 share of 0.6 of them has a standard error of 0.08."""
 
 SAME_PREDICTIONS = 0.05
@@ -41,7 +42,7 @@ def block_counts(blocks: int, rng: np.random.Generator, replicates: int = REPLIC
         replicates: Number of replicates; a smaller number gives the first ones of a larger number.
     """
     draws = rng.integers(0, blocks, size=(replicates, blocks))
-    # One count over all replicates: those of each begin where those of the one before end.
+    # One count over all replicates, whose blocks are numbered consecutively.
     draws += blocks * np.arange(replicates)[:, None]
     return np.bincount(draws.ravel(), minlength=draws.size).reshape(draws.shape).astype(float)
 
@@ -61,7 +62,7 @@ def share_of_wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
 def share_by_likelihood(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
     """Mean over replicates of the likelihood of each answer, for scores that are squares in units of a known noise.
 
-    By lowest scores, a small difference that is the same in all blocks would be certain, though it may be chance.
+    With `share_of_wins`, a small difference that is equal in all blocks would be certain, although it may be chance.
     """
     from scipy.special import softmax
 
@@ -69,7 +70,7 @@ def share_by_likelihood(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
 
 
 def halves(blocks: int) -> tuple[Int[Array, " h"], ...]:
-    """Blocks of each half of the recordings; none where a half is too short to be judged on its own."""
+    """Blocks of each half of the recordings; empty if a half is too short to be judged alone."""
     if blocks < 2 * LEAST_IN_HALF:
         return ()
     return tuple(np.array_split(np.arange(blocks), 2))
@@ -87,11 +88,11 @@ def probabilities(
 
     Args:
         losses: Held-out squares of each block in units of noise, by answer.
-        costs: Price of each answer beside them; several ways to count prices have the same weight.
-        others: Losses and costs under each other choice that should not matter, such as another band.
-        by_halves: Also from each half of the blocks alone.
-        lead: `share_of_wins` where other choices show how accurate the scores are, `share_by_likelihood` where only
-            the noise limits them.
+        costs: Price of each answer, which is added to the losses; several prices have the same weight.
+        others: Losses and costs with each other choice that should not matter, such as another band.
+        by_halves: True to use each half of the blocks alone as well.
+        lead: `share_of_wins` if other choices show how accurate the scores are, `share_by_likelihood` if only noise
+            limits them.
     """
     shares = [_shares(losses, costs, lead, random_stream("bootstrap of rivals"))]
     if by_halves:
@@ -103,6 +104,6 @@ def probabilities(
 
 
 def _shares(losses: Float[Array, "B m"], costs: Costs, lead: Lead, rng: np.random.Generator) -> Float[Array, " m"]:
-    """Share of the replicates in which each answer leads, averaged over the ways to count costs."""
+    """Share of the replicates that each answer wins, averaged over the prices."""
     drawn = block_counts(len(losses), rng) @ losses
     return np.mean([lead(drawn + cost) for cost in costs], axis=0)

@@ -1,4 +1,4 @@
-"""Shapley value of each player of a set: the worth that it adds to those before it, averaged over all orders."""
+"""Shapley values: the worth that each player adds to the players before it, averaged over all orders."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n
 
 
 def _guesses(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
-    """Starts of the fit of the shifts, in units of ``spread``: zero, and one hidden side shifted within its backlash."""
+    """Starts of the fit of the shifts, in units of ``spread``: zero, and hidden sides shifted within their backlash."""
     out, nv = [np.zeros(len(spread))], model.robot.nv
     for k, row in enumerate(_hidden(model)):
         gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)

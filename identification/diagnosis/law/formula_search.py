@@ -12,7 +12,7 @@ from identification.diagnosis.law.terms import LawTerm, library
 from identification.engine.chance import shuffled_pieces
 from identification.engine.numerics.bounded import bounded_solve
 from identification.engine.products.block_products import BlockProducts, NuisancePrior, Products, block_products
-from identification.engine.resampling import CHOSEN_AGAIN, block_counts
+from identification.engine.resampling import REPEATED_CHOICES, block_counts
 from identification.engine.search.stepwise import Chosen, Terms, extended, gains, residual_squares, stepwise
 from identification.gates import above_chance
 from phantom_dyn.array_types import Array, Float
@@ -259,7 +259,7 @@ def _repeated(
     seen = residual.folds >= 0
     kinds, inputs, same = Counter(), Counter(), 0
     wanted = Counter(columns.library[k].kind for k in chosen)
-    for drawn in block_counts(int(seen.sum()), random_stream("blocks of a law"), CHOSEN_AGAIN):
+    for drawn in block_counts(int(seen.sum()), random_stream("blocks of a law"), REPEATED_CHOICES):
         counts = np.zeros(len(seen))
         counts[seen] = drawn
         # A replicate of blocks without samples chooses no term.
@@ -268,7 +268,7 @@ def _repeated(
         same += chosen_kinds == wanted
         kinds.update(set(chosen_kinds))
         inputs.update(frozenset().union(*(columns.library[k].inputs for k in found)))
-    share = 1.0 / CHOSEN_AGAIN
+    share = 1.0 / REPEATED_CHOICES
     return (
         {kind: share * n for kind, n in kinds.items()},
         share * same,

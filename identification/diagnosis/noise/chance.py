@@ -83,9 +83,9 @@ def _null_products(
         own = grams.fold == fold
         b[fold] = whole[own].T @ signs[own]
         core_b[fold] = core[own].T @ signs[own]
-    nuisance = np.arange(len(sigma))
-    b += grams.fold_a[:, nuisance].transpose(0, 2, 1) @ changes
-    core_b += grams.fold_core_a[:, nuisance].transpose(0, 2, 1) @ changes
+    nuisance, every = np.arange(len(sigma)), np.arange(b.shape[1])
+    b += grams.fold_a.between(nuisance, every).transpose(0, 2, 1) @ changes
+    core_b += grams.fold_core_a.between(nuisance, every).transpose(0, 2, 1) @ changes
     return b, core_b
 
 

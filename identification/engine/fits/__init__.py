@@ -1,1 +1,1 @@
-"""Fits of sets of columns beside bounded nuisances, and what further columns gain beside them."""
+"""Fits of sets of columns with bounded nuisances, and gains of columns that are added to a fit."""

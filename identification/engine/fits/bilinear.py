@@ -1,4 +1,4 @@
-"""Products of the columns of one model, where the measured torque of a row has a gain that is fitted, too."""
+"""Products of the columns of one model with a fitted gain on the measured torque of a row."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Scaling:
-    """A gain on one row, such as a wrong torque constant: the measured torque is ``gain`` times the true one.
+    """A fitted gain on one row, as of a wrong torque constant: the measured torque is ``gain`` times the true one.
 
     The row's columns are multiplied by the current gain, and the column of the gain is the torque of the current fit
     instead of the given model's. At convergence the fit is exact in the gain.
@@ -81,7 +81,7 @@ def products_of(
 def _mixed(
     problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling
 ) -> tuple[Int[Array, " m"], Int[Array, " m"], int, Float[Array, " m"]]:
-    """Places of a rescaled row's active columns in it and among all, that of the gain, and what the gain multiplies."""
+    """Places of the active columns in a row and among all, place of the gain's column, and factors that make it up."""
     local, at = problem.grams.fold_a.in_row(scaling.row, active)
     own = int(np.searchsorted(active[at], scaling.column))
     mix = scaling.theta[active[at]]

@@ -1,4 +1,4 @@
-"""Held-out gains of every rival on many residuals at once, such as those of recordings without a gap."""
+"""Held-out gains of every rival on many residuals at once, for example on simulated residuals without a gap."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ class Minimum(NamedTuple):
     """Coefficients of a fit.
 
     Attributes:
-        x: On all blocks that train, ``(k,)``.
-        objective: Loss there with priors.
-        without: Once without each fold, ``(F, k)``; none where nothing is held out.
+        x: Coefficients of the fit to all training blocks, ``(k,)``.
+        objective: Loss of that fit with priors.
+        without: Coefficients of the fit without each fold, ``(F, k)``; no rows if nothing is held out.
     """
 
     x: Float[Array, " k"]
@@ -43,8 +43,8 @@ def minimum_of(
         total: Residual times residual.
         precision: Prior precision of each coefficient about zero.
         bounds: Least and largest value of each coefficient.
-        near: Coefficients of a similar fit, NaN where there are none: the bounds that bind there are tried first.
-        folds: ``square`` and ``line`` of each fold that is held out in turn; None: nothing is.
+        near: Coefficients of a similar fit, whose active bounds are tried first; NaN for those without.
+        folds: ``square`` and ``line`` of each fold, which are held out in turn; None to hold out nothing.
     """
     with_prior = square.copy()
     with_prior.flat[:: len(with_prior) + 1] += precision

@@ -1,8 +1,8 @@
-"""Fits of many sets of effects that differ little, each as a change of the nearest set that was solved from scratch.
+"""Fits of many sets of columns that differ little, each computed as a change of a similar set that was solved fully.
 
-A fit of a robot with many joints contains some hundred nuisances, and where one column replaces another, hardly any of
-them meets or leaves a bound. So a few sets are kept as tableaus (see `numerics.tableau`), and the cost of every other
-set is that of its differences from the nearest one; the minima are the same, to rounding.
+A fit of a robot with many joints contains some hundred nuisances. If one column replaces another, hardly any of them
+reaches or leaves a bound. So a few sets are solved fully and kept as tableaus (see `numerics.tableau`). The fit of any
+other set costs only as much as its differences from the most similar one. The minima are equal up to rounding.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from identification.engine.fits.problem import LinearProblem
 from identification.engine.fits.projection import gains_within
-from identification.engine.fits.solved_set import End, SolvedSet, marked, quadratic
+from identification.engine.fits.solved_set import PastFit, SolvedSet, marked, quadratic
 from identification.engine.numerics.held_minimum import answers_among
 from identification.engine.numerics.tableau import tableau
 from identification.engine.numerics.tableau_changes import ChangedMinimum, changed
@@ -24,13 +24,13 @@ from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 
-# Largest number of columns and bounds in which a set may differ from the solved one that it is computed from.
-_FAR = 60
-# Solved sets, and coefficients of earlier fits, that are kept: the nearest of each is the start of the next.
-_KEPT = 4
-_ENDS = 100
-# Share of the loss that the change of a coefficient can make at most, below which it is rounding.
-_NOTHING = 1e-14
+# Largest number of columns and active bounds by which a set may differ from the solved set that its fit starts from.
+_MOST_DIFFERENCES = 60
+# Numbers of solved sets and of earlier fits that are kept. A new fit starts from the most similar ones.
+_KEPT_SETS = 4
+_KEPT_FITS = 100
+# A change of a coefficient that changes the loss by at most this share is rounding.
+_ROUNDING_SHARE = 1e-14
 
 
 class LinearFit(NamedTuple):
@@ -61,11 +61,11 @@ class LinearFit(NamedTuple):
 
 
 class NearFits:
-    """Fits of sets of effects that are linear in all their coefficients, each from the nearest solved set.
+    """Fits of sets of columns that are linear in their coefficients, each computed from the most similar solved set.
 
     Args:
         problem: The problem that is fitted.
-        start: Coefficients from which a set is solved as a whole, NaN where there are none, ``(K,)``.
+        start: Coefficients from which a set is solved fully; NaN for those without a start, ``(K,)``.
     """
 
     def __init__(self, problem: LinearProblem, start: Float[Array, " K"]):
@@ -73,11 +73,11 @@ class NearFits:
         self._start = start
         self._solved: list[SolvedSet] = []
         # Coefficients of the last fits, from which similar ones start.
-        self._ends, self._held_out_ends = deque[End](maxlen=_ENDS), deque[End](maxlen=_ENDS)
+        self._past_fits, self._held_out_fits = deque[PastFit](maxlen=_KEPT_FITS), deque[PastFit](maxlen=_KEPT_FITS)
         self._nothing = float(problem.grams.c[problem.grams.fold >= 0].sum())
 
     def fit(self, active: Int[Array, " k"], *, held_out: bool) -> LinearFit:
-        """Fit of some columns on all blocks and, if they are held out, once without each fold."""
+        """Fit of some columns to all blocks; with ``held_out`` also once without each fold."""
         problem = self.problem
         solved, found, x = self._coefficients(active, held_out=held_out)
         new, gone, index = solved.changes(active)
@@ -104,50 +104,50 @@ class NearFits:
     def _coefficients(
         self, active: Int[Array, " k"], *, held_out: bool
     ) -> tuple[SolvedSet, list[ChangedMinimum], Float[Array, "G v"]]:
-        """The set that a fit is computed from, its minima (see `_minima`), and their coefficients."""
+        """The solved set that a fit is computed from, the minima of the fit (see `_minima`), and their coefficients."""
         problem, solved = self.problem, self._nearest(active)
         found = self._minima(solved, active, held_out=held_out)
         if not all(one.converged for one in found):
-            # Too far from the solved set: rounding is too large.
+            # The solved set differs too much, so that rounding errors are too large.
             solved = self._solve(active)
             found = self._minima(solved, active, held_out=held_out)
         x, index = np.array([one.x for one in found]), solved.changes(active)[2]
         at_bound = (x[-1] <= problem.lower[index]) | (x[-1] >= problem.upper[index])
         count = len(problem.precision)
-        self._keep(End(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count)))
+        self._keep(PastFit(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count)))
         return solved, found, x
 
     def _minima(self, solved: SolvedSet, active: Int[Array, " k"], *, held_out: bool) -> list[ChangedMinimum]:
-        """Fits of some columns from a solved set: if they are held out without each fold first, and that of all."""
+        """Fits of some columns from a solved set: with ``held_out`` first those without each fold, last that of all."""
         new, gone, index = solved.changes(active)
         bounds = self.problem.lower[index], self.problem.upper[index]
         tableaus = (*solved.folds, solved.whole) if held_out else (solved.whole,)
         entering = [*(solved.fold_entering(new) if held_out else ()), solved.entering(new)]
         near = np.full((len(tableaus), len(self.problem.precision)), np.nan)
-        end = self._end_near(active, held_out=held_out)
-        # Where nothing changes, the bounds that bind are known.
+        end = self._most_similar_fit(active, held_out=held_out)
+        # If the set is the solved one, its active bounds are known.
         if end is not None and len(new) + len(gone) > 0:
             near[:, end.index] = end.x[-len(near) :]
         parts = zip(tableaus, entering, near[:, index], strict=True)
         return [changed(one, more, gone, bounds, start) for one, more, start in parts]
 
-    def _end_near(self, active: Int[Array, " k"], *, held_out: bool) -> End | None:
-        """Where the fit of the most similar set ended, the last one of those that are equally similar."""
+    def _most_similar_fit(self, active: Int[Array, " k"], *, held_out: bool) -> PastFit | None:
+        """The earlier fit of the most similar set; the latest one if several are equally similar."""
         wanted = self._bits(active)
-        ends = self._held_out_ends if held_out else self._ends
+        ends = self._held_out_fits if held_out else self._past_fits
         return min(reversed(ends), key=lambda end: (end.bits ^ wanted).bit_count(), default=None)
 
     def _bits(self, active: Int[Array, " k"]) -> int:
         """A number with the bit of each column set."""
         return int.from_bytes(np.packbits(marked(active, len(self.problem.precision))).tobytes())
 
-    def _keep(self, end: End) -> None:
-        self._ends.append(end)
+    def _keep(self, end: PastFit) -> None:
+        self._past_fits.append(end)
         if len(end.x) > 1:
-            self._held_out_ends.append(end)
+            self._held_out_fits.append(end)
 
     def gains(self, active: Int[Array, " k"], sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
-        """How much further columns lower the loss in sample, to second order, with those at a bound held there."""
+        """Decrease of the in-sample loss by further columns, to second order, with active bounds kept active."""
         problem, solved = self.problem, self._nearest(active)
         (found,) = self._minima(solved, active, held_out=False)
         if not found.converged:
@@ -159,37 +159,37 @@ class NearFits:
         wanted = np.array(sorted({k for some in own.values() for k in some}), dtype=int)
         if not len(wanted):
             return dict.fromkeys(own, 0.0)
-        beside = _Beside(solved, new, found, wanted)
+        added = _AddedColumns(solved, new, found, wanted)
         gains = dict.fromkeys(own, 0.0)
         for size in {len(some) for some in own.values()} - {0}:
             same = [columns for columns, some in own.items() if len(some) == size]
             columns = np.array([own[some] for some in same])
-            depth = gains_within(*beside.left(columns), problem.lower[columns], problem.upper[columns])
+            depth = gains_within(*added.left(columns), problem.lower[columns], problem.upper[columns])
             gains.update(zip(same, depth.tolist(), strict=True))
         return gains
 
     def _nearest(self, active: Int[Array, " k"]) -> SolvedSet:
-        """The nearest solved set; a set that is far from all is solved as a whole."""
-        wanted, end = marked(active, len(self.problem.precision)), self._end_near(active, held_out=False)
-        near = min(self._solved, key=lambda one: one.apart(wanted, end), default=None)
-        if near is None or near.apart(wanted, end) > _FAR:
+        """The most similar solved set; a set that differs much from all of them is solved fully."""
+        wanted, end = marked(active, len(self.problem.precision)), self._most_similar_fit(active, held_out=False)
+        near = min(self._solved, key=lambda one: one.differences(wanted, end), default=None)
+        if near is None or near.differences(wanted, end) > _MOST_DIFFERENCES:
             return self._solve(active, near)
         self._solved = [*(one for one in self._solved if one is not near), near]
         return near
 
     def _solve(self, active: Int[Array, " k"], near: SolvedSet | None = None) -> SolvedSet:
-        """A set solved as a whole, and kept: the one that was used last comes last."""
+        """A set that is solved fully and kept; the set that was used last comes last."""
         start = self._start
         if near is not None:
             start = start.copy()
             start[near.columns] = near.whole.x * near.whole.scale
         solved = SolvedSet(self.problem, active, tableau(*quadratic(self.problem, active), start[active]))
-        self._solved = [*self._solved, solved][-_KEPT:]
+        self._solved = [*self._solved, solved][-_KEPT_SETS:]
         return solved
 
 
-class _Beside:
-    """Columns beside a fit, projected off its free columns.
+class _AddedColumns:
+    """Columns that may be added to a fit, projected off its free columns.
 
     Args:
         solved: The solved problem from which the fit was computed.
@@ -231,24 +231,24 @@ class _Beside:
 
 
 def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) -> Float[Array, " B"]:
-    """Loss of the core of each block by the fit that has not seen it, from that of the solved set."""
+    """Loss of the core of each block by the fit that has not seen it, computed from the loss of the solved set."""
     grams, n = solved.problem.grams, len(solved.columns)
     x = x[solved.which]
     step, entered = x[:, :n] - solved.at, x[:, n:]
-    lines = solved.core_lines(new)
+    lines = solved.core_products(new)
     square = grams.core_a.among(new)
     out = solved.losses + 2.0 * np.einsum("bk,bk->b", solved.core_slope, step)
     slope = (lines @ (x[:, :n])[:, :, None])[:, :, 0] - grams.core_b[:, new]
     out += 2.0 * np.einsum("bm,bm->b", slope, entered) + np.einsum("bm,bmk,bk->b", entered, square, entered)
-    # Coefficients of other limbs hardly change: most of their steps are rounding.
+    # Coefficients of other limbs hardly change. Most of their changes are rounding.
     size = np.abs(step).max(axis=0) ** 2 * solved.core_diagonal
-    used = np.flatnonzero(size > _NOTHING * max(float(size.max(initial=0.0)), 1.0))
-    _form(out, solved.core, used, np.ascontiguousarray(step[:, used]))
+    used = np.flatnonzero(size > _ROUNDING_SHARE * max(float(size.max(initial=0.0)), 1.0))
+    _add_quadratic_forms(out, solved.core, used, np.ascontiguousarray(step[:, used]))
     return out
 
 
 @fused
-def _form(out: Array, values: Array, used: Array, x: Array) -> None:
+def _add_quadratic_forms(out: Array, values: Array, used: Array, x: Array) -> None:
     """Add ``x values[:, used, used] x`` of each block."""
     for block in range(len(out)):
         for i in range(len(used)):

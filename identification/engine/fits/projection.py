@@ -128,9 +128,10 @@ class FoldProjection:
 
 
 def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
-    """The projection of each fold, and last that of the fit that holds nothing out."""
+    """The projection without each fold, and last that of the fit to all training blocks."""
     grams, nuisances = problem.grams, problem.fitted_nuisances
-    of_folds, cores = grams.fold_a[:, nuisances], grams.fold_core_a[:, nuisances]
+    every = np.arange(len(problem.precision))
+    of_folds, cores = (products.between(nuisances, every) for products in (grams.fold_a, grams.fold_core_a))
     nothing = np.zeros_like(of_folds[0])
     out = []
     for held_out, core in zip((*of_folds, nothing), (*cores, nothing), strict=True):

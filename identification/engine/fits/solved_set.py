@@ -1,4 +1,4 @@
-"""A set of columns that is solved from scratch, with all that fits of similar sets need of it."""
+"""A fully solved set of columns, with everything that fits of similar sets need from it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _EnteringParts:
 
 
 @dataclass(frozen=True)
-class End:
+class PastFit:
     """Coefficients of the fits of one set.
 
     Attributes:
@@ -58,11 +58,11 @@ class SolvedSet:
     whole: Tableau
     _entering: dict[int, _EnteringParts] = field(default_factory=dict)
     _fold_entering: dict[int, _EnteringParts] = field(default_factory=dict)
-    _core_lines: dict[int, Float[Array, "B n"]] = field(default_factory=dict)
+    _core_products: dict[int, Float[Array, "B n"]] = field(default_factory=dict)
 
     @cached_property
     def inside(self) -> Bool[Array, " K"]:
-        """Which of all columns are in the set."""
+        """True for the columns of the set among all columns."""
         return marked(self.columns, len(self.problem.precision))
 
     @cached_property
@@ -81,7 +81,7 @@ class SolvedSet:
 
     @cached_property
     def which(self) -> Int[Array, " B"]:
-        """Number of the fit that predicts each block: that without its fold, or the last, which is of all blocks."""
+        """Number of the fit that predicts each block: the fit without its fold, or the last one, to all blocks."""
         fold = self.problem.grams.fold
         return np.where(fold < 0, len(self.folds), fold)
 
@@ -92,7 +92,7 @@ class SolvedSet:
 
     @cached_property
     def core_slope(self) -> Float[Array, "B n"]:
-        """Half the slope of each block's loss there."""
+        """Half the slope of each block's loss at the coefficients `at`."""
         return (self.core @ self.at[:, :, None])[:, :, 0] - self.problem.grams.core_b[:, self.columns]
 
     @cached_property
@@ -102,21 +102,21 @@ class SolvedSet:
 
     @cached_property
     def losses(self) -> Float[Array, " B"]:
-        """Loss of each block there."""
+        """Loss of each block at the coefficients `at`."""
         grams = self.problem.grams
         return grams.core_c + np.einsum("bk,bk->b", self.core_slope - grams.core_b[:, self.columns], self.at)
 
     @cached_property
     def held(self) -> Bool[Array, " K"]:
-        """Which of all columns are in the set and at a bound."""
+        """True for the columns of the set whose coefficient is at a bound, among all columns."""
         return marked(self.columns[self.whole.held], len(self.problem.precision))
 
-    def apart(self, wanted: Bool[Array, " K"], end: End | None) -> int:
+    def differences(self, wanted: Bool[Array, " K"], end: PastFit | None) -> int:
         """Number of columns that only one of two sets has, or that are at a bound in only one of them.
 
         Args:
             wanted: The columns of the set.
-            end: Where the fit of a similar set ended; None: where this one did.
+            end: An earlier fit of a similar set, whose active bounds are compared; None if there is none.
         """
         other = self.inside != wanted
         if end is not None:
@@ -148,7 +148,7 @@ class SolvedSet:
             known.update(
                 (column, _EnteringParts(*(part[k][None] for part in parts))) for k, column in enumerate(new.tolist())
             )
-        return _together(self.whole, [known[k] for k in columns.tolist()], 0)
+        return _stacked_parts(self.whole, [known[k] for k in columns.tolist()], 0)
 
     def fold_entering(self, columns: Int[Array, " m"]) -> list[Entering]:
         """Columns that are not in the set, as they enter the fit without each fold."""
@@ -164,16 +164,16 @@ class SolvedSet:
             for k, column in enumerate(new.tolist()):
                 known[column] = _EnteringParts(*(np.array([part[i][k] for part in parts]) for i in range(4)))
         pieces = [known[k] for k in columns.tolist()]
-        return [one.entering_of(*_together(one, pieces, k), squares[k]) for k, one in enumerate(self.folds)]
+        return [one.entering_of(*_stacked_parts(one, pieces, k), squares[k]) for k, one in enumerate(self.folds)]
 
-    def core_lines(self, columns: Int[Array, " m"]) -> Float[Array, "B m n"]:
+    def core_products(self, columns: Int[Array, " m"]) -> Float[Array, "B m n"]:
         """Products of further columns with those of the set over the core of each block."""
-        new = np.array([k for k in columns.tolist() if k not in self._core_lines], dtype=int)
+        new = np.array([k for k in columns.tolist() if k not in self._core_products], dtype=int)
         if len(new):
             lines = self.problem.grams.core_a.between(new, self.columns)
-            self._core_lines.update((column, lines[:, k]) for k, column in enumerate(new.tolist()))
+            self._core_products.update((column, lines[:, k]) for k, column in enumerate(new.tolist()))
         shape = len(self.problem.grams.fold), 0, len(self.columns)
-        return np.stack([self._core_lines[k] for k in columns.tolist()], axis=1) if len(columns) else np.zeros(shape)
+        return np.stack([self._core_products[k] for k in columns.tolist()], axis=1) if len(columns) else np.zeros(shape)
 
 
 def marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
@@ -190,7 +190,7 @@ def quadratic(problem: LinearProblem, columns: Int[Array, " n"]) -> tuple[Array,
     return a, problem.total_b[columns], problem.lower[columns], problem.upper[columns]
 
 
-def _together(one: Tableau, pieces: list[_EnteringParts], which: int) -> tuple[Array, Array, Array, Array]:
+def _stacked_parts(one: Tableau, pieces: list[_EnteringParts], which: int) -> tuple[Array, Array, Array, Array]:
     """Parts of several columns as they enter one of the tableaus."""
     n = len(one.x)
     cross, response = (

@@ -1,1 +1,1 @@
-"""Minima within bounds, minima of problems that differ a little, spans of columns, and work in two threads."""
+"""Numerics: minima within bounds, minima of slightly changed problems, spans of columns, work in two threads."""

@@ -8,9 +8,9 @@ from identification.engine.numerics.elimination import eliminate, solve_eliminat
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn.array_types import Array, Float
 
-# Added to the diagonal, relative: keeps exact twins solvable, and is below the accuracy of these products.
+# Added to the unit diagonal: keeps problems with two equal columns solvable, and is below the accuracy of the products.
 _TWINS = 1e-12
-# Most steps that exchange all bounds at once, and most steps after them, each of which lowers the loss.
+# Largest number of steps that exchange all bounds at once, and of the steps after them, each of which lowers the loss.
 _AT_ONCE, _DESCENDING = 10, 400
 # A multiplier is of the wrong sign from this size on.
 _WRONG = 1e-9
@@ -44,16 +44,16 @@ def bounded_solve(
 ) -> Float[Array, " k"]:
     """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by active sets.
 
-    First all violated bounds are held and all wrong multipliers released at once, sweep by sweep (the primal-dual
-    active set method of Hintermueller, Ito and Kunisch, 2002), which takes few sweeps where it converges. Where it
-    cycles, as among near twins, only steps are taken that lower the loss, so that no set of bounds comes twice.
+    First, in each step, all violated bounds become active and all bounds with a wrong multiplier inactive (the
+    primal-dual active set method of Hintermueller, Ito and Kunisch, 2002). If it converges, that takes few steps. It
+    may cycle with nearly equal columns. Then only steps follow that lower the loss, so that no active set is repeated.
 
     Args:
         a: Quadratic part.
         b: Linear part.
         lower: Lower bounds.
         upper: Upper bounds.
-        near: Minimum of a similar problem; the bounds that bind there are tried first. Not a number: none is.
+        near: Minimum of a similar problem, whose active bounds are tried first; NaN for unknowns without a start.
     """
     start = np.full(len(b), np.nan) if near is None else near
     return _minima_of(a, b, np.zeros((0, len(b), len(b))), np.zeros((0, len(b))), np.stack([lower, upper, start]))[0]
@@ -93,17 +93,17 @@ def _minima(
     out: Array,
     work: tuple[Array, Array, Array, Array],
 ) -> None:
-    """Fill each row of ``out`` with a minimum within bounds, from the bounds that bind where it begins.
+    """Fill each row of ``out`` with a minimum within bounds.
 
-    Loops over numbers, not over arrays: those take several times as long to compile.
+    The loops are over numbers, because operations on arrays take several times as long to compile.
 
     Args:
         a: Quadratic part.
         b: Linear part.
         less_a: Part of ``a`` that each row leaves out; of length 0 where nothing is left out.
         less_b: The same of ``b``.
-        ends: Lower bounds, upper bounds, and where to begin, ``(3, k)``.
-        out: One row a minimum.
+        ends: Lower bounds, upper bounds and start, ``(3, k)``.
+        out: One row per minimum.
         work: Arrays that the loop works in, from `_minima_of`.
     """
     k = len(b)
@@ -117,27 +117,27 @@ def _minima(
             for j in range(k):
                 matrices[0, i, j] = a[i, j] - less_a[part, i, j] if len(less_a) else a[i, j]
             x[i], fixed[i] = near[i], near[i] <= lower[i] or near[i] >= upper[i]
-        # While the loss has to fall: where it is now, and where it was when bounds were last released, one of which
-        # pulled most.
+        # Of the steps that lower the loss: the loss now, the loss when bounds were last released, and the released
+        # number with the largest expected gain.
         least, last, most = np.inf, np.inf, -1
         for step in range(_AT_ONCE + _DESCENDING):
             descending = step >= _AT_ONCE
             for i in range(k):
                 trial[i] = x[i] if fixed[i] else 0.0
             _free_minimum(matrices, right, fixed, trial, vectors, free)
-            left = _brought_back(trial, lower, upper, fixed, outside, end)
+            left = _clip_to_bounds(trial, lower, upper, fixed, outside, end)
             reached = _loss(matrices, right, end if descending else trial, gradient)
             if descending and left:
                 if reached < least:
                     _hold(outside, end, fixed, x)
                     least, most = reached, -1
                 elif most >= 0:
-                    # Releasing all at once raised the loss: release only the number that pulls most.
+                    # Releasing all bounds at once raised the loss: release only the one with the largest expected gain.
                     for i in range(k):
                         fixed[i] = i != most and (x[i] <= lower[i] or x[i] >= upper[i])
                     most = -1
                 else:
-                    _go_to_first_bound(outside, trial, end, fixed, x)
+                    _step_to_first_bound(outside, trial, end, fixed, x)
                 continue
             converged = descending and reached >= last  # but for rounding
             most = _release(matrices, gradient, trial, lower, upper, fixed)
@@ -151,7 +151,7 @@ def _minima(
 
 
 @inlined
-def _brought_back(x: Array, lower: Array, upper: Array, fixed: Array, outside: Array, out: Array) -> int:
+def _clip_to_bounds(x: Array, lower: Array, upper: Array, fixed: Array, outside: Array, out: Array) -> int:
     """Write a point, clipped to its bounds, to ``out``; return how many of its numbers were outside."""
     count = 0
     for i in range(len(x)):
@@ -184,7 +184,7 @@ def _release(matrices: Array, slope: Array, x: Array, lower: Array, upper: Array
 
 
 @inlined
-def _go_to_first_bound(outside: Array, to: Array, end: Array, fixed: Array, x: Array) -> None:
+def _step_to_first_bound(outside: Array, to: Array, end: Array, fixed: Array, x: Array) -> None:
     """Move straight towards a point until the first unknown is at its bound, and hold that one."""
     share, first = 1.0, -1
     for i in range(len(x)):
@@ -193,7 +193,7 @@ def _go_to_first_bound(outside: Array, to: Array, end: Array, fixed: Array, x: A
             if own <= share:
                 share, first = own, i
     for i in range(len(x)):
-        # What leaves its bounds later is not moved beyond them, whatever rounding does.
+        # Rounding must not move the other unknowns beyond their bounds.
         moved = x[i] + share * (to[i] - x[i])
         x[i] = moved if not outside[i] or (moved < end[i]) == (x[i] < end[i]) else end[i]
     x[first], fixed[first] = end[first], True
@@ -214,7 +214,7 @@ def _slope(matrices: Array, b: Array, x: Array, out: Array) -> None:
     """Fill ``out`` with ``a x - b``, with ``a`` the first matrix."""
     for i in range(len(x)):
         out[i] = -b[i]
-    # Line by line: a sum over a line would have to keep its order.
+    # Rows are added one by one: the compiler may not reorder a sum over a row.
     for j in range(len(x)):
         if x[j] != 0.0:
             for i in range(len(x)):
@@ -229,7 +229,7 @@ def _free_minimum(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Ar
     """
     scale, right, moved = vectors[5], vectors[6], vectors[7]
     _slope(matrices, b, x, moved)
-    # Not a plain zero: a function that is called with one is compiled for it alone, and once more for any number.
+    # With a plain zero the called functions would be compiled twice, for that literal and for any integer.
     count = np.int64(0)
     for i in range(len(b)):
         if not fixed[i]:

@@ -1,4 +1,4 @@
-"""Spans of columns: an orthonormal basis, and the part of other columns that is outside of it."""
+"""Spans of columns: an orthonormal basis, and the part of other columns that is orthogonal to it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "
 
 
 def orthogonal_part(matrix: Array, basis: Float[Array, "m r"]) -> Array:
-    """The part of columns outside of a span, projected twice so that rounding leaves nothing along it."""
+    """The part of columns that is orthogonal to a span; it is projected twice to remove rounding errors."""
     for _ in range(2):
         matrix = matrix - basis @ (basis.T @ matrix)
     return matrix

@@ -15,7 +15,7 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 
 RIDGE = 1e-9
-"""Share of each diagonal entry of a Gram matrix that is added to it: keeps fits with two equal columns solvable."""
+"""Share of each diagonal entry of a Gram matrix that is added to it, so that fits with equal columns can be solved."""
 _AT_ONCE = 64  # number of draws whose normal equations are solved in one call
 _RANK = 1e-12  # relative cutoff of singular values, for columns scaled to unit size: smaller ones are rounding errors
 

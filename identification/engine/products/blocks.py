@@ -1,4 +1,4 @@
-"""Blocks of samples, which are held out together, and the folds that they are held out in."""
+"""Blocks of samples, and the folds in which they are held out."""
 
 from __future__ import annotations
 

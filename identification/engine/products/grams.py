@@ -1,4 +1,4 @@
-"""Gram matrices of columns and residual by block and by fold, which every fit works on."""
+"""Gram matrices of columns and residual by block and by fold; all fits use these instead of samples."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Grams:
     @cached_property
     def total_a(self) -> Float[Array, "K K"]:
         """Columns times columns over all blocks that train, written out."""
-        return self.fold_a.sum(axis=0)
+        return self.fold_a.total()
 
     @cached_property
     def train_a(self) -> RowProducts:
@@ -110,11 +110,11 @@ class Grams:
     @cached_property
     def everything(self) -> Float[Array, "K K"]:
         """Columns times columns over all blocks, written out."""
-        return self.total_a if (self.fold >= 0).all() else self.total_a + self.unseen_a.sum(axis=0)
+        return self.total_a if (self.fold >= 0).all() else self.total_a + self.unseen_a.total()
 
     @cached_property
     def fold_core_a(self) -> RowProducts:
-        """The same over the cores of the blocks."""
+        """Columns times columns over the cores of the blocks of each fold."""
         return self.core_a.grouped(self.fold)
 
     @cached_property

@@ -20,7 +20,7 @@ from phantom_dyn.array_types import Array, Float, Int
 
 @dataclass(frozen=True)
 class RowProducts:
-    """Gram matrices of ``B`` blocks; the sum over the rows is computed when it is needed.
+    """Gram matrices of ``B`` blocks, stored row by row; the sum over the rows is computed on demand.
 
     Attributes:
         index: For each row, the columns that touch it (are not zero there).
@@ -117,8 +117,8 @@ class RowProducts:
             )
         return out
 
-    def sum(self, axis: int = 0) -> Float[Array, "K K"]:  # noqa: ARG002 - asked as an array of all products is
-        """Sum over all blocks as a full matrix; ``axis`` is always zero, as if this were an array."""
+    def total(self) -> Float[Array, "K K"]:
+        """Sum over all blocks as a full matrix."""
         out = np.zeros((self.columns, self.columns))
         for index, values in zip(self.index, self.values, strict=True):
             out[np.ix_(index, index)] += square(values.sum(axis=0))
@@ -135,29 +135,6 @@ class RowProducts:
             products = values[:, place_of(clipped[:, :, None], clipped[:, None, :])]
             out[:, with_touch] += products * (mask[:, :, None] & mask[:, None, :])
         return out
-
-    def __getitem__(self, key: int | Array | tuple[slice, list[int] | Array]) -> Float[Array, "*B k K"]:
-        """Full matrices of ``[block]`` or ``[blocks]``; products of some columns with all for ``[:, columns]``."""
-        if isinstance(key, tuple):
-            chosen = np.asarray(key[1])
-            part = np.zeros((self.shape[0], len(chosen), self.columns))
-            for position, index, values in zip(self._position_in_row, self.index, self.values, strict=True):
-                positions = position[chosen]
-                touching = np.flatnonzero(positions >= 0)
-                if len(touching):
-                    part[:, touching[:, None], index] += values[
-                        :, place_of(positions[touching][:, None], np.arange(len(index)))
-                    ]
-            return part
-        blocks = np.atleast_1d(np.arange(self.shape[0])[key])
-        out = np.zeros((len(blocks), self.columns, self.columns))
-        for index, values in zip(self.index, self.values, strict=True):
-            _add(out, values[blocks], np.arange(len(index)), index, 0)
-        return out[0] if isinstance(key, int | np.integer) else out
-
-    def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
-        """All blocks as full matrices."""
-        return self[np.arange(self.shape[0])]
 
     def _n_always(self, columns: Int[Array, " k"]) -> int:
         """Number of leading columns that are those of every fit: all of ``always``, or zero."""

@@ -1,7 +1,8 @@
-"""Search for the few columns that explain a residual: a beam over sets, each column at the price of chance.
+"""Search for the few columns that explain a residual: a beam search over sets, in which each column has a price.
 
-Residual and columns are projected off the nuisances before, so that a fit of any set is a small system of products.
-Where the columns depend on the fitted values, `until_same_set` computes them again at each set and searches again.
+The price is what a column may gain by chance. Residual and columns are projected off the nuisances first, so that the
+fit of a set is a small system of equations. If the columns depend on the fitted values, `until_same_set` computes them
+again after each search and repeats the search.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from phantom_dyn.array_types import Array, Bool, Float
 State = TypeVar("State")
 Chosen = tuple[int, ...]
 
-_BEAM = 8  # sets that are extended at once
-_MOST = 20  # columns of a set
-_PATIENCE = 2  # most columns that are added without a better set before the search ends
-_TIE = 1e-8  # of all squares: twins differ by less, through rounding
-_APART = 1e-9  # least eigenvalue of the products of normalised columns: below, they are linearly dependent
-_ROUNDS = 5  # most searches
+_BEAM = 8  # number of sets that are extended in each step
+_MOST = 20  # largest number of columns of a set
+_MOST_WITHOUT_GAIN = 2  # largest number of steps in a row without a better set
+_TIE = 1e-8  # differences of costs below this share of the total are rounding, as between equal columns
+_LEAST_EIGENVALUE = 1e-9  # of the products of normalised columns; below it they are linearly dependent
+_ROUNDS = 5  # largest number of searches
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,8 @@ class SetFits:
         products: Products of the columns, ``(p, p)``.
         slopes: Products of the columns with the residual, ``(p,)``.
         total: Square of the residual.
-        lower, upper: Bounds of each coefficient, ``(p,)``; a set whose fit is beyond them counts as impossible.
-        seen: Places of the columns that nuisances alone cannot make.
+        lower, upper: Bounds of each coefficient, ``(p,)``; a set with a coefficient beyond them is impossible.
+        seen: Indices of the columns that are not linear combinations of nuisances.
     """
 
     products: Float[Array, "p p"]
@@ -50,12 +51,12 @@ class SetFits:
         products = self.products[np.ix_(at, at)]
         size = np.sqrt(np.diag(products))
         scaled = products / np.outer(size, size)
-        if len(at) > 1 and np.linalg.eigvalsh(scaled)[0] < _APART:
+        if len(at) > 1 and np.linalg.eigvalsh(scaled)[0] < _LEAST_EIGENVALUE:
             return None
         return np.linalg.solve(scaled, self.slopes[at] / size) / size
 
     def squares(self, chosen: Sequence[int]) -> float:
-        """Sum of squares that some columns leave; infinite where a coefficient is beyond its bounds."""
+        """Sum of squares that some columns leave; infinite if a coefficient is beyond its bounds."""
         at = list(chosen)
         if not at:
             return self.total
@@ -77,7 +78,7 @@ def set_fits(
         columns: In units of noise.
         residual: In units of noise.
         bounds: Least and largest coefficient of each column.
-        seen: False for columns that nuisances alone can make.
+        seen: False for columns that are linear combinations of nuisances.
     """
     return SetFits(
         columns.T @ columns,
@@ -89,44 +90,44 @@ def set_fits(
 
 
 def few_columns(fits: SetFits, price: float) -> Chosen:
-    """The set of columns with the lowest sum of squares and prices, ascending; of twins the first one.
+    """The set of columns with the lowest sum of squares and prices, in ascending order; of equal columns the first.
 
     Args:
         fits: Products.
         price: Price of a column.
     """
-    best: tuple[float, Chosen] = (_rounded(fits, (), price), ())
+    best: tuple[float, Chosen] = (_rounded_cost(fits, (), price), ())
     front: list[Chosen] = [()]
     waited = 0
     for _ in range(min(_MOST, len(fits.seen))):
         sets = {tuple(sorted((*chosen, k))) for chosen in front for k in fits.seen if k not in chosen}
-        scored = sorted((_rounded(fits, chosen, price), chosen) for chosen in sets)
+        scored = sorted((_rounded_cost(fits, chosen, price), chosen) for chosen in sets)
         scored = [one for one in scored if np.isfinite(one[0])]
         if not scored:
             break
         front = [chosen for _, chosen in scored[:_BEAM]]
         waited = 0 if scored[0][0] < best[0] else waited + 1
         best = min(best, scored[0]) if waited == 0 else best
-        if waited > _PATIENCE:
+        if waited > _MOST_WITHOUT_GAIN:
             break
-    return _swapped(fits, best[1], price)
+    return _improved_by_exchange(fits, best[1], price)
 
 
-def _swapped(fits: SetFits, chosen: Chosen, price: float) -> Chosen:
+def _improved_by_exchange(fits: SetFits, chosen: Chosen, price: float) -> Chosen:
     """The set after all exchanges and removals of a column that lower squares and prices."""
     while chosen:
         others = [k for k in fits.seen if k not in chosen]
         trials = [tuple(x for x in chosen if x != k) for k in chosen]
         trials += [tuple(sorted((*(x for x in chosen if x != k), other))) for k in chosen for other in others]
-        value, trial = min((_rounded(fits, trial, price), trial) for trial in trials)
-        if value >= _rounded(fits, chosen, price):
+        value, trial = min((_rounded_cost(fits, trial, price), trial) for trial in trials)
+        if value >= _rounded_cost(fits, chosen, price):
             return chosen
         chosen = trial
     return chosen
 
 
-def _rounded(fits: SetFits, chosen: Sequence[int], price: float) -> float:
-    """Squares and prices of a set, rounded so that twins are equal whatever their rounding errors."""
+def _rounded_cost(fits: SetFits, chosen: Sequence[int], price: float) -> float:
+    """Squares and prices of a set, rounded so that sets of equal columns have equal costs."""
     value, grain = fits.squares(chosen) + price * len(chosen), max(_TIE * fits.total, 1e-6)
     return float(np.round(value / grain)) * grain if np.isfinite(value) else np.inf
 
@@ -152,16 +153,16 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
 
 
 def until_same_set(
-    state: State, search: Callable[[State, int], tuple[State, Chosen]], retake: Callable[[State, Chosen], State]
+    state: State, search: Callable[[State, int], tuple[State, Chosen]], recompute: Callable[[State, Chosen], State]
 ) -> tuple[State, Chosen]:
     """The set that a search finds again after the columns were computed at the fit of that set.
 
-    It ends, too, where earlier sets come again.
+    The search also ends if it returns to an earlier set.
 
     Args:
         state: With the columns of the first search.
         search: A search: the state after it and the set found, from a state and the number of earlier rounds.
-        retake: The state with columns computed at the fit of a set.
+        recompute: The state with columns computed at the fit of a set.
     """
     chosen: Chosen = ()
     tried: list[Chosen] = []
@@ -171,5 +172,5 @@ def until_same_set(
             break
         chosen = now
         tried.append(now)
-        state = retake(state, chosen)
+        state = recompute(state, chosen)
     return state, chosen

@@ -1,8 +1,8 @@
 """Choice of groups of columns one by one: orthogonal least squares with exchanges.
 
-Each step adds the group that lowers the sum of squares most beside the chosen ones. Then every chosen group is
-exchanged for another one if that lowers the sum further. Only products of the columns, summed over blocks, are needed,
-so that repeating the choice on other blocks costs next to nothing.
+Each step adds the group that lowers the sum of squares most. Then each chosen group is exchanged for another one if
+that lowers the sum further. Only products of the columns, summed over blocks, are needed, so that the choice can be
+repeated on other blocks at little cost.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
 
 
 def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list[Chosen]:
-    """The given terms with 0 to ``most`` further ones, added without exchanges; without given ones as by `stepwise`."""
+    """The given terms with 0 to ``most`` further ones, added without exchanges; without given terms, as `stepwise`."""
     if not start:
         return [(), *stepwise(terms, products, most)]
     out = [start]
@@ -65,7 +65,7 @@ def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list
 
 
 def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
-    """As many terms, after exchanges of single terms that lower the sum of squares, in at most three rounds."""
+    """The chosen terms after exchanges of single terms that lower the sum of squares, in at most three rounds."""
     left = residual_squares(terms, products, chosen)
     for _ in range(3 if len(chosen) > 1 else 0):
         before = left

@@ -174,7 +174,7 @@ def smallest(quiet, term, direction: np.ndarray) -> float:
     problem, base = quiet.problem, np.arange(quiet.problem.nuisance_count)
     information, beside = _information(problem, term, direction, base, _inverse(problem, base))
     index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
-    by_block = np.einsum("i,bij,j->b", parts, problem.grams.core_a[:, index][:, :, index], parts)
+    by_block = np.einsum("i,bij,j->b", parts, problem.grams.core_a.among(index), parts)
     needed = _claimable(quiet.search, term, by_block, 10.0)
     return needed / np.sqrt(held_out_share(quiet.blocks) * information)
 

@@ -95,7 +95,7 @@ def test_the_fits_under_test_are_not_solved_as_a_whole(rough, near):
     columns = [active_columns(rough.problem, terms_of(rough, places)) for places in (FRICTION, *SETS)]
     changes = [len(set(columns[0].tolist()) ^ set(some.tolist())) for some in columns[1:]]
     assert 0 not in changes
-    assert max(changes) < near_fits._FAR
+    assert max(changes) < near_fits._MOST_DIFFERENCES
 
 
 @pytest.mark.parametrize("places", SETS)
@@ -141,7 +141,7 @@ def test_what_columns_gain_beside_a_fit_is_what_a_projection_says(rough, near, p
 def test_a_set_far_from_all_is_solved_as_a_whole(rough, monkeypatch):
     problem = rough.problem
     fits = NearFits(problem, np.full(len(problem.precision), np.nan))
-    monkeypatch.setattr(near_fits, "_FAR", 0)
+    monkeypatch.setattr(near_fits, "_MOST_DIFFERENCES", 0)
     for places in SETS:
         terms = terms_of(rough, places)
         found = fits.fit(active_columns(problem, terms), held_out=True)
@@ -160,9 +160,9 @@ def test_a_solved_set_is_as_far_as_the_columns_and_the_bounds_in_which_a_fit_of_
     elsewhere = np.count_nonzero((bound[0] != bound[1])[columns[1]])
     assert elsewhere > 0
     wanted = np.isin(np.arange(len(problem.precision)), columns[1])
-    (solved,), end = fits._solved, fits._ends[-1]
-    assert solved.apart(wanted, end) == len(columns[0]) - len(columns[1]) + elsewhere
-    assert solved.apart(wanted, None) == len(columns[0]) - len(columns[1])
+    (solved,), end = fits._solved, fits._past_fits[-1]
+    assert solved.differences(wanted, end) == len(columns[0]) - len(columns[1]) + elsewhere
+    assert solved.differences(wanted, None) == len(columns[0]) - len(columns[1])
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from identification.engine.products.block_products import block_products
-from identification.engine.search.few_columns import _swapped, few_columns, rivals_of, set_fits, until_same_set
+from identification.engine.search.few_columns import (
+    _improved_by_exchange,
+    few_columns,
+    rivals_of,
+    set_fits,
+    until_same_set,
+)
 from identification.engine.search.stepwise import Terms, gains, residual_squares, stepwise
 
 SAMPLES, COLUMNS, PRICE = 200, 7, 12.0
@@ -66,7 +72,7 @@ def test_a_set_is_found_that_one_column_after_another_does_not_lead_to(seed):
 @pytest.mark.parametrize("start", [(0, 4), (1, 2), (0, 2, 5), (1, 3, 4)])
 def test_columns_are_exchanged_and_spared_as_long_as_it_pays(fits, start):
     _, _, found = fits()
-    assert _swapped(found, start, PRICE) == (2, 5)
+    assert _improved_by_exchange(found, start, PRICE) == (2, 5)
 
 
 def test_noise_has_no_columns(rng):
