@@ -1,6 +1,6 @@
-"""All files with models and laws of a diagnosis, each loaded again and compared with the recordings beforehand.
+"""Texts of all files that a diagnosis writes with its models and laws; each is checked against the recordings first.
 
-They are ``corrected.yaml``, models for simulators, ranges for training and laws for control.
+The files are ``corrected.yaml``, models for simulators, ranges for training and laws for control.
 """
 
 from __future__ import annotations
@@ -63,27 +63,18 @@ from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_POSTURES = 3  # number of postures in which a model without findings is compared with its file
+_POSTURES = 3  # number of postures in which a model is compared with its file if no motion was recorded
 _COMPLETE = 2  # number of model files: URDF and MJCF
 
 
 def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
-    """Names of the usual files of a diagnosis that were not written into a folder.
-
-    Args:
-        out: The folder.
-        paths: The files that were written.
-    """
-    there = set(paths)
-    return tuple(name for name in NAMES if out / name not in there)
+    """Names of the usual files of a diagnosis that are missing among the written ``paths`` of a folder."""
+    written = set(paths)
+    return tuple(name for name in NAMES if out / name not in written)
 
 
 def incomplete_file_notes(notes: Iterable[Said]) -> tuple[Note, ...]:
-    """Notes on files that were not written, and on findings that a model file does not contain.
-
-    Args:
-        notes: Notes of `export_texts`.
-    """
+    """Those notes of `export_texts` that are on files that were not written, or on findings that a file lacks."""
     return tuple(note for note in notes if isinstance(note, Note) and note.code in INCOMPLETE_FILES)
 
 
@@ -138,7 +129,7 @@ def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
 
 @dataclass(frozen=True)
 class _Written:
-    """The files that are made with one set of numbers.
+    """The files that were made with one set of numbers.
 
     Attributes:
         texts: Texts by name of the files that passed their check.
@@ -156,7 +147,7 @@ class _Written:
 def _written(
     diagnosis: Diagnosis, robot: Robot, folder: Path, known: tuple[KnownEffect, ...], config: Path | None
 ) -> _Written:
-    """The files of a diagnosis with its numbers.
+    """The files of a diagnosis, made with its own numbers and checked.
 
     Raises:
         ParameterError: If the value of a parameter is not finite.
@@ -175,7 +166,7 @@ def _written(
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, check_of)
     except PhantomDynError as error:
-        # The laws of corrected.yaml need no possible bodies, and are written in any case.
+        # corrected.yaml is written in any case, because its laws do not need possible bodies.
         texts, files, refused = passed_files(texts, check_of(corrected_model(robot, known_torques)))
         lacking = tuple(name for name in NAMES if name not in texts)
         return _Written(texts, files, (not_written_note(error, *NAMES[1:]), *refused), lacking)
@@ -231,7 +222,7 @@ def _places_not_in(file: str, names: Iterable[str], *, given: bool) -> Note:
 def _with_moved_joints(
     texts: dict[str, str], diagnosis: Diagnosis, robot: Robot, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], list[Note]]:
-    """Model files with their joints moved by the findings of measured poses, and notes on findings not in them."""
+    """Model files with joints moved as measured poses show, and notes on findings of poses that the files lack."""
     corrections = corrections_in_files(robot, joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known))
     notes = [*not_in_files(diagnosis.geometry, known), *corrections.notes]
     out = dict(texts)
@@ -252,7 +243,7 @@ def _with_moved_joints(
 def _of_poses(
     diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], Diagnosis]:
-    """The known model with its joints moved, for a diagnosis of poses alone; without findings there are no files."""
+    """Files of a diagnosis of poses alone: the known model with its joints moved; none without findings."""
     if not joint_corrections(diagnosis.geometry, (), known):
         return {}, replace(diagnosis, notes=(*diagnosis.notes, *not_in_files(diagnosis.geometry, known)))
     still = np.zeros((_POSTURES, robot.nv))
@@ -290,8 +281,8 @@ def _models(
 ) -> tuple[_Models, tuple[Note, ...]]:
     """The corrected model and its files, and a note on the changes within tolerance.
 
-    The findings are added to the given model after these changes. If some files fail their check, bodies that cannot
-    exist are replaced by possible ones. If some still fail, both are tried without the changes.
+    The findings are added to the given model after these changes. If a file fails its check, bodies that cannot exist
+    are replaced by possible ones. If a file still fails, both are tried without the changes within tolerance.
 
     Raises:
         PhantomDynError: If there is no corrected model at all.
@@ -341,7 +332,7 @@ def _recorded_motion(diagnosis: Diagnosis) -> Motion:
 def _others(
     diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...], models: set[str]
 ) -> dict[str, Callable[[], str]]:
-    """Functions that make the other texts, by file name; each raises a `PhantomDynError` if its text cannot be made."""
+    """Functions that return the texts of all other files, by file name; each may raise a `PhantomDynError`."""
 
     def with_links(make: Callable[[CorrectedModel, str], str]) -> str:
         if not models:

@@ -13,4 +13,4 @@ OPTIONAL = (RESIDUAL, RESIDUAL_TABLE)
 """Files that only some diagnoses write."""
 
 GOES_WITH = {TABLE: FEEDFORWARD, RESIDUAL_TABLE: RESIDUAL, SIMULATORS: ISAAC}
-"""For each of these files the one whose content it repeats, and with which alone it is written."""
+"""For each of these files the file whose content it repeats; it is written only together with that file."""

@@ -1,4 +1,4 @@
-"""A table in the header of a written file: the root mean square of the residual torque on each joint."""
+"""Headers of written files: a table with the root mean square of the residual torque on each joint."""
 
 from __future__ import annotations
 

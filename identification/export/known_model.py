@@ -1,4 +1,4 @@
-"""A robot with the effects of earlier diagnoses, and whether these diagnoses were of this robot."""
+"""A robot with the effects of earlier diagnoses; warnings if these were diagnoses of another robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of a log (CSV, NPZ or Parquet by its ending; nothing is rounded) and of a map (NPZ, NetCDF and figures)."""
+"""Writes logs (CSV, NPZ or Parquet, by the ending of the name, not rounded) and maps (NPZ, NetCDF and figures)."""
 
 from __future__ import annotations
 

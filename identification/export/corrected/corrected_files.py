@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""``corrected.urdf`` and ``corrected.xml``, loaded again and compared, with notes on what each format cannot express.
+"""Makes ``corrected.urdf`` and ``corrected.xml``, loads them again, and notes what each format cannot express.
 
 The MJCF is the given one with the findings. A new one is made where the robot's file is a URDF, and where settings of
 the given MJCF would change the meaning of the findings; a note gives the reason.
@@ -56,7 +56,7 @@ class MadeMjcf:
         text: Text of the file.
         difference: Largest difference of torques in MuJoCo from the corrected model's, over the largest torque; NaN if
             it was not loaded.
-        unchecked: Why it was not loaded again, as the end of a sentence; empty if it was.
+        unchecked: Why it was not loaded again, as the end of a sentence; empty if it was loaded.
         edited: True if it is the given file with the findings.
         left_out: Notes on numbers that its actuators cannot express, and on why it is not a copy of the given file.
     """
@@ -133,7 +133,7 @@ def _edited_mjcf(corrected: CorrectedModel, motion: Motion, file: Path, folder: 
 
 
 def _refused(file: Path) -> str:
-    """Why MuJoCo refuses the given file, for example for missing meshes; empty if it accepts it."""
+    """Why MuJoCo refuses the given file, as for missing meshes; empty if MuJoCo accepts it."""
     import mujoco
 
     try:
@@ -144,7 +144,7 @@ def _refused(file: Path) -> str:
 
 
 def _fixed_positions(file: Path) -> dict[str, float]:
-    """Positions of the joints that the robot does not have: those that follow others, and those of backlash."""
+    """Positions of joints of the file that the robot lacks: joints that follow others, and joints of backlash."""
     try:
         facts, model = read_model(file)
     except RobotError:
@@ -247,7 +247,7 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
     if not text or corrected.given.floating:
         return ()
     try:
-        # The written file may have servos, but here the logged torque has to move the joints.
+        # The written file may have servos. Here the logged torque moves the joints.
         text = corrected_mjcf(corrected)
         if mujoco_problem(text) is not None:
             return ()

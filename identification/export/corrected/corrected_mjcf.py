@@ -1,4 +1,4 @@
-"""A corrected model as MJCF, with all that MuJoCo can express beyond links, damping, dry friction and rotors.
+"""A corrected model as a new MJCF, with all findings that MuJoCo can express.
 
 Springs become ``stiffness`` and ``springref``, encoder zeros ``ref``. Backlash and springs of transmissions become a
 second joint on the same axis, and couplings fixed tendons. Of an actuator, constant torques become the bias, torque
@@ -64,7 +64,7 @@ def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
-    """Encoder zeros that a URDF or MJCF can state: not those of joints in a loop, which change how it closes."""
+    """Encoder zeros that a URDF or MJCF can state: not zeros of joints in a loop, which change how the loop closes."""
     chain = corrected.robot.chain
     if chain is None:
         return corrected.zeros
@@ -76,12 +76,12 @@ def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
 
 
 def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:
-    """Springs of transmissions that are in the MJCF: not with backlash, as the body between both has no inertia."""
+    """Springs of transmissions that are in the MJCF; not beside backlash, as the body between both has no inertia."""
     return {name: stiffness for name, stiffness in corrected.compliances.items() if name not in corrected.plays}
 
 
 def rotor_of(corrected: CorrectedModel, joint: str) -> float:
-    """Rotor inertia behind backlash or a spring [kg m^2 or kg]; a share of the link's inertia if it is unknown."""
+    """Rotor inertia on the motor's side of backlash or a spring [kg m^2 or kg]; if unknown, a share of the link's."""
     row = row_of(corrected.robot, joint)
     known = float(corrected.robot.rotor_inertia[row])
     return known if known > 0 else _LEAST_ROTOR * _moved_inertia(corrected, row)

@@ -42,8 +42,8 @@ class CorrectedModel:
         cogging: Order [1/rad or 1/m], amplitude and phase [rad] of each wave.
         couplings: Couplings of two joints.
         zeros: Offsets of encoders, reading minus position.
-        others: Effects that the other attributes do not express, or only in part: of a Stribeck law, for example, they
-            have the level at high speed.
+        others: Effects that the other attributes express in part or not at all. Of a Stribeck law, for example, these
+            have only the level at high speed.
     """
 
     given: Robot
@@ -68,9 +68,9 @@ class CorrectedModel:
 def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
     """The corrected model of a robot and its findings.
 
-    From friction laws beyond Coulomb and viscous friction, the robot gets the mean of both directions, the level at
-    high speed (Stribeck) or the level after the presliding displacement; the law itself is under ``others``. Torque
-    limits of the robot's configuration are used if the torque columns are commands.
+    Of friction laws other than Coulomb and viscous friction, the robot gets a part: the mean of both directions, the
+    level at high speed (Stribeck), or the level after the presliding displacement. The law itself is in ``others``.
+    Torque limits of the robot's configuration are used if the torque columns are commands.
 
     Args:
         robot: The given model.
@@ -89,9 +89,9 @@ def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> Corrected
 
 
 def torque_limits(corrected: CorrectedModel) -> dict[str, float]:
-    """Largest torque by joint: as it was found, or else as the configuration or the robot's file states it.
+    """Largest torque by joint: the limit that was found, else that of the configuration or of the robot's file.
 
-    `CorrectedModel.limits` does not contain the limits in the robot's file, as edited copies of it have them already.
+    `CorrectedModel.limits` lacks the limits of the robot's file, because edited copies of the file contain them.
     """
     stated = zip(corrected.given.joint_names, stated_torque_limits(corrected.given).tolist(), strict=True)
     return {joint: limit for joint, limit in stated if np.isfinite(limit)} | corrected.limits
@@ -106,7 +106,7 @@ def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) ->
 
 
 def on_single_joints(robot: Robot, effect: KnownEffect) -> tuple[KnownEffect, ...]:
-    """An effect with one number for several joints as one effect for each joint; any other one unchanged."""
+    """One effect per joint from an effect with one number for several joints; any other effect unchanged."""
     shared = effect_named(effect.effect, robot).shared and effect.joint not in robot.joint_names
     if not shared or effect.joint is None:
         return (effect,)
@@ -148,7 +148,7 @@ def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Ro
 
 
 def _with_delay(corrected: CorrectedModel, times: dict[str, float], joint: str | None, more: float) -> dict[str, float]:
-    """Times of drives [s] by joint, with one more on a joint, or on all driven ones without a joint."""
+    """Times of drives [s] by joint, increased by ``more`` on one joint, or on all driven ones without a joint."""
     late = [corrected.robot.joint_names[row] for row in driven_rows(corrected.robot, joint)]
     return times | {name: times.get(name, 0.0) + more for name in late}
 

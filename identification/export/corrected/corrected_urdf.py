@@ -76,7 +76,7 @@ def robot_of_urdf(corrected: CorrectedModel) -> Robot:
 
 
 def with_rotors_of(robot: Robot, other: Robot) -> Robot:
-    """A robot with the rotor inertias of another one: a URDF cannot state them, so the given ones are left."""
+    """A robot with the rotor inertias of another one, because a URDF cannot state changed rotor inertias."""
     model = robot.model.copy()
     model.armature = other.model.armature
     return replace(robot, model=model)
@@ -89,7 +89,7 @@ def _set_effort(joint: Element, limit: float) -> None:
 
 
 def move_zero(joint: Element, zero: float) -> None:
-    """Turn or shift the joint's origin back by the offset of its encoder, and shift its limits by that."""
+    """Rotate or shift a joint's origin back by the offset of its encoder, and shift its limits by that offset."""
     origin = child_of(joint, "origin")
     stated = joint.find("axis")
     axis = _numbers(None if stated is None else stated.get("xyz"), "1 0 0")
@@ -107,7 +107,7 @@ def move_zero(joint: Element, zero: float) -> None:
 
 
 def _tilt(root: Element, rotation: Float[Array, "3 3"]) -> None:
-    """Add a level link as parent of the robot's root, which gets this rotation on it."""
+    """Add a level link as the parent of the robot's root, with this rotation between them."""
     links = [str(link.get("name")) for link in root.findall("link")]
     children = {str(child.get("link")) for joint in root.findall("joint") for child in joint.findall("child")}
     base = next(name for name in links if name not in children)
@@ -171,9 +171,9 @@ class FileCorrections:
 def corrections_in_files(robot: Robot, corrections: Mapping[str, JointCorrection]) -> FileCorrections:
     """Corrections for model files: all of an open chain; of a closed one those that do not change how loops close.
 
-    A joint that follows others by a formula is turned by their zeros, too, so that the formula holds for readings.
-    Links of a parallelogram are not moved, as moved links would not follow its formula. In the MJCF of a robot with
-    loops between frames nothing is moved, as MuJoCo derives the closure from the zero positions in the file.
+    A joint that follows others by a formula is rotated by their zeros as well, so that the formula holds for readings.
+    Links of a parallelogram are not moved, because moved links would not follow its formula. Nothing is moved in the
+    MJCF of a robot with loops between frames, because MuJoCo derives the closure from the zero positions in the file.
 
     Args:
         robot: The given model.
@@ -221,7 +221,7 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
 
 
 def urdf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrection]) -> tuple[str, tuple[str, ...]]:
-    """The text of a URDF with its joints moved, and the names of corrections that it has no joint for.
+    """The text of a URDF with its joints moved, and the names of corrections without a joint in it.
 
     Args:
         text: Text of the file.
@@ -253,8 +253,8 @@ def urdf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrect
 def mjcf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrection]) -> tuple[str, tuple[str, ...]]:
     """The text of an MJCF with its bodies moved, and the names of joints whose bodies are not moved.
 
-    Only a body that is placed by ``pos`` and ``quat``, with one joint at its origin, is moved. Zeros turn it, too, so
-    that positions in the file are readings of encoders.
+    Only bodies that are placed by ``pos`` and ``quat``, with one joint at their origin, are moved. Zeros rotate them as
+    well, so that positions in the file are readings of encoders.
 
     Args:
         text: Text of the file.
@@ -292,7 +292,7 @@ def _is_simple(joint: Element, body: Element) -> bool:
 
 
 def _back(joint: Element, zero: float) -> pin.SE3:
-    """The motion of a joint from its zero to minus its zero's offset."""
+    """The motion of a joint from zero to minus the offset of its encoder."""
     axis = _numbers(joint.get("axis"), "0 0 1")
     axis = axis / np.linalg.norm(axis)
     if joint.get("type") == "slide":

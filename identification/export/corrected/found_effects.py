@@ -18,7 +18,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def findings_in_all_recordings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
-    """Findings that act in all recordings: an effect in only one of them is no part of the robot."""
+    """Findings that act in all recordings. An effect in only one of them is not part of the robot."""
     return tuple(finding for finding in diagnosis.findings if finding.recording is None)
 
 

@@ -1,8 +1,8 @@
 """Findings on drives, written into the existing actuators of an MJCF.
 
-An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) can express all of
-them but a delay of references. The command of a servo is a reference, so it gets only this delay and a torque limit:
-the other findings would change its feedback.
+An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) can express all
+findings except a delay of references. The command of a servo is a reference, so a servo gets only this delay and a
+torque limit: other findings would change its feedback.
 """
 
 from __future__ import annotations

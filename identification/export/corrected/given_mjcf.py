@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The given MJCF with the findings; everything else is unchanged, shapes and sensors included.
+"""The given MJCF with the findings in it; all other content, such as shapes and sensors, is unchanged.
 
 Links, damping, dry friction, rotors and gravity are replaced if they differ. Numbers of drives go into the actuator
 that the file has for the joint, see `identification.export.corrected.given_drives`.
@@ -51,7 +51,7 @@ _NAMED = ("body", "joint", "freejoint")
 _PLACES = ("meshdir", "texturedir")
 """Attributes of <compiler> that state folders."""
 _SAME = 1e-12
-"""Relative difference of numbers that are equal up to rounding in a file."""
+"""Relative difference up to which two numbers count as equal, because files round them."""
 
 
 def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> tuple[str, dict[str, Note]]:

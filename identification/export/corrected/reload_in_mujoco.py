@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Check of a corrected MJCF in MuJoCo: the torques of a motion, and the distance of its motion from a recorded one."""
+"""Check of a corrected MJCF in MuJoCo: torques along a motion, and errors of simulated motion."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
 _STEP = 1e-3  # step of a rollout [s]
-_LEAD = 300  # number of steps before a rollout in which joints with encoders follow the recorded motion
+_LEAD = 300  # number of steps before a rollout, during which joints with encoders follow the recorded motion
 
 
 def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nt"]:
@@ -113,8 +113,8 @@ def rollout_errors(
 ) -> Float[Array, " nv"]:
     """Distance of MuJoCo's motion from the recorded one after some time under the recorded torque, root mean square.
 
-    States that are not recorded (links within backlash, lags of drives) come from moving the joints with encoders along
-    the recorded motion for some time before each rollout.
+    Unrecorded states (of links within backlash, of drives with a lag) come from a simulation before each rollout, in
+    which the joints with encoders follow the recorded motion.
 
     Args:
         text: An MJCF with one actuator per driven joint, in the robot's order, before all others.

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""Written models loaded again, and their torques compared with those of the models they were made from.
+"""Loads written models again, and compares their torques with those of the models that they were made from.
 
-If MuJoCo is broken or too old, nothing is checked in it, as if it were not installed.
+If MuJoCo is broken or too old, it is not used, as if it were not installed.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 TOLERANCE = 1e-6
-"""Largest difference over the largest torque of the motion: files have all digits, so a larger one is a mistake."""
+"""Largest accepted difference of torques over the largest torque. Files have all digits, so more is a mistake."""
 
 
 def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None) -> float:
@@ -195,13 +195,13 @@ def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[s
     """
     import mujoco
 
-    # Loops and dry friction are constraints: without them the torque is that of the tree, and friction is added.
+    # Loops and dry friction are constraints. Without constraints the torque is that of the tree; friction is added.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
     places, order = mujoco_joints(model, robot)
     out = np.empty_like(tree.v)
     for k, (q, v, a) in enumerate(zip(tree.q, tree.v, tree.a, strict=True)):
-        # A base that is not bolted down is held upright.
+        # A floating base is kept at rest and upright.
         for values, own, at in ((data.qpos, q, places), (data.qvel, v, order), (data.qacc, a, order)):
             values[:] = 0.0
             values[at] = own

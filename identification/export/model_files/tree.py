@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The tree of a robot as plain data for new files: bodies, joints, frames and friction."""
+"""Bodies, joints, frames and friction of a robot as plain data, from which new model files are written."""
 
 from __future__ import annotations
 

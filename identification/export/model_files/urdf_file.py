@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot as URDF: its own file with other inertias and friction, or a new file.
+"""A robot as URDF: its given file with new inertias and friction, or a new file.
 
 In an edited file everything else is unchanged, and the inertia of a moving body is divided among the links that are
 fixed to each other. A new file has tree, inertias and friction, but no shapes.

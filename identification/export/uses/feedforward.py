@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Feedforward for control: the corrected model's drive torque as plain Python without dependencies, and as a table.
 
-The inverse dynamics in ``feedforward_functions.txt`` repeat `phantom_dyn.dynamics.dynamics` on purpose: what a user
-copies into a controller must need nothing else.
+The inverse dynamics in ``feedforward_functions.txt`` repeat `phantom_dyn.dynamics.dynamics` on purpose, because the
+file that a user copies into a controller must not need other code.
 """
 
 from __future__ import annotations

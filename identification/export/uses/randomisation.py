@@ -24,7 +24,7 @@ from phantom_dyn.model.robot import Robot
 
 SIGMAS = 2.0
 """Half width of a range in standard deviations."""
-_SLIGHT = 1e-3
+_NEARLY_ABSENT = 1e-3
 """Share of a size at which an effect is nearly absent: its parameter there is near the value without the effect."""
 
 
@@ -143,7 +143,7 @@ def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
         theta = effect.sized(robot, bound.joint, bound.parameter, size, np.zeros(robot.nv))
         return None if theta is None else float(np.clip(theta[index], chosen.lower, chosen.upper))
 
-    at_largest, at_slight = value_at(high), value_at(_SLIGHT * high)
+    at_largest, at_slight = value_at(high), value_at(_NEARLY_ABSENT * high)
     # If the size alone does not define an effect, it is the value of the parameter itself.
     if at_largest is None or at_slight is None:
         return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)

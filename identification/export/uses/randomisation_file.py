@@ -34,9 +34,9 @@ from phantom_dyn.model.files.strict_yaml import settings_text
 # One number of an MJCF: element, name, attribute, and index among the numbers of the attribute.
 Field = tuple[str, str, str, int]
 _DEFAULT = {("motor", "gear"): 1.0}
-"""Value of a number that is not in the file; zero for all others."""
+"""Values of numbers that a file leaves out, if they are not zero."""
 _OF_DRIVES = "motor", "general"
-"""Elements that stand for a drive: which of them is written depends on the drive's properties."""
+"""Elements for a drive; which of them a file has depends on the properties of the drive."""
 
 SCHEMA = "phantom-dyn-randomisation/2"
 _ON_TOP, _ABSOLUTE = "on top of the given model", "absolute"
@@ -114,7 +114,7 @@ def mjcf_ranges(
     without: list[Bound] = []
     for bound in randomisation.unseen:
         changes: dict[Field, float] = {}
-        # The upper end comes last, and its changes show below whether there is a number for this effect.
+        # The upper end comes last. Its changes show below whether any number expresses this effect.
         for size in unseen_sizes(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
             changed = None if effect is None else _written(corrected, (effect,))
@@ -160,7 +160,7 @@ class _File:
 def _changes(changed: _File | None, base: _File) -> dict[Field, float]:
     """Changes of the numbers of a file from those of another; none if the robot cannot be written or elements differ.
 
-    An added element has no range: a joint for a play or a spring, for example, is either in the file or not.
+    Added elements have no range: the joint of a backlash or a spring, for example, is either in the file or not.
     """
     if changed is None or changed.elements != base.elements:
         return {}

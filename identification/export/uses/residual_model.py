@@ -1,4 +1,4 @@
-"""Residual model as ``residual.py``, which needs only NumPy, and as ``residual.csv``, a table for simulators."""
+"""Writes the model of the residual as ``residual.py``, which needs only NumPy, and as the table ``residual.csv``."""
 
 from __future__ import annotations
 
