@@ -18,7 +18,7 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
-from identification.export.corrected.found_effects import effect_of, lasting_findings, robot_within_tolerances
+from identification.export.corrected.found_effects import effect_of, findings_in_all_recordings, robot_within_tolerances
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
@@ -78,7 +78,7 @@ def recorded(robot: Robot, causes: tuple[Cause, ...], rng: np.random.Generator) 
 
 def corrected_by(robot: Robot, diagnosis: Diagnosis) -> CorrectedModel:
     """The given model with the findings."""
-    found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
+    found = tuple(effect_of(robot, finding) for finding in findings_in_all_recordings(diagnosis))
     try:
         return corrected_model(robot_within_tolerances(robot, diagnosis.adjusted), found)
     except PhantomDynError:
