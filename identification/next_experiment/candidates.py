@@ -24,36 +24,38 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, minimum_jerk
 from phantom_dyn.number_checks import require_positive
 
-# Largest share of its recorded range by which a joint may go beyond either end of it.
-_BEYOND = 0.5
-# Largest ratio to the largest recorded speed, acceleration and torque.
-_FASTER, _SHARPER, _STRONGER = 2.0, 3.0, 2.0
-# Least range [rad or m] of a joint, so that limits of one that was held leave some room.
-_HELD = 1e-4
+# A joint may leave its recorded range by this share of it, at either end.
+_RANGE_MARGIN = 0.5
+# Limits of speed, acceleration and torque, as ratios to the largest recorded ones.
+_SPEED_RATIO, _ACCELERATION_RATIO, _TORQUE_RATIO = 2.0, 3.0, 2.0
+# Least recorded range, speed and so on of a joint, above zero so that a joint that was held may move a little.
+_LEAST_SIZE = 1e-4
 # Share of a stop's duration in which the robot moves to the next posture.
-_TRAVEL = 0.3
+_TRAVEL_SHARE = 0.3
 # Share of the remaining duration in which the reversals grow from zero, and in which they decrease to zero.
-_FADE = 0.15
-# Largest slope and curvature of the transition from zero to one in a unit of time.
-_STEEPEST, _SHARPEST = 1.875, 10.0 / np.sqrt(3.0)
-# Share of a period in which a triangle turns.
-_TURN = 0.2
-# Sizes of a motion about its posture, as shares of the largest, in the order of trial.
-_SHARES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
-# Number of periods of slow triangles, which cover their range at low speed and show effects that decrease with speed.
-_SLOW = (1, 4)
+_FADE_SHARE = 0.15
+# Largest first and second derivative of the transition from zero to one in a unit of time, see `_rise`.
+_RISE_SPEED, _RISE_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
+# Share of a period in which a triangle changes its direction.
+_TURN_SHARE = 0.2
+# Sizes of a motion about its posture that are tried in turn until one keeps the limits, as shares of the first.
+_TRIED_SIZES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
+# Least number of slow triangles, and one more than the largest. Over a wide range at low speed they show effects that
+# decrease with speed.
+_SLOW_PERIODS = (1, 4)
 # Amplitudes of small reversals, as shares of half the range. With smaller ones a joint with friction stands still for a
 # part of the time, so that the recording would show less than planned.
-_SMALL = (0.1, 0.5)
+_REVERSAL_SIZES = (0.1, 0.5)
 # Standard deviation of the logarithm of a joint's size between variations; single shapes vary by a third of it.
-_VARIED = 0.5
+_SIZE_DEVIATION = 0.5
 # A joint moves fast enough if its RMS speed is `_FAST_ENOUGH` of its limit. A motion is used if the ratio to that
-# speed, at most 1 for each joint, is at least `_JOINTS` on average. Slower joints stick and slip, which no law of
-# friction predicts, so that the planned separation would not be reached.
-_FAST_ENOUGH, _JOINTS = 0.125, 0.75
-# Exciting motion: harmonics, random motions of which the best one is improved, rounds and steps of the descent.
-_HARMONICS, _STARTS, _ROUNDS, _STEPS = 5, 4, 3, 12
-# Draws per wanted motion, because many are too slow.
+# speed, at most 1 for each joint, is at least `_LEAST_MEAN_RATIO` on average. Slower joints stick and slip, which no
+# law of friction predicts, so that the planned separation would not be reached.
+_FAST_ENOUGH, _LEAST_MEAN_RATIO = 0.125, 0.75
+# Exciting motion: number of harmonics, of random motions of which the best is improved, and of rounds and iterations of
+# the descent.
+_HARMONICS, _STARTS, _ROUNDS, _ITERATIONS = 5, 4, 3, 12
+# Draws for each wanted motion, as many are too slow.
 _DRAWS = 4
 
 
@@ -67,21 +69,21 @@ def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
     require_excitable(robot, ())
     stated, rows = stated_limits(robot), list(robot.tree_rows)
     q = np.concatenate([log.motion.q for log in logs])
-    reach = np.maximum(np.ptp(q, axis=0), _HELD)
+    reach = np.maximum(np.ptp(q, axis=0), _LEAST_SIZE)
     lower, upper, velocity = np.array(stated.lower), np.array(stated.upper), np.array(stated.velocity)
-    lower[rows] = np.maximum(lower[rows], q.min(axis=0) - _BEYOND * reach)
-    upper[rows] = np.minimum(upper[rows], q.max(axis=0) + _BEYOND * reach)
-    velocity[rows] = np.minimum(velocity[rows], _FASTER * _largest([log.motion.v for log in logs]))
-    # The recorded torque of a joint that was held shows nothing; its limit lets it at least overcome its friction.
+    lower[rows] = np.maximum(lower[rows], q.min(axis=0) - _RANGE_MARGIN * reach)
+    upper[rows] = np.minimum(upper[rows], q.max(axis=0) + _RANGE_MARGIN * reach)
+    velocity[rows] = np.minimum(velocity[rows], _SPEED_RATIO * _largest([log.motion.v for log in logs]))
+    # A joint that was held shows no torque, but may at least overcome its friction.
     shown = np.maximum(
-        _STRONGER * _largest([log.band(log.tau) for log in logs]), 2.0 * np.array(robot.coulomb_friction)
+        _TORQUE_RATIO * _largest([log.band(log.tau) for log in logs]), 2.0 * np.array(robot.coulomb_friction)
     )
     torque = np.minimum(stated.torque, shown)
-    acceleration = _SHARPER * _largest([log.motion.a for log in logs])
-    return Limits(lower, upper, velocity, acceleration, torque, clear=_clear(robot, logs))
+    acceleration = _ACCELERATION_RATIO * _largest([log.motion.a for log in logs])
+    return Limits(lower, upper, velocity, acceleration, torque, clear=_clearance(robot, logs))
 
 
-def _clear(robot: Robot, logs: tuple[Log, ...]) -> float:
+def _clearance(robot: Robot, logs: tuple[Log, ...]) -> float:
     """Distance of the loops from a singularity that a motion keeps; less if the recordings were nearer to one."""
     recorded = [singularity_distance(robot, log.motion) for log in logs]
     return float(np.clip(min(float(each.min(initial=CLEAR)) for each in recorded), 0.01, CLEAR))
@@ -89,12 +91,12 @@ def _clear(robot: Robot, logs: tuple[Log, ...]) -> float:
 
 def _largest(series: list[Float[Array, "_ nv"]]) -> Float[Array, " nv"]:
     """Largest absolute value of each column, without the few samples that are noise; above zero."""
-    return np.maximum(np.percentile(np.abs(np.concatenate(series)), 99.5, axis=0), _HELD)
+    return np.maximum(np.percentile(np.abs(np.concatenate(series)), 99.5, axis=0), _LEAST_SIZE)
 
 
 @dataclass(frozen=True)
 class SmallReversals:
-    """Shapes from rest to rest: one moves to each posture but the first, and two oscillate about each posture.
+    """Shapes of a motion from rest to rest: one leads to each posture but the first, and two oscillate about each.
 
     Of these two, one has ``reversals`` periods of a triangle and the other half as many. Joints that use different ones
     reverse at different times.
@@ -118,33 +120,28 @@ class SmallReversals:
 
     @property
     def samples(self) -> int:
-        """Number of samples that show the extremes."""
+        """Number of samples that is enough to find the extremes."""
         return 20 * self.reversals * self.stops
 
     @property
     def stop(self) -> float:
-        """Duration of one stop, with the way to it [s]."""
+        """Duration of one stop, including the motion to it [s]."""
         return self.duration / self.stops
-
-    @property
-    def period(self) -> float:
-        """Period of the faster triangle [s]."""
-        return (1.0 - _TRAVEL) * self.stop / self.reversals
 
     def farthest(self, velocity: Float[Array, " nv"], acceleration: Float[Array, " nv"]) -> Float[Array, " nv"]:
         """Largest distance of the next posture [rad or m] for joints with these limits, shape ``(nv,)``."""
-        length = _TRAVEL * self.stop
-        return np.minimum(velocity * length / _STEEPEST, acceleration * length**2 / _SHARPEST)
+        length = _TRAVEL_SHARE * self.stop
+        return np.minimum(velocity * length / _RISE_SPEED, acceleration * length**2 / _RISE_ACCELERATION)
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
-        """Position, velocity and acceleration of the constant, and of each stop's way and triangles, ``(3, N, K)``."""
+        """Position, velocity and acceleration of a constant, and of the shapes of each stop, ``(3, N, K)``."""
         constant = np.stack([np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))])
         shapes = [constant]
         for k in range(self.stops):
-            start = k * self.stop
+            start, travel = k * self.stop, _TRAVEL_SHARE * self.stop
             if k:
-                shapes.append(_rise(t, start, _TRAVEL * self.stop))
-            shapes += [self._shake(t, start + _TRAVEL * self.stop, count) for count in (self.reversals, -1)]
+                shapes.append(_rise(t, start, travel))
+            shapes += [self._shake(t, start + travel, n) for n in (self.reversals, self.reversals // 2)]
         return np.stack(shapes, axis=2)
 
     def weights(self, postures: Float[Array, "s nv"], sizes: Float[Array, "s nv"], slow: Array) -> Float[Array, "K nv"]:
@@ -162,13 +159,12 @@ class SmallReversals:
             rows += [np.where(slow, 0.0, sizes[k]), np.where(slow, sizes[k], 0.0)]
         return np.array(rows)
 
-    def _shake(self, t: Float[Array, " N"], start: float, count: int) -> Float[Array, "3 N"]:
+    def _shake(self, t: Float[Array, " N"], start: float, periods: int) -> Float[Array, "3 N"]:
         """Triangles of unit amplitude that grow from zero and fade again."""
-        length = (1.0 - _TRAVEL) * self.stop
-        periods = count if count > 0 else max(1, self.reversals // 2)
-        wave = Triangle(1.0, periods / length, 0.0, _TURN).motion(t - start)
-        up = _rise(t, start, _FADE * length)
-        down = _rise(t, start + (1.0 - _FADE) * length, _FADE * length)
+        length = (1.0 - _TRAVEL_SHARE) * self.stop
+        wave = Triangle(1.0, periods / length, 0.0, _TURN_SHARE).motion(t - start)
+        up = _rise(t, start, _FADE_SHARE * length)
+        down = _rise(t, start + (1.0 - _FADE_SHARE) * length, _FADE_SHARE * length)
         return _product(up - down, wave)
 
 
@@ -231,7 +227,7 @@ def candidates(
 def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) -> Candidate:
     """D-optimal motion for the inertial parameters, which separates rivals such as base tilt, load and inertia best.
 
-    Random motions rarely come close to it.
+    Random motions rarely separate them nearly as well.
 
     Args:
         problem: Robot and limits.
@@ -246,9 +242,9 @@ def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) 
     starts = [_random(problem, shapes, postures, rng) for _ in range(_STARTS)]
     information = [_information(problem, grid, weights) for weights in starts]
     start = starts[int(np.argmax(information))]
-    better = descend(problem, grid, start, rounds=_ROUNDS, iterations=_STEPS, criterion=DOptimality())
+    better = descend(problem, grid, start, rounds=_ROUNDS, iterations=_ITERATIONS, criterion=DOptimality())
     posture = grid.motion(start).q.mean(axis=0)
-    kept = largest_within_limits(problem, grid, better, posture, _SHARES)
+    kept = largest_within_limits(problem, grid, better, posture, _TRIED_SIZES)
     weights = kept if _information(problem, grid, kept) > max(information) else start
     return Candidate("an exciting Fourier series", shapes, weights)
 
@@ -271,17 +267,20 @@ def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> 
     moving = one.weights.copy()
     moving[0] -= posture
     size = np.abs(moving).max(axis=0)
-    moving = moving * np.exp(_VARIED * rng.normal(size=nv)) + _VARIED * size * rng.normal(size=moving.shape) / 3.0
+    moving = (
+        moving * np.exp(_SIZE_DEVIATION * rng.normal(size=nv))
+        + _SIZE_DEVIATION * size * rng.normal(size=moving.shape) / 3.0
+    )
     weights = moving.copy()
     weights[0] += posture
-    return Candidate(one.kind, one.shapes, largest_within_limits(problem, grid, weights, posture, _SHARES))
+    return Candidate(one.kind, one.shapes, largest_within_limits(problem, grid, weights, posture, _TRIED_SIZES))
 
 
 def fast_enough(one: Candidate, problem: DesignProblem) -> bool:
     """True if the joints, on average, move fast enough for the laws of friction to hold."""
     v = Grid.of(one.shapes, one.shapes.samples).motion(one.weights).v
     wanted = _FAST_ENOUGH * problem.limits.velocity[list(problem.robot.tree_rows)]
-    return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _JOINTS
+    return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _LEAST_MEAN_RATIO
 
 
 def _fourier(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
@@ -295,7 +294,7 @@ def _triangles(problem: DesignProblem, postures: Array, duration: float, rng: np
 
 
 def _slow_triangles(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
-    shapes = TrianglesAndSines(duration, triangles=int(rng.integers(*_SLOW)), harmonics=1)
+    shapes = TrianglesAndSines(duration, triangles=int(rng.integers(*_SLOW_PERIODS)), harmonics=1)
     return Candidate("slow triangles", shapes, _random(problem, shapes, postures, rng))
 
 
@@ -313,7 +312,7 @@ def _random(problem: DesignProblem, shapes: Shapes, postures: Array, rng: np.ran
     up = (problem.limits.upper[rows] - posture) / np.maximum(moved.max(axis=0), 1e-12)
     down = (posture - problem.limits.lower[rows]) / np.maximum(-moved.min(axis=0), 1e-12)
     return largest_within_limits(
-        problem, grid, still + moving * np.clip(0.97 * np.minimum(up, down), 0.0, 1.0), posture, _SHARES
+        problem, grid, still + moving * np.clip(0.97 * np.minimum(up, down), 0.0, 1.0), posture, _TRIED_SIZES
     )
 
 
@@ -322,16 +321,16 @@ def _reversals(problem: DesignProblem, postures: Array, duration: float, rng: np
     sizes = joint_sizes(problem)
     nv = problem.robot.nv
     places = postures[rng.integers(len(postures), size=shapes.stops)]
-    # The way to the next posture keeps the limits of speed and acceleration of each joint.
+    # The motion to the next posture keeps each joint's limits of speed and acceleration.
     steps = np.maximum(np.abs(np.diff(places, axis=0)).max(axis=0), 1e-12)
     farthest = shapes.farthest(sizes.speed, problem.limits.acceleration)
     places = places[0] + np.minimum(1.0, 0.9 * farthest / steps) * (places - places[0])
     grid = Grid.of(shapes, shapes.samples)
-    # So do the reversals, with room for the way.
+    # The reversals may use half of them.
     fastest, sharpest = (np.abs(grid.values[k, :, 1]).max() for k in (1, 2))
-    small = np.exp(rng.uniform(*np.log(_SMALL), size=(shapes.stops, nv))) * sizes.half
+    small = np.exp(rng.uniform(*np.log(_REVERSAL_SIZES), size=(shapes.stops, nv))) * sizes.half
     small = np.minimum(small, 0.5 * np.minimum(sizes.speed / fastest, problem.limits.acceleration / sharpest))
     weights = shapes.weights(places, small, rng.random(nv) < 0.5)
     return Candidate(
-        "holds with small reversals", shapes, largest_within_limits(problem, grid, weights, places[0], _SHARES)
+        "holds with small reversals", shapes, largest_within_limits(problem, grid, weights, places[0], _TRIED_SIZES)
     )
