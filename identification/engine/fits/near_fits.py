@@ -1,4 +1,4 @@
-"""Fits of many sets of columns that differ little, each computed as a change of a similar set that was solved fully.
+"""Fits many sets of columns that differ little, each as a change of a similar set that was solved fully.
 
 A fit of a robot with many joints contains some hundred nuisances. If one column replaces another, hardly any of them
 reaches or leaves a bound. So a few sets are solved fully and kept as tableaus (see `numerics.tableau`). The fit of any
@@ -105,17 +105,25 @@ class NearFits:
         self, active: Int[Array, " k"], *, held_out: bool
     ) -> tuple[SolvedSet, list[ChangedMinimum], Float[Array, "G v"]]:
         """The solved set that a fit is computed from, the minima of the fit (see `_minima`), and their coefficients."""
-        problem, solved = self.problem, self._nearest(active)
-        found = self._minima(solved, active, held_out=held_out)
-        if not all(one.converged for one in found):
-            # The solved set differs too much, so that rounding errors are too large.
-            solved = self._solve(active)
-            found = self._minima(solved, active, held_out=held_out)
+        problem, (solved, found) = self.problem, self._solved_and_minima(active, held_out=held_out)
         x, index = np.array([one.x for one in found]), solved.changes(active)[2]
         at_bound = (x[-1] <= problem.lower[index]) | (x[-1] >= problem.upper[index])
         count = len(problem.precision)
-        self._keep(PastFit(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count)))
+        fit = PastFit(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count))
+        self._past_fits.append(fit)
+        if held_out:
+            self._held_out_fits.append(fit)
         return solved, found, x
+
+    def _solved_and_minima(self, active: Int[Array, " k"], *, held_out: bool) -> tuple[SolvedSet, list[ChangedMinimum]]:
+        """The solved set that a fit is computed from, and the minima of the fit (see `_minima`)."""
+        solved = self._nearest(active)
+        found = self._minima(solved, active, held_out=held_out)
+        if all(one.converged for one in found):
+            return solved, found
+        # The solved set differs too much, so that rounding errors are too large.
+        solved = self._solve(active)
+        return solved, self._minima(solved, active, held_out=held_out)
 
     def _minima(self, solved: SolvedSet, active: Int[Array, " k"], *, held_out: bool) -> list[ChangedMinimum]:
         """Fits of some columns from a solved set: with ``held_out`` first those without each fold, last that of all."""
@@ -141,18 +149,9 @@ class NearFits:
         """A number with the bit of each column set."""
         return int.from_bytes(np.packbits(marked(active, len(self.problem.precision))).tobytes())
 
-    def _keep(self, end: PastFit) -> None:
-        self._past_fits.append(end)
-        if len(end.x) > 1:
-            self._held_out_fits.append(end)
-
     def gains(self, active: Int[Array, " k"], sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
         """Decrease of the in-sample loss by further columns, to second order, with active bounds kept active."""
-        problem, solved = self.problem, self._nearest(active)
-        (found,) = self._minima(solved, active, held_out=False)
-        if not found.converged:
-            solved = self._solve(active)
-            (found,) = self._minima(solved, active, held_out=False)
+        problem, (solved, (found,)) = self.problem, self._solved_and_minima(active, held_out=False)
         new, _, _ = solved.changes(active)
         inside = frozenset(active.tolist())
         own = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
@@ -192,10 +191,10 @@ class _AddedColumns:
     """Columns that may be added to a fit, projected off its free columns.
 
     Args:
-        solved: The solved problem from which the fit was computed.
-        new: Columns of the fit that are not in that set.
+        solved: The solved set from which the fit was computed.
+        new: Columns of the fit that are not in the solved set.
         found: The fit.
-        wanted: The columns, in order.
+        wanted: The columns that may be added, in order.
     """
 
     def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: ChangedMinimum, wanted: Int[Array, " w"]):
