@@ -17,7 +17,15 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 from identification.geometry.measured import Measured
-from identification.geometry.pins import Loops, closed_positions, followed, is_carried, joint_index, move_frame, rounded
+from identification.geometry.pins import (
+    Loops,
+    closed_positions,
+    is_fixed_to,
+    joint_index,
+    move_frame,
+    position_changes,
+    rounded,
+)
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
@@ -209,11 +217,11 @@ def _equations_of_set(
     motions = _joint_columns(model, regressor)
     by_pin: dict[int, Array] = {}
     if problem.loops is not None:
-        follow = followed(replace(problem.loops, model=model), x)
-        regressor = rounded(regressor + motions @ follow.by_place)
-        for frame, moves in follow.by_pin.items():
+        changes = position_changes(replace(problem.loops, model=model), x)
+        regressor = rounded(regressor + motions @ changes.by_place)
+        for frame, moves in changes.by_pin.items():
             by_pin[frame] = rounded(_pin_columns(model, one, frame, tool) + motions @ moves)
-        motions = motions @ follow.by_active
+        motions = motions @ changes.by_active
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
     for k, kind in enumerate(kinds):
         if kind.kind == BASE and kind.of == one.recording:
@@ -263,7 +271,7 @@ def tree_positions(
 
 def _pin_columns(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Float[Array, "6 6"]:
     """Twist of the target per twist of a pin in its own axes; zero if the pin does not carry the target."""
-    if not is_carried(model, one.index, frame):
+    if not is_fixed_to(model, one.index, frame):
         return np.zeros((6, 6))
     apart = model.frames[frame].placement.actInv(model.frames[one.index].placement * tool)
     return apart.toActionMatrixInverse()

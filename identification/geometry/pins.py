@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-r"""The loops of a closed chain as pairs of frames that stay together; formulas in a file become pins if possible.
+r"""States the loops of a closed chain as pairs of frames that stay together; formulas become pins if possible.
 
 A file may state a parallelogram by a formula (``elbow: theta3 - theta2``). In the robot a pin holds two links together,
 and the formula is wrong for other link lengths. So this module looks for pins: two points, one on each link, that the
@@ -7,7 +7,7 @@ formula keeps together in every posture. If there are none, the formula is kept.
 
 Only active joints have encoders. Passive joints keep the loops closed: an error that moves the two frames of a loop
 apart by :math:`dc` moves the passive joints by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is needed for planar loops,
-whose joints cannot move the frames in one direction. An error in that direction stays, as the bearings give way to it.
+whose joints cannot move the frames in one direction. An error in that direction remains: the bearings give way to it.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def loops_of(robot: Robot, known: KnownPlaces | None = None) -> Loops | None:
     targets = {}
     for name, place in known.targets.items():
         frame = model.getFrameId(name)
-        targets[name] = _added(model, f"target on {name}", frame, model.frames[frame].placement * place)
+        targets[name] = _add_frame(model, f"target on {name}", frame, model.frames[frame].placement * place)
     return replace(loops, targets=targets)
 
 
@@ -104,11 +104,11 @@ def move_frame(model: pin.Model, frame: int, move: pin.SE3) -> None:
     """
     own = model.frames[frame].placement.copy()
     for index in range(model.nframes):
-        if is_carried(model, index, frame):
+        if is_fixed_to(model, index, frame):
             model.frames[index].placement = own * move * own.inverse() * model.frames[index].placement
 
 
-def is_carried(model: pin.Model, frame: int, by: int) -> bool:
+def is_fixed_to(model: pin.Model, frame: int, by: int) -> bool:
     """True if a frame is ``by`` itself, or fixed to it."""
     joint = model.frames[by].parentJoint
     while frame and model.frames[frame].parentJoint == joint:
@@ -118,7 +118,7 @@ def is_carried(model: pin.Model, frame: int, by: int) -> bool:
     return False
 
 
-def around(model: pin.Model, anchor: Anchor) -> set[int]:
+def joints_of_loop(model: pin.Model, anchor: Anchor) -> set[int]:
     """Joints of a loop, by Pinocchio's index: those that move one of its frames and not the other."""
     a, b = (set(model.supports[model.frames[frame].parentJoint]) for frame in (anchor.frame_a, anchor.frame_b))
     return a ^ b
@@ -136,7 +136,7 @@ def _with_found_pins(loops: Loops) -> Loops:
         points = _staying_together(model, x, first, second)
         if points is not None:
             trial = _with_pin(loops, (first, second), points)
-            loops = loops if trial is None or not _determined(trial, x) else trial
+            loops = loops if trial is None or not _is_determined(trial, x) else trial
     return loops
 
 
@@ -152,7 +152,7 @@ def _staying_together(model: pin.Model, x: Float[Array, "n nt"], first: int, sec
         matrix.append(np.hstack([a.rotation, -b.rotation]))
         right.append(b.translation - a.translation)
     A, y = np.concatenate(matrix), np.concatenate(right)
-    # The points nearest to the joints are taken: in a planar loop they may be anywhere along the axes.
+    # In a planar loop the points may be anywhere along the axes. These are the ones nearest to the joints.
     points = np.linalg.lstsq(A, y, rcond=SINGULAR)[0]
     return points.reshape(2, 3) if np.abs(A @ points - y).max() <= CLOSED else None
 
@@ -166,7 +166,7 @@ def _with_pin(loops: Loops, rows: tuple[int, int], points: Float[Array, "2 3"]) 
         for row, point, own, other in zip(rows, points, links, links[::-1], strict=True)
     ]
     anchor = Anchor(f"pin of {links[0]} and {links[1]}", "point", ends[0], ends[1])
-    inside = {model.joints[index].idx_v for index in around(model, anchor)}
+    inside = {model.joints[index].idx_v for index in joints_of_loop(model, anchor)}
     own = inside & set(chain.passive) - set(chain.unknowns)
     if not own >= set(rows):
         return None
@@ -185,7 +185,7 @@ def _with_pin(loops: Loops, rows: tuple[int, int], points: Float[Array, "2 3"]) 
     return replace(loops, model=model, chain=new)
 
 
-def _determined(loops: Loops, x: Float[Array, "n nt"]) -> bool:
+def _is_determined(loops: Loops, x: Float[Array, "n nt"]) -> bool:
     """True if the loops determine all their passive joints in every posture."""
     at, to_unknown = constraints_of(loops.model, loops.chain.anchors), loops.chain.linear_map[:, loops.chain.nv :]
     for positions in x:
@@ -201,16 +201,16 @@ def _pin_frame(model: pin.Model, row: int, point: Float[Array, " 3"], name: str)
     body, axis = _link_frame(model, index), _axis(model, index)
     for frame in range(model.nframes):
         one = model.frames[frame]
-        beside = one.placement.translation - point
-        beside = beside - axis * (axis @ beside)
-        if one.parentJoint == index and one.type == pin.FrameType.BODY and np.abs(beside).max() <= CLOSED:
+        distance = one.placement.translation - point
+        distance = distance - axis * (axis @ distance)
+        if one.parentJoint == index and one.type == pin.FrameType.BODY and np.abs(distance).max() <= CLOSED:
             return frame
-    return _added(model, name, body, pin.SE3(np.eye(3), point))
+    return _add_frame(model, name, body, pin.SE3(np.eye(3), point))
 
 
-def _added(model: pin.Model, name: str, beside: int, placement: pin.SE3) -> int:
-    joint = model.frames[beside].parentJoint
-    return model.addFrame(pin.Frame(name, joint, beside, placement, pin.FrameType.OP_FRAME), False)
+def _add_frame(model: pin.Model, name: str, parent: int, placement: pin.SE3) -> int:
+    joint = model.frames[parent].parentJoint
+    return model.addFrame(pin.Frame(name, joint, parent, placement, pin.FrameType.OP_FRAME), False)
 
 
 def _axis(model: pin.Model, index: int) -> Float[Array, " 3"]:
@@ -237,15 +237,15 @@ def _link(model: pin.Model, row: int) -> str:
     return model.frames[_link_frame(model, joint_index(model, row))].name
 
 
-_STEPS = 20
+_MOST_STEPS = 20
 _LAST_STEP = 1e-11
-"""Step [rad or m] at which a loop is closed, as of `phantom_dyn.loops.solver`."""
-_NOTHING = 1e-10
-"""Motion of a frame per unit of an error below which it is rounding, as of a rotation about a passive joint's axis."""
+"""Step [rad or m] below which a loop counts as closed."""
+_ROUNDING = 1e-10
+"""Motions of a frame per unit of an error below this are rounding, as for a rotation about a passive joint's axis."""
 
 
 @dataclass(frozen=True)
-class Followed:
+class PositionChanges:
     """Changes of all joint positions of the tree by errors, at ``n`` poses.
 
     Attributes:
@@ -274,7 +274,7 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
     if chain.anchors:
         at = constraints_of(loops.model, chain.anchors)
         for k in range(len(q)):
-            for _ in range(_STEPS):
+            for _ in range(_MOST_STEPS):
                 error, slope = error_and_slope(at, fixed[k] + S[:, nv:] @ z[k])
                 step = -np.linalg.pinv(slope @ S[:, nv:], rcond=SINGULAR) @ error
                 z[k] += step
@@ -283,7 +283,7 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
     return fixed + z @ S[:, nv:].T
 
 
-def followed(loops: Loops, x: Float[Array, "n nt"]) -> Followed:
+def position_changes(loops: Loops, x: Float[Array, "n nt"]) -> PositionChanges:
     """Changes of the joint positions by errors, at positions that close the loops.
 
     Args:
@@ -296,7 +296,7 @@ def followed(loops: Loops, x: Float[Array, "n nt"]) -> Followed:
     by_place = np.zeros((n, len(S), 6 * (model.njoints - 1)))
     by_pin = {frame: np.zeros((n, len(S), 6)) for frame in loops.pins}
     if not chain.anchors:
-        return Followed(by_active, by_place, by_pin)
+        return PositionChanges(by_active, by_place, by_pin)
     at, configuration, data = constraints_of(model, chain.anchors), configurations(model, x), model.createData()
     for k in range(n):
         slope = error_and_slope(at, x[k])[1] @ S
@@ -307,11 +307,11 @@ def followed(loops: Loops, x: Float[Array, "n nt"]) -> Followed:
         by_place[k] = back @ places
         for frame, moves in pins.items():
             by_pin[frame][k] = back @ moves
-    return Followed(by_active, by_place, by_pin)
+    return PositionChanges(by_active, by_place, by_pin)
 
 
 def _moved_frames(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"], dict[int, Float[Array, "m 6"]]]:
-    """Distance of the frames of all anchors per twist of the places of joints, and per twist of each such frame."""
+    """Distance of both frames of all anchors per twist of the places of joints, and per twist of each of the frames."""
     model, count = at.model, sum(rows.stop - rows.start for rows in at.slices)
     places, pins = np.zeros((count, 6 * (model.njoints - 1))), {}
     for anchor, rows in zip(at.anchors, at.slices, strict=True):
@@ -337,5 +337,5 @@ def _regressor(model: pin.Model, data: pin.Data, frame: int) -> Float[Array, "6 
 
 
 def rounded(columns: Array) -> Array:
-    """Columns without motions that are rounding."""
-    return np.where(np.abs(columns) < _NOTHING, 0.0, columns)
+    """Columns in which motions that are rounding are zero."""
+    return np.where(np.abs(columns) < _ROUNDING, 0.0, columns)

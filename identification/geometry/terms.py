@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from identification.geometry.pins import Loops, around
+from identification.geometry.pins import Loops, joints_of_loop
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
@@ -120,8 +120,8 @@ def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[PoseTer
     found, used = set(carrying), []
     for _ in loops.chain.anchors:
         for one in loops.chain.anchors:
-            if one not in used and around(loops.model, one) & found:
-                found |= around(loops.model, one)
+            if one not in used and joints_of_loop(loops.model, one) & found:
+                found |= joints_of_loop(loops.model, one)
                 used.append(one)
     kept = [(frame, one) for one in used for frame in (one.frame_a, one.frame_b)]
     parts = {frame: max(6 if one.kind == "frame" else 3 for same, one in kept if same == frame) for frame, _ in kept}

@@ -1,4 +1,4 @@
-"""Products of the columns of one model with a fitted gain on the measured torque of a row."""
+"""Computes products of the columns of one model whose gains on the measured torques of rows are fitted."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = np.ndarray
 class Scaling:
     """A fitted gain on one row, as of a wrong torque constant: the measured torque is ``gain`` times the true one.
 
-    The row's columns are multiplied by the current gain, and the column of the gain is the torque of the current fit
-    instead of the given model's. At convergence the fit is exact in the gain.
+    The row's columns are multiplied by the current gain. In the column of the gain, the torque of the current fit
+    replaces that of the given model. At convergence the fit is exact in the gain.
 
     Attributes:
         row: Number of the row.
         column: Column of the gain: the torque of the given model.
         gain: Current estimate.
-        theta: Coefficients of the current fit, that of the gain zero, ``(K,)``.
+        theta: Coefficients of the current fit, with zero for the gain, ``(K,)``.
     """
 
     row: int
@@ -39,7 +39,7 @@ class HeldOut:
 
     Attributes:
         a, b: Of each fold, ``(F, k, k)`` and ``(F, k)``.
-        losses: Weighted squared residual of the core of each block, ``(B,)``, for coefficients of its own, ``(B, k)``.
+        losses: Function from coefficients for each block, ``(B, k)``, to the weighted squared residual of its core.
     """
 
     a: Float[Array, "F k k"]
@@ -49,7 +49,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Products:
-    """Products of the columns of one model: over all blocks that train, and by fold if they are needed."""
+    """Products of the columns of one model: over all blocks that train, and by fold if that is needed."""
 
     a: Float[Array, "k k"]
     b: Float[Array, " k"]
@@ -67,26 +67,33 @@ def products_of(
     if not scalings:
         return Products(a, b, c, _held_out(problem, active) if held_out else None)
     for scaling in scalings:
-        local, at, own, mix = _mixed(problem, active, scaling)
+        in_row, places, gain_place, coefficients = _gain_parts(problem, active, scaling)
         row, trains = grams.rows[scaling.row], grams.fold >= 0
-        row_a = grams.train_a.of_row(scaling.row, local)[0]
-        row_b, row_c = row.b[trains][:, local].sum(axis=0), float(row.c[trains].sum())
-        new_a, new_b, new_c = _rescale(row_a[None], row_b[None], np.array([row_c]), mix, own, scaling.gain)
-        a[at[:, None], at] += new_a[0] - row_a
-        b[at] += new_b[0] - row_b
+        row_a = grams.train_a.of_row(scaling.row, in_row)[0]
+        row_b, row_c = row.b[trains][:, in_row].sum(axis=0), float(row.c[trains].sum())
+        new_a, new_b, new_c = _rescale(
+            row_a[None], row_b[None], np.array([row_c]), coefficients, gain_place, scaling.gain
+        )
+        a[places[:, None], places] += new_a[0] - row_a
+        b[places] += new_b[0] - row_b
         c += float(new_c[0]) - row_c
     return Products(a, b, c, _held_out_rescaled(problem, active, scalings) if held_out else None)
 
 
-def _mixed(
+def _gain_parts(
     problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling
 ) -> tuple[Int[Array, " m"], Int[Array, " m"], int, Float[Array, " m"]]:
-    """Places of the active columns in a row and among all, place of the gain's column, and factors that make it up."""
-    local, at = problem.grams.fold_a.in_row(scaling.row, active)
-    own = int(np.searchsorted(active[at], scaling.column))
-    mix = scaling.theta[active[at]]
-    mix[own] = 1.0
-    return local, at, own, mix
+    """What `_rescale` needs of a row: places of its active columns, that of the gain's column, and coefficients.
+
+    Returns:
+        Places of the active columns in the row, their places among all active columns, place of the gain's column
+        among them, and coefficients with which they add up to the torque of the current fit.
+    """
+    in_row, places = problem.grams.fold_a.in_row(scaling.row, active)
+    gain_place = int(np.searchsorted(active[places], scaling.column))
+    coefficients = scaling.theta[active[places]]
+    coefficients[gain_place] = 1.0
+    return in_row, places, gain_place, coefficients
 
 
 def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
@@ -95,12 +102,12 @@ def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scaling
     fold_a, fold_b = grams.fold_a.among(active), grams.fold_b[:, active]
     for scaling in scalings:
         row = grams.rows[scaling.row]
-        local, at, own, mix = _mixed(problem, active, scaling)
-        place = slice(None), at[:, None], at[None, :]
-        row_a, row_b = grams.fold_a.of_row(scaling.row, local), grams.by_fold(row.b[:, local])
-        new_a, new_b, _ = _rescale(row_a, row_b, grams.by_fold(row.c), mix, own, scaling.gain)
+        in_row, places, gain_place, coefficients = _gain_parts(problem, active, scaling)
+        place = slice(None), places[:, None], places[None, :]
+        row_a, row_b = grams.fold_a.of_row(scaling.row, in_row), grams.by_fold(row.b[:, in_row])
+        new_a, new_b, _ = _rescale(row_a, row_b, grams.by_fold(row.c), coefficients, gain_place, scaling.gain)
         fold_a[place] += new_a - row_a
-        fold_b[:, at] += new_b - row_b
+        fold_b[:, places] += new_b - row_b
 
     def losses(x: Float[Array, "B k"]) -> Float[Array, " B"]:
         out = _losses(problem, active, x)
@@ -118,7 +125,7 @@ def _held_out(problem: LinearProblem, active: Int[Array, " k"]) -> HeldOut:
 
 
 def _losses(problem: LinearProblem, active: Int[Array, " k"], x: Float[Array, "B k"]) -> Float[Array, " B"]:
-    """Weighted squared residual of the core of each block, for coefficients of its own."""
+    """Weighted squared residual of the core of each block, with its own coefficients for each block."""
     grams = problem.grams
     return grams.core_c - 2 * np.einsum("bk,bk->b", grams.core_b[:, active], x) + grams.core_a.squares(active, x)
 
@@ -128,36 +135,36 @@ def _row_losses(
 ) -> Float[Array, " B"]:
     """Change of the loss of each block by a gain on one row.
 
-    The rescaled columns are sums of the row's own, so that their coefficients are turned into those of its own columns.
+    The rescaled columns are sums of the given ones. So their coefficients are converted to those of the given columns.
     """
     row, core_a = problem.grams.rows[scaling.row], problem.grams.core_a
-    local, at, own, mix = _mixed(problem, active, scaling)
-    more, given = scaling.gain - 1.0, x[:, at]
-    turned = scaling.gain * given + given[:, own : own + 1] * mix
-    turned[:, own] = given[:, own]
-    line, column = row.core_b[:, local], core_a.column_of_row(scaling.row, local, own)
-    square = core_a.squares_of_row(scaling.row, local, turned) - core_a.squares_of_row(scaling.row, local, given)
-    cross = np.einsum("bk,bk->b", line - more * column, turned) - np.einsum("bk,bk->b", line, given)
-    return square - 2 * cross - 2 * more * line[:, own] + more**2 * column[:, own]
+    in_row, places, gain_place, coefficients = _gain_parts(problem, active, scaling)
+    excess, given = scaling.gain - 1.0, x[:, places]
+    converted = scaling.gain * given + given[:, gain_place : gain_place + 1] * coefficients
+    converted[:, gain_place] = given[:, gain_place]
+    line, column = row.core_b[:, in_row], core_a.column_of_row(scaling.row, in_row, gain_place)
+    square = core_a.squares_of_row(scaling.row, in_row, converted) - core_a.squares_of_row(scaling.row, in_row, given)
+    cross = np.einsum("bk,bk->b", line - excess * column, converted) - np.einsum("bk,bk->b", line, given)
+    return square - 2 * cross - 2 * excess * line[:, gain_place] + excess**2 * column[:, gain_place]
 
 
 def _rescale(
     a: Float[Array, "B k k"],
     b: Float[Array, "B k"],
     c: Float[Array, " B"],
-    mix: Float[Array, " k"],
-    own: int,
+    coefficients: Float[Array, " k"],
+    gain_place: int,
     gain: float,
 ) -> tuple[Array, Array, Array]:
-    """Products of a row's columns times the gain, its column ``own`` replaced by all columns times ``mix``.
+    """Products after a row's columns are multiplied by the gain, and the gain's column is replaced by a sum of all.
 
-    The residual is less ``gain - 1`` times column ``own``.
+    The residual decreases by ``gain - 1`` times the gain's column.
     """
-    moved = b - (gain - 1.0) * a[:, :, own]
-    square = c - 2 * (gain - 1.0) * b[:, own] + (gain - 1.0) ** 2 * a[:, own, own]
-    mixed, line, mixed_line = a @ mix, gain * moved, moved @ mix
-    line[:, own] = mixed_line
+    moved = b - (gain - 1.0) * a[:, :, gain_place]
+    square = c - 2 * (gain - 1.0) * b[:, gain_place] + (gain - 1.0) ** 2 * a[:, gain_place, gain_place]
+    mixed, line, mixed_line = a @ coefficients, gain * moved, moved @ coefficients
+    line[:, gain_place] = mixed_line
     out = gain**2 * a
-    out[:, :, own] = out[:, own, :] = gain * mixed
-    out[:, own, own] = mixed @ mix
+    out[:, :, gain_place] = out[:, gain_place, :] = gain * mixed
+    out[:, gain_place, gain_place] = mixed @ coefficients
     return out, line, square

@@ -26,7 +26,7 @@ from identification.export.model_files.urdf_file import (
     new_urdf,
     placement,
 )
-from identification.geometry.pins import around, loops_of
+from identification.geometry.pins import joints_of_loop, loops_of
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
@@ -184,7 +184,7 @@ def corrections_in_files(robot: Robot, corrections: Mapping[str, JointCorrection
         return FileCorrections(corrections, corrections)
     bound: set[str] = set()
     for anchor in loops.chain.anchors[len(robot.chain.anchors) :]:
-        bound |= {loops.model.names[index] for index in around(loops.model, anchor)}
+        bound |= {loops.model.names[index] for index in joints_of_loop(loops.model, anchor)}
         bound |= {loops.model.frames[frame].name for frame in (anchor.frame_a, anchor.frame_b)}
     held = {name: JointCorrection(np.zeros(6), own.zero) if name in bound else own for name, own in corrections.items()}
     zeros = np.array([corrections[name].zero if name in corrections else 0.0 for name in robot.joint_names])
