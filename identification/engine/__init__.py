@@ -1,1 +1,1 @@
-"""Search for the few columns that explain a residual on held-out blocks beside bounded nuisances; knows no robot."""
+"""Searches for the few columns that explain a residual on held-out data, next to nuisances; knows no robot."""

@@ -70,16 +70,16 @@ class Claim(Generic[Name]):
         return next((result for result in self.gates if not result.passed), None)
 
 
-def could_stand_for(instead_of: float, needed: float, beside: float, of_other: float) -> bool:
+def could_stand_for(lone_gain: float, needed: float, added_gain: float, claimed_gain: float) -> bool:
     """True if an unclaimed cause explains enough of what a claimed one explains to count as displaced by it.
 
     Args:
-        instead_of: Gain of the unclaimed cause without the claimed one.
+        lone_gain: Gain of the unclaimed cause without the claimed one.
         needed: Gain that a claim needs.
-        beside: Gain of the unclaimed cause beside the claimed one.
-        of_other: Gain of the claimed cause.
+        added_gain: Gain of the unclaimed cause in addition to the claimed one.
+        claimed_gain: Gain of the claimed cause.
     """
-    return instead_of > max(needed, 2.0 * beside, _LEAST_SHARE_OF_GAIN * of_other)
+    return lone_gain > max(needed, 2.0 * added_gain, _LEAST_SHARE_OF_GAIN * claimed_gain)
 
 
 def until_failed(results: Iterable[GateResult]) -> tuple[GateResult, ...]:

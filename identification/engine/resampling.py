@@ -1,4 +1,4 @@
-"""Block bootstrap, and probabilities of rival answers: the share of replicates in which each has the lowest cost.
+"""Computes probabilities of rival answers by a block bootstrap: how often each answer has the lowest cost.
 
 Blocks of samples are drawn with replacement, because neighbouring blocks are nearly independent and neighbouring
 samples are not. In each replicate the answer with the lowest cost wins. The same is done for each half of the blocks,

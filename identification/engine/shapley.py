@@ -1,4 +1,4 @@
-"""Shapley values: the worth that each player adds to the players before it, averaged over all orders."""
+"""Computes Shapley values: the worth that each player adds to those before it, averaged over all orders."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 
 `diagnose_poses` is the entry point of this package. It uses joint positions and poses of frames, no torque. The search
 adds and exchanges single parameters of the geometry. Each cause (all parameters of one place) then has to pass the
-gates by itself; the outcome is listed in the ledger of ``diagnosis.json``.
+gates on its own; the outcome is listed in the ledger of ``diagnosis.json``.
 """
 
 from __future__ import annotations
@@ -303,23 +303,23 @@ class _UnclaimedPlace:
     Attributes:
         at: The effect and its joint.
         term: Index of the parameter.
-        beside: Decrease of the sum of squares if the parameter is added to all findings.
-        instead_of: Decrease of the sum of squares if it replaces one finding.
+        gain_if_added: Decrease of the sum of squares if the parameter is added to all findings.
+        gain_if_replacing: Decrease of the sum of squares if it replaces one finding.
         other: Effect and joint of that finding.
-        by_other: Decrease of the sum of squares by that finding itself.
+        gain_of_other: Decrease of the sum of squares by that finding itself.
     """
 
     at: At
     term: int
-    beside: float = -np.inf
-    instead_of: float = -np.inf
+    gain_if_added: float = -np.inf
+    gain_if_replacing: float = -np.inf
     other: At | None = None
-    by_other: float = 0.0
+    gain_of_other: float = 0.0
 
     @property
     def most(self) -> float:
         """The larger of the two decreases."""
-        return max(self.beside, self.instead_of)
+        return max(self.gain_if_added, self.gain_if_replacing)
 
 
 def _best_term_of(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: dict[At, Group]) -> _UnclaimedPlace:
@@ -328,20 +328,20 @@ def _best_term_of(explained: ExplainedPoses, at: At, terms: Sequence[int], group
     for k in terms:
         # A linear combination of the chosen terms adds nothing to them.
         apart = fits.values((*chosen, k)) is not None
-        beside = fits.squares(chosen) - fits.squares((*chosen, k)) if apart else 0.0
-        every.append(_UnclaimedPlace(at, k, beside))
+        gain_if_added = fits.squares(chosen) - fits.squares((*chosen, k)) if apart else 0.0
+        every.append(_UnclaimedPlace(at, k, gain_if_added))
         for other, group in groups.items():
             rest = tuple(one for one in chosen if one not in group)
             left = fits.squares(rest)
             if np.isfinite(left):
                 gains = (left - fits.squares(some) for some in ((*rest, k), chosen))
-                every.append(_UnclaimedPlace(at, k, beside, next(gains), other, next(gains)))
+                every.append(_UnclaimedPlace(at, k, gain_if_added, next(gains), other, next(gains)))
     return max(every, key=lambda one: one.most)
 
 
 def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
     fits, chosen = explained.fits, explained.chosen
-    # Each parameter of a cause has to pass the gate by itself, so the least decrease decides.
+    # Each parameter of a cause has to pass the gate on its own, so the smallest decrease decides.
     least = min(fits.squares([k for k in chosen if k != term]) for term in group) - fits.squares(chosen)
     large = size_of(finding)
     gates = until_failed((more_than_chance(least, explained.price), large))
@@ -350,12 +350,14 @@ def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding
 
 
 def _claim_of_place(explained: ExplainedPoses, gap: Gap, near: _UnclaimedPlace, groups: dict[At, Group]) -> Claim[At]:
-    if not np.isfinite(near.beside):
+    if not np.isfinite(near.gain_if_added):
         gates: tuple[GateResult, ...] = (possible_size(1),)
     else:
-        gates = (more_than_chance(near.beside, explained.price),)
+        gates = (more_than_chance(near.gain_if_added, explained.price),)
     figures, instead = {"closes": _closes(gap, (near.term,))}, ()
-    if near.other is not None and could_stand_for(near.instead_of, explained.price, near.beside, near.by_other):
+    if near.other is not None and could_stand_for(
+        near.gain_if_replacing, explained.price, near.gain_if_added, near.gain_of_other
+    ):
         instead = (near.other,)
         rest = tuple(k for k in explained.chosen if k not in groups[near.other])
         rows = float(gap.blocks.rows.sum())

@@ -160,7 +160,7 @@ class Gap:
         rows = weights @ self.blocks.rows
         before, after = (weights @ x / rows for x in (self.before, losses))
         least = weights @ self.after / rows
-        # The gap is the loss above the noise, or the part that all findings close, if that is smaller.
+        # The gap is the loss above the noise, or the part of it that all findings close if that part is smaller.
         gap = np.maximum(np.where(before > 1.0, before - np.minimum(1.0, least), before - least), _LEAST_GAP * before)
         return (before - after) / gap
 
@@ -227,7 +227,7 @@ def _finding(
 
 
 def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
-    """Shapley value of each group in the share of the gap that all close."""
+    """Shapley value of each group, as its part of the share of the gap that all groups close."""
     once = np.ones((1, len(gap.after)))
 
     @cache

@@ -74,7 +74,7 @@ class FrameGap:
         noise_floor_interval: At 95 %.
         noise_floor_source: ``repetitions``, ``above_band`` or ``predictors``; the last, the residual of the best
             kinematic model, is an upper limit.
-        closed: Part of the gap that the findings close; None where there is no gap.
+        closed: Part of the gap that the findings close; None if there is no gap.
         hold_out_samples: Number of held-out poses.
     """
 
@@ -153,7 +153,7 @@ class GeometryResult:
 
     Attributes:
         verdict: Verdict on the poses alone.
-        closed: Share of the gap that all findings close; None where there is no gap.
+        closed: Share of the gap that all findings close; None if there is no gap.
         interval: 95 % interval of ``closed``.
         frames: Gap of each frame.
         findings: Named causes, the largest first.
@@ -166,7 +166,7 @@ class GeometryResult:
         structured: True if the residual depends on the posture.
         warnings: Notes on the data.
         evidence: Errors of single poses.
-        torque_verdict: Verdict on the torques of the same recordings; None where there are none.
+        torque_verdict: Verdict on the torques of the same recordings; None if there are none.
         notes: On how findings in torque and in poses agree.
         claims: Ledger: the claimed causes and the best unclaimed ones, by effect and joint, with their gates.
     """

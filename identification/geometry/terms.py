@@ -24,7 +24,7 @@ BASE_POSE, TOOL_POSE = "base_pose", "tool_pose"
 PLACES = (LINK, BASE_POSE, TOOL_POSE)
 """Effects that are a pose: six numbers, of which a finding states those that are wrong."""
 PARTS = ("x", "y", "z", "rx", "ry", "rz")
-_ALONG = 1.0 - 1e-9  # cosine above which a joint moves along one of its own axes
+_ALONG = 1.0 - 1e-9  # above this cosine a joint moves along one of its own axes
 
 
 @dataclass(frozen=True)

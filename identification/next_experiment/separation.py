@@ -244,7 +244,7 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
 
     Args:
         gain: Expected further held-out loss of the wrong model.
-        head_start: Loss of the wrong model so far, negative if it is ahead.
+        head_start: Loss of the wrong model on the recordings, negative if it fits them better than the true one.
         before: Expected held-out loss of the wrong model in the present recordings.
     """
     from scipy.special import ndtr, ndtri
@@ -259,7 +259,7 @@ def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array,
 
     Args:
         gain: Expected further held-out loss of the wrong model.
-        lead: Loss of the wrong model so far, its price included; negative if it is ahead.
+        lead: Loss of the wrong model on the recordings, with its price; negative if it fits them better.
         after: Expected held-out loss of the wrong model in all recordings, the planned one included.
     """
     from scipy.special import ndtr

@@ -101,7 +101,7 @@ class Rollout:
     """Errors of simulated motion of both models by joint.
 
     Attributes:
-        horizon_s: Time over which each window is compared [s]; None where no motion could be simulated.
+        horizon_s: Time over which each window is compared [s]; None if no motion could be simulated.
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Error of the corrected model.
         noise: Standard deviation of the readings of each joint [rad or m], below which no model's error can fall.

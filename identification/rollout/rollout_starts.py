@@ -310,7 +310,7 @@ def simulated(
 
     Args:
         robot: The robot.
-        causes: Effects beside its rigid-body model.
+        causes: Effects in addition to its rigid-body model.
         law: Torque of its drives.
         start: State of links and motors.
         base: Motion of the base; None for a fixed one.

@@ -111,7 +111,7 @@ def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, 
 
 
 def growth(difference: Value, level: Value) -> Value | None:
-    """Ratio of a level in one recording to that in the others; None where that in the others is too uncertain.
+    """Ratio of a level in one recording to that in the others; None if the level in the others is too uncertain.
 
     The variance of the difference is the sum of both levels' variances, so that the variance of the level in that
     recording is the difference of the two variances given.

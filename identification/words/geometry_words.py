@@ -111,7 +111,7 @@ def place_words(place: Place) -> str:
 
 
 def sentences(found: GeometryResult) -> list[str]:
-    """Sentences on the error of the tip, its causes, and what is left."""
+    """Sentences on the error of the tip, its causes, and the error that remains."""
     return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *note_sentences(found.notes)]
 
 

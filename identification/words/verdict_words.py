@@ -1,4 +1,4 @@
-"""Sentences on the verdict: what explains the gap, what is left of it, and what the verdict cannot exclude."""
+"""Sentences on the verdict: which causes explain the gap, which part remains, and what it cannot exclude."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Held-out gains of every rival on many residuals at once, for example on simulated residuals without a gap."""
+"""Computes held-out gains of every rival on many residuals at once, such as simulated residuals without a gap."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = np.ndarray
 def gains_on_residuals(
     problem: LinearProblem, sets: Sequence[tuple[int, ...]], b: Float[Array, "F K R"], core_b: Float[Array, "F K R"]
 ) -> Float[Array, "T R"]:
-    """Held-out gain of each set of columns on each residual, beside the nuisances; bounds are ignored.
+    """Held-out gain of each set of columns on each residual, fitted with the nuisances; bounds are ignored.
 
     Args:
         problem: Products of the columns.

@@ -1,4 +1,4 @@
-"""A fully solved set of columns, with everything that fits of similar sets need from it."""
+"""Solves a set of columns fully, and keeps everything that fits of similar sets need from the solution."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ class SolvedSet:
 
 
 def marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
-    """True for the given ones among all columns, ``(K,)``."""
+    """True for the given columns among all columns, ``(K,)``."""
     out = np.zeros(count, dtype=bool)
     out[columns] = True
     return out

@@ -1,4 +1,4 @@
-"""Small quadratic minima within bounds."""
+"""Finds minima of small quadratic problems within bounds."""
 
 from __future__ import annotations
 

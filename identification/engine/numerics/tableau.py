@@ -113,7 +113,7 @@ def tableau(
         b: Linear part.
         lower: Lower bounds.
         upper: Upper bounds.
-        near: Minimum of a similar problem; NaN where there is none.
+        near: Minimum of a similar problem; NaN for unknowns without a start.
     """
     scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
     x = bounded_solve(a, b, lower, upper, near) / scale

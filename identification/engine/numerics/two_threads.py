@@ -1,4 +1,4 @@
-"""Map a function over many items in two threads."""
+"""Applies a function to many items in two threads."""
 
 from __future__ import annotations
 

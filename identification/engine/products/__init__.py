@@ -1,1 +1,1 @@
-"""Products of columns and residual by block, which all fits work on."""
+"""Computes products of columns and residual by block; all fits use these products."""

@@ -1,4 +1,4 @@
-"""Search for the few columns that explain a residual: a beam search over sets, in which each column has a price.
+"""Searches for the few columns that explain a residual: a beam search over sets, in which each column has a price.
 
 The price is what a column may gain by chance. Residual and columns are projected off the nuisances first, so that the
 fit of a set is a small system of equations. If the columns depend on the fitted values, `until_same_set` computes them
@@ -98,7 +98,7 @@ def few_columns(fits: SetFits, price: float) -> Chosen:
     """
     best: tuple[float, Chosen] = (_rounded_cost(fits, (), price), ())
     front: list[Chosen] = [()]
-    waited = 0
+    steps_without_gain = 0
     for _ in range(min(_MOST, len(fits.seen))):
         sets = {tuple(sorted((*chosen, k))) for chosen in front for k in fits.seen if k not in chosen}
         scored = sorted((_rounded_cost(fits, chosen, price), chosen) for chosen in sets)
@@ -106,9 +106,10 @@ def few_columns(fits: SetFits, price: float) -> Chosen:
         if not scored:
             break
         front = [chosen for _, chosen in scored[:_BEAM]]
-        waited = 0 if scored[0][0] < best[0] else waited + 1
-        best = min(best, scored[0]) if waited == 0 else best
-        if waited > _MOST_WITHOUT_GAIN:
+        steps_without_gain += 1
+        if scored[0][0] < best[0]:
+            best, steps_without_gain = scored[0], 0
+        if steps_without_gain > _MOST_WITHOUT_GAIN:
             break
     return _improved_by_exchange(fits, best[1], price)
 
@@ -143,8 +144,8 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
     """
     rest, most = tuple(k for k in chosen if k not in group), fits.squares(chosen) + near
     out = []
-    for gone in group:
-        kept = tuple(k for k in group if k != gone)
+    for removed in group:
+        kept = tuple(k for k in group if k != removed)
         for other in fits.seen:
             trial = tuple(sorted((*kept, other)))
             if other not in chosen and fits.squares((*rest, *trial)) < most:
@@ -166,11 +167,11 @@ def until_same_set(
     """
     chosen: Chosen = ()
     tried: list[Chosen] = []
-    for turn in range(_ROUNDS):
-        state, now = search(state, turn)
-        if (now == chosen and turn > 1) or (now in tried[:-1] and turn > 2):
+    for earlier_rounds in range(_ROUNDS):
+        state, found = search(state, earlier_rounds)
+        if (found == chosen and earlier_rounds > 1) or (found in tried[:-1] and earlier_rounds > 2):
             break
-        chosen = now
-        tried.append(now)
+        chosen = found
+        tried.append(found)
         state = recompute(state, chosen)
     return state, chosen

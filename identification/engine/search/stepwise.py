@@ -1,4 +1,4 @@
-"""Choice of groups of columns one by one: orthogonal least squares with exchanges.
+"""Chooses groups of columns one by one: orthogonal least squares with exchanges.
 
 Each step adds the group that lowers the sum of squares most. Then each chosen group is exchanged for another one if
 that lowers the sum further. Only products of the columns, summed over blocks, are needed, so that the choice can be

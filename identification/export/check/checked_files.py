@@ -200,9 +200,9 @@ class FileCheck:
         """Drive torque of a model with effects, as far as this kind of file can contain them."""
         contained = tuple(one for one in effects if holds(kind, self.corrected, one))
         part = corrected_model(base, tuple(one for one in effects if one not in contained))
-        beside = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: added_torque(part, motion))
+        further_torque = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: added_torque(part, motion))
         robot = part.robot if kind is not URDF_FORMAT else with_rotors_of(part.robot, self.corrected.given)
-        return torque_of_model(self.measured.replay, robot, contained, beside)
+        return torque_of_model(self.measured.replay, robot, contained, further_torque)
 
     def _moves_rotors(self, kind: Format) -> bool:
         """True if rotor inertias were moved within tolerance and the format cannot state them."""

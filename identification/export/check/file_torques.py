@@ -54,7 +54,7 @@ class Format:
 
     Attributes:
         numbers: Fields of `ModelNumbers` that it can express; None if it can express the law of every effect.
-        laws: Effects for which it has a law of its own.
+        laws: Effects for which the file has a separate law.
     """
 
     numbers: frozenset[str] | None
@@ -115,7 +115,7 @@ def torque_of_model(
     replay: Replay,
     robot: Robot,
     effects: tuple[KnownEffect, ...] = (),
-    beside: Callable[[Motion], Float[Array, "N nv"]] | None = None,
+    further_torque: Callable[[Motion], Float[Array, "N nv"]] | None = None,
 ) -> LogTorque:
     """Drive torque of a robot with effects, by the laws of the catalogue.
 
@@ -123,15 +123,15 @@ def torque_of_model(
         replay: The recordings.
         robot: The model.
         effects: Effects added to it.
-        beside: A function from the motion to a further torque of the drives.
+        further_torque: Function from the motion to a torque of the drives to add.
     """
     robot = replace(robot, soft_friction=replay.robot.soft_friction)
 
     def along_log(log: int) -> Array:
         there = replay.robot_in(robot, log)
         operation = operate(there, replay.logs[log], (), log, replay.cutoff_hz)
-        if beside is not None:
-            tau = operation.tau + beside(operation)
+        if further_torque is not None:
+            tau = operation.tau + further_torque(operation)
             operation = replace(operation, tau=tau, expected=tau)
         return with_known(there, operation, effects).tau if effects else operation.tau
 

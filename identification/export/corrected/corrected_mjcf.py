@@ -76,7 +76,7 @@ def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
 
 
 def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:
-    """Springs of transmissions that are in the MJCF; not beside backlash, as the body between both has no inertia."""
+    """Springs of transmissions that are in the MJCF; not with backlash, as the body between the two has no inertia."""
     return {name: stiffness for name, stiffness in corrected.compliances.items() if name not in corrected.plays}
 
 

@@ -1,1 +1,1 @@
-"""Charts as SVG, with fewer samples where there are many."""
+"""Draws charts as SVG, and thins long recordings for them."""

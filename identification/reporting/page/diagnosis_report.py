@@ -68,13 +68,13 @@ View = dict[str, Any]
 """Values of one part of the page, by their names in the template."""
 
 
-def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tuple[str, ...] = ()) -> str:
+def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_files: tuple[str, ...] = ()) -> str:
     """The whole page as text. It is self-contained, and every name is escaped.
 
     Args:
         diagnosis: The diagnosis.
         robot: If given, the robot is drawn in three dimensions.
-        beside: Names of files in the folder of the page, which the page links to.
+        linked_files: Names of files in the folder of the page, which the page links to.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -106,7 +106,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tup
         scene=None if robot is None or diagnosis.poses_alone else _scene(robot, diagnosis),
         gaps=[gap_row(joint, len(diagnosis.evidence.t)) for joint in diagnosis.joints],
         command=diagnosis.command,
-        beside=beside,
+        linked_files=linked_files,
         joints=views,
         motions=_motion_views(diagnosis) if has_samples else [],
         motion_words=_followed_words(diagnosis.evidence),
@@ -148,7 +148,7 @@ def _on_model_files(said: Said) -> bool:
 
 
 def _closed(diagnosis: Diagnosis) -> str:
-    """Sentence on what all findings close together; empty without a gap."""
+    """Sentence on the part of the gap that all findings close together; empty without a gap."""
     gap = diagnosis.gap
     if gap.closed is None or gap.interval is None:
         return ""

@@ -136,7 +136,7 @@ def _unbroken(value: Value) -> str:
 def share_curve(diagnosis: Diagnosis) -> str:
     """Share of the gap that the largest findings close together, over their number; empty for fewer than two findings.
 
-    Shares are Shapley values, so that the curve ends at what all findings close.
+    Shares are Shapley values, so the curve ends at the share that all findings close together.
     """
     shares = [finding.share for finding in diagnosis.findings]
     known = [share for share in shares if share is not None and np.isfinite(share)]

@@ -25,7 +25,7 @@ from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shape
 
 EYE = (0.9, -1.09, 0.56)
 """Direction from which the robot is seen at first."""
-LIGHT = np.array([0.53, -0.8, 0.27])  # direction of the light, from beside the camera
+LIGHT = np.array([0.53, -0.8, 0.27])  # direction of the light, from a point next to the camera
 _LINK_TINT = 0.4  # a link is paler than its joint
 _ASPECT = 1.3  # least ratio of width to height of the viewer
 _LABELLED = 0.05  # least share of the gap for which a joint has a label
@@ -176,7 +176,7 @@ def shaded(mesh: Mesh, colour: Colour) -> Float[Array, "F 3"]:
 
 
 def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, float]) -> list[dict]:
-    """Names beside the joints with a part of the gap; beside all joints if none has one and they are few."""
+    """Names next to the joints with a part of the gap; next to all joints if none has one and there are few."""
     names = list(model.names)[1:]
     shown = [name for name in names if shares.get(name, 0.0) >= _LABELLED] or (names if len(names) <= 8 else [])
     return [

@@ -276,8 +276,8 @@ def write_outputs(
             for said in sentences(incomplete_file_notes(diagnosis.notes[before:])):
                 tell(said)
         diagnosis = completed(diagnosis)
-        beside = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))
-        texts = {REPORT: _report(diagnosis, robot, beside), **models}
+        linked_files = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))
+        texts = {REPORT: _report(diagnosis, robot, linked_files), **models}
         if diagnosis.next_motion is not None:
             from identification.next_experiment.advise import reference_text  # loads the planning of motions
 
@@ -319,8 +319,8 @@ def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
     return replace(diagnosis, next_experiment={**diagnosis.next_experiment, "reference_sha256": digest})
 
 
-def _report(diagnosis: Diagnosis, robot: Robot, beside: tuple[str, ...]) -> str:
+def _report(diagnosis: Diagnosis, robot: Robot, linked_files: tuple[str, ...]) -> str:
     # The report loads libraries for pages and figures, which the JSON alone does not need.
     from identification.reporting.page.diagnosis_report import report_html
 
-    return report_html(diagnosis, robot, beside=beside)
+    return report_html(diagnosis, robot, linked_files=linked_files)

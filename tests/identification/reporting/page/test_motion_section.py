@@ -93,7 +93,7 @@ def test_a_gap_of_the_recording_is_a_gap_of_the_curves(made_up):
 
 def test_files_and_the_command_line_are_at_the_foot(made_up):
     made = dataclasses.replace(made_up(samples=400), command="phantom-dyn diagnose arm.urdf 'a b.csv'")
-    page = report_html(made, beside=("diagnosis.json", "corrected.urdf"))
+    page = report_html(made, linked_files=("diagnosis.json", "corrected.urdf"))
     assert "<code>phantom-dyn diagnose arm.urdf &#39;a b.csv&#39;</code>" in page
     assert '<a href="corrected.urdf">corrected.urdf</a>' in page
 
