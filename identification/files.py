@@ -319,14 +319,14 @@ def locked_folder(folder: Path) -> Iterator[None]:
         return
     try:
         until = time.monotonic() + _LONGEST_WAIT_S
-        while not _free(descriptor) and time.monotonic() < until:
+        while not _locked_if_possible(descriptor) and time.monotonic() < until:
             time.sleep(0.01)
         yield
     finally:
         os.close(descriptor)
 
 
-def _free(descriptor: int) -> bool:
+def _locked_if_possible(descriptor: int) -> bool:
     """True if this run has locked the folder now, or if its file system has no locks."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

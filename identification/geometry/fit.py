@@ -105,7 +105,7 @@ def fitted(
     for _ in range(_STEPS):
         step = _step(current, chosen, weights, kept)
         for halving in range(_HALVINGS):
-            trial = moved(current.kinds, estimate, chosen, step * 0.5**halving)
+            trial = stepped(current.kinds, estimate, chosen, step * 0.5**halving)
             at_trial = equations(problem, trial)
             lower = _cost(at_trial, weights, kept)
             if lower <= cost:
@@ -131,7 +131,7 @@ def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array |
     return np.linalg.lstsq(matrix / norms, found.residual * scale, rcond=RANK)[0] / norms
 
 
-def moved(kinds: Sequence[Nuisance], estimate: Estimate, chosen: Sequence[int], step: Float[Array, " k"]) -> Estimate:
+def stepped(kinds: Sequence[Nuisance], estimate: Estimate, chosen: Sequence[int], step: Float[Array, " k"]) -> Estimate:
     """The estimate after a step in the nuisances and the chosen terms."""
     twists: dict[tuple[str, int], Array] = {}
     delay = list(estimate.delay)

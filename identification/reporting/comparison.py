@@ -127,7 +127,10 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
         ComparedFinding(
             at,
             found,
-            tuple("" if one else _instead(diagnosis, at) for one, diagnosis in zip(found, diagnoses, strict=True)),
+            tuple(
+                "" if one else _statement_without_finding(diagnosis, at)
+                for one, diagnosis in zip(found, diagnoses, strict=True)
+            ),
             tuple(ComparedSize(name, values, _differ(name, values, limit)) for name, values in _sizes(found).items()),
         )
         for at, found in table.items()
@@ -211,7 +214,7 @@ def _difference(name: str, x: float, y: float) -> float:
     return math.remainder(y - x, 2 * math.pi) if name == "phase" else y - x
 
 
-def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
+def _statement_without_finding(diagnosis: Diagnosis, at: EffectAt) -> str:
     """Statement of a diagnosis on an effect that is not one of its findings."""
     if any(finding.effect_at == at for finding in diagnosis.minor):
         return "seen, but too small to matter"

@@ -122,8 +122,8 @@ def true_state(
         start_shift: Shift of position and velocity.
     """
     readings = [part.reading for part in model.simulated_causes if part.reading is not None]
-    moved = np.zeros((2, model.robot.nv)) if start_shift is None else start_shift
-    q, v = states.q[at] + moved[0], states.v[at] + moved[1]
+    shift = np.zeros((2, model.robot.nv)) if start_shift is None else start_shift
+    q, v = states.q[at] + shift[0], states.v[at] + shift[1]
 
     def read(x: Array) -> Array:
         for reading in readings:
@@ -323,7 +323,7 @@ def simulated(
     return simulate(robot, causes, law, law.t, start.q, start.v, max_step=max_step, given=given)
 
 
-def moved(model: Model, law: Tracking, start: Start, base: BaseMotion | None) -> Simulation:
+def simulated_with_torque(model: Model, law: Tracking, start: Start, base: BaseMotion | None) -> Simulation:
     """A simulation of a model in which the law gives the torque that the drives exert."""
     return simulated(model.torque_driven, model.causes, law, start, base)
 

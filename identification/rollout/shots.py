@@ -23,8 +23,8 @@ from identification.rollout.rollout_starts import (
     base_of,
     feedback_gains,
     feedback_law,
-    moved,
     simulated,
+    simulated_with_torque,
     true_state,
 )
 from identification.rollout.simulated_models import LEAD, Model
@@ -101,7 +101,7 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
     law, base = torque_over_time(log.motion.t[rows], torque[rows]), base_of(model, log, rows)
 
     def run(shifts: Array) -> Simulation:
-        return moved(model, law, _shifted(model, first_guess, shifts * spread), base)
+        return simulated_with_torque(model, law, _shifted(model, first_guess, shifts * spread), base)
 
     def residuals(shifts: Array) -> Array:
         # The shifts themselves are residuals of a prior with the standard deviations of `spread`.
@@ -124,7 +124,7 @@ def _after_feedback(log: Log, states: States, model: Model, torque: Array, at: i
     gains = feedback_gains(model, states.q[at])
     everywhere = np.ones((lead + 1, model.robot.nv), dtype=bool)
     law = feedback_law(log.motion.t[rows], torque[rows], states.q[rows], states.v[rows], gains, everywhere)
-    out = moved(model, law, start, base_of(model, log, rows))
+    out = simulated_with_torque(model, law, start, base_of(model, log, rows))
     return Start(out.links.q[-1], out.links.v[-1], out.encoders.q[-1], out.encoders.v[-1])
 
 
@@ -281,7 +281,7 @@ def under_torque(
     with_feedback[:lead] = True
     law = feedback_law(t, torque[rows], q, v, feedback_gains(model, states.q[window.start]), with_feedback)
     start = true_state(model, states, rows.start, float(t[1] - t[0]), shift)
-    return np.array(moved(model, law, start, base_of(model, shot.log, rows)).q[lead:])
+    return np.array(simulated_with_torque(model, law, start, base_of(model, shot.log, rows)).q[lead:])
 
 
 def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
@@ -298,7 +298,9 @@ def _from_hidden_start(
     gains = feedback_gains(hidden.model, states.q[hidden.at])
     q, v, where = states.q[rows], states.v[rows], _touched(shot.log, rows)
     law = feedback_law(shot.log.motion.t[rows], torque[rows], q, v, gains, where)
-    motion = moved(hidden.model, law, _shifted_start(hidden.start, start_shift), base_of(hidden.model, shot.log, rows))
+    motion = simulated_with_torque(
+        hidden.model, law, _shifted_start(hidden.start, start_shift), base_of(hidden.model, shot.log, rows)
+    )
     return np.array(motion.q[shot.window.start - hidden.at :])
 
 

@@ -95,26 +95,27 @@ def preferred_diagnosis(first: Diagnosis, second: Diagnosis, scales: Mapping[str
         second: Diagnosis with higher gains and thus larger torques.
         scales: Factor on the gains of each joint.
     """
-    wins = _wins(first, second, scales)
-    both = _leaves_noise(first) and _leaves_noise(second)
-    probability = 0.5 if both else wins
-    leads = probability > 0.5
-    if both:
+    by_losses = _probability_of_second(first, second, scales)
+    only_noise_left = _leaves_noise(first) and _leaves_noise(second)
+    probability = 0.5 if only_noise_left else by_losses
+    second_leads = probability > 0.5
+    if only_noise_left:
         counts = len(second.findings), len(first.findings)
-        leads = counts[0] < counts[1] or (counts[0] == counts[1] and wins > 0.5)
-    found, other = (second, first) if leads else (first, second)
-    sure = probability if leads else 1.0 - probability
+        second_leads = counts[0] < counts[1] or (counts[0] == counts[1] and by_losses > 0.5)
+    found, other = (second, first) if second_leads else (first, second)
+    found_probability = probability if second_leads else 1.0 - probability
     shared = {finding.effect_at for finding in found.findings} & {finding.effect_at for finding in other.findings}
     rivals = tuple(finding.effect_at for finding in other.findings if finding.effect_at not in shared)
-    if 1.0 - sure < contract_levels.LISTED or not rivals:
-        return leads, found
+    if 1.0 - found_probability < contract_levels.LISTED or not rivals:
+        return second_leads, found
     findings = tuple(
-        finding if finding.effect_at in shared else _with_rival(finding, rivals, sure) for finding in found.findings
+        finding if finding.effect_at in shared else _with_rival(finding, rivals, found_probability)
+        for finding in found.findings
     )
-    return leads, replace(found, findings=findings)
+    return second_leads, replace(found, findings=findings)
 
 
-def _wins(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> float:
+def _probability_of_second(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> float:
     """Probability of the second diagnosis by the held-out losses of both, see `engine.resampling`."""
     if second.evidence.t.shape != first.evidence.t.shape or not len(first.evidence.t):
         return 0.5
@@ -130,10 +131,14 @@ def _leaves_noise(diagnosis: Diagnosis) -> bool:
     return all(gap.rms_after <= contract_levels.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
 
 
-def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], sure: float) -> Finding:
-    """A finding with the other diagnosis's effects as rivals, and its probabilities times ``sure``."""
-    rivals = [Rival(rival.effects, sure * rival.probability) for rival in finding.rivals]
-    rivals = [rival for rival in (*rivals, Rival(effects, 1.0 - sure)) if rival.probability >= contract_levels.LISTED]
+def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], found_probability: float) -> Finding:
+    """A finding with the other diagnosis's effects as rivals, and its probabilities times ``found_probability``."""
+    rivals = [Rival(rival.effects, found_probability * rival.probability) for rival in finding.rivals]
+    rivals = [
+        rival
+        for rival in (*rivals, Rival(effects, 1.0 - found_probability))
+        if rival.probability >= contract_levels.LISTED
+    ]
     rivals.sort(key=lambda rival: -rival.probability)
     probability = 1.0 - sum(rival.probability for rival in rivals)
     return replace(finding, probability=probability, rivals=tuple(rivals), verdict="one_of")

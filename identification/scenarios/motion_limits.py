@@ -59,7 +59,7 @@ def without_gain_ambiguities(
     damping = [
         one
         for one in judgement.findings
-        if one.effect == "viscous_friction" and one.joint in estimated and _given_back(one, robot)
+        if one.effect == "viscous_friction" and one.joint in estimated and _explained_by_damping_gain(one, robot)
     ]
     small += damping
     asked |= {_place(one): gate.beyond_the_gain(_over_damping(one, robot), stated=False) for one in damping}
@@ -79,7 +79,7 @@ def without_gain_ambiguities(
         return effect == "torque_constant" or (effect, joint) in taken_up
 
     others = tuple(entry for entry in judgement.not_testable if not hidden(entry.effect, entry.joint))
-    moved = tuple(
+    within_gain_tolerance = tuple(
         Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), gate.GAIN_TOLERANCE)
         for finding in small
         if finding not in damping
@@ -93,7 +93,7 @@ def without_gain_ambiguities(
         judgement,
         findings=findings,
         verdict=verdict,
-        adjusted=(*judgement.adjusted, *moved),
+        adjusted=(*judgement.adjusted, *within_gain_tolerance),
         bounds=tuple(bound for bound in judgement.bounds if not hidden(bound.effect, bound.joint)),
         not_testable=(*others, *twins),
         warnings=(*judgement.warnings, *warned),
@@ -127,7 +127,7 @@ def _stray_notes(simulated: Rollout) -> tuple[Note, ...]:
     )
 
 
-def _given_back(finding: Finding, robot: Robot) -> bool:
+def _explained_by_damping_gain(finding: Finding, robot: Robot) -> bool:
     """True if the finding is viscous friction that an error of a non-negative damping gain could explain."""
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller

@@ -77,8 +77,8 @@ class Grams:
 
     Attributes:
         rows: The rows that were summed.
-        fold_a: Columns times columns over the whole blocks of each fold, as if ``(F, K, K)``.
-        unseen_a: The same over the blocks that no fit may see, as if ``(1, K, K)``.
+        fold_a: Columns times columns over the whole blocks of each fold (with the shape ``(F, K, K)``).
+        unseen_a: The same over the blocks that no fit may see (with the shape ``(1, K, K)``).
         b: Columns times residual over whole blocks, ``(B, K)``.
         c: Residual times residual, ``(B,)``.
         core_a, core_b, core_c: The same over the core of each block, on which fits of other blocks are judged.
@@ -104,7 +104,7 @@ class Grams:
 
     @cached_property
     def train_a(self) -> RowProducts:
-        """Columns times columns over all blocks that train, row by row, as if ``(1, K, K)``."""
+        """Columns times columns over all blocks that train, row by row (with the shape ``(1, K, K)``)."""
         return self.fold_a.grouped(np.zeros(self.fold_a.shape[0], dtype=int))
 
     @cached_property

@@ -168,9 +168,9 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
         return Variable(f"{torque} through the transmission", load, transmitted, by_direction=True)
     rate = _slope(evidence.t, transmitted)
     if name == "torque_rate":
-        return Variable(f"rate of change of the {torque}", f"{load}/s", rate, reach=_most(rate))
+        return Variable(f"rate of change of the {torque}", f"{load}/s", rate, reach=_almost_largest(rate))
     bend = _slope(evidence.t, rate)
-    return Variable(f"second derivative of the {torque}", f"{load}/s²", bend, reach=_most(bend))
+    return Variable(f"second derivative of the {torque}", f"{load}/s²", bend, reach=_almost_largest(bend))
 
 
 def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
@@ -209,7 +209,7 @@ def _slope(t: Float[Array, " N"], x: Float[Array, " N"]) -> Float[Array, " N"]:
     return out
 
 
-def _most(x: Float[Array, " N"]) -> float | None:
+def _almost_largest(x: Float[Array, " N"]) -> float | None:
     """Absolute value that almost all values stay below."""
     finite = np.abs(x[np.isfinite(x)])
     return float(np.percentile(finite, _MIDDLE[1])) if len(finite) else None

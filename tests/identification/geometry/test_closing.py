@@ -8,7 +8,7 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.geometry.equations import DELAY, Estimate, PoseProblem, changed_model, equations, nuisances_of
-from identification.geometry.fit import frame_poses, moved, start_of
+from identification.geometry.fit import frame_poses, start_of, stepped
 from identification.geometry.measured import measured_poses
 from identification.geometry.pins import KnownPlaces, closed_positions, loops_of
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, pose_terms, terms_of
@@ -185,7 +185,7 @@ def test_a_delay_moves_passive_joints_along(rng):
     kinds = nuisances_of(late)
     start = start_of(late)
     column = equations(late, start).nuisance[:, len(kinds) - 1]
-    ways = [moved(kinds, start, (), sign * step * (np.arange(len(kinds)) == len(kinds) - 1)) for sign in (1, -1)]
+    ways = [stepped(kinds, start, (), sign * step * (np.arange(len(kinds)) == len(kinds) - 1)) for sign in (1, -1)]
     up, down = (equations(late, _timed(way)).residual for way in ways)
     np.testing.assert_allclose((down - up) / (2 * step), column, atol=1e-6)
 
@@ -220,7 +220,7 @@ def test_columns_of_nuisances_are_the_slopes_where_nothing_is_left(problem):
     kinds, step, found = nuisances_of(problem), 1e-6, equations(exact, start)
     for k, kind in enumerate(kinds):
         way = step * (np.arange(len(kinds)) == k)
-        up, down = (equations(exact, moved(kinds, start, (), sign * way)).residual for sign in (1, -1))
+        up, down = (equations(exact, stepped(kinds, start, (), sign * way)).residual for sign in (1, -1))
         # The velocity of a column is low-passed, that of the path is not.
         close = 1e-2 if kind.kind == DELAY else 1e-6
         np.testing.assert_allclose((down - up) / (2 * step), found.nuisance[:, k], atol=close)
