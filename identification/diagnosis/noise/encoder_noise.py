@@ -24,7 +24,7 @@ from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened, whitened_series, whitening_of
 from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
-from identification.engine.fits.projection import gains_beside
+from identification.engine.fits.projection import gains_if_added
 from identification.engine.products.grams import RowGrams, all_row_grams
 from identification.gates import above_chance
 from identification.gates.coarse_reading import coarser_than_others, coarser_than_stated
@@ -205,7 +205,7 @@ def spurious_gains(
     if energy < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.effect_joint for term in search.terms), 0.0)
     null = _null_problem(problem, simulated, noise)
-    gains = gains_beside(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
+    gains = gains_if_added(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:
         out[term.effect_joint] = max(gains[term.columns], out.get(term.effect_joint, 0.0))

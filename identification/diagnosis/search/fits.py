@@ -16,7 +16,7 @@ from identification.diagnosis.fit.possible_bodies import impossible
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import products_of
 from identification.engine.fits.near_fits import NearFits
-from identification.engine.fits.projection import gains_beside
+from identification.engine.fits.projection import gains_if_added
 from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without
 from phantom_dyn.array_types import Array, Float
 
@@ -101,7 +101,7 @@ class Fits:
         known = self._gains.setdefault(chosen, {})
         new = {term.columns for term in terms}.difference(known)
         if new:
-            known.update(gains_beside(self.problem, self._fitted(chosen, held_out=False), new))
+            known.update(gains_if_added(self.problem, self._fitted(chosen, held_out=False), new))
         return {term: known[term.columns] for term in terms}
 
     def of_subsets(self, terms: Chosen) -> Callable[[Chosen], Float[Array, "G K"]]:

@@ -14,7 +14,7 @@ from phantom_dyn.array_types import Float, Int
 Array = np.ndarray
 
 
-def gains_beside(
+def gains_if_added(
     problem: LinearProblem, fitted: Solution, sets: Iterable[tuple[int, ...]]
 ) -> dict[tuple[int, ...], float]:
     """In-sample gain of each set of columns when it is added to a fit, to second order and within the set's bounds.

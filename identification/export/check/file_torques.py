@@ -228,7 +228,7 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
         motion = motion_of(replay.logs[log])
         out = np.empty_like(motion.v)
         for lead in np.unique(leads):
-            ahead = [_later(motion.t, x, float(lead)) for x in (motion.q, motion.v, motion.a)]
+            ahead = [_advanced(motion.t, x, float(lead)) for x in (motion.q, motion.v, motion.a)]
             torque = law["_needed"](*([read_only(row) for row in x.T] for x in ahead))
             for j in np.flatnonzero(leads == lead):
                 out[:, j] = torque[j]
@@ -241,7 +241,7 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
     return along_log
 
 
-def _later(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
+def _advanced(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
     """A series advanced by some time; its last value is held at the end."""
     return x if seconds == 0 else interpolated(t + seconds, t, x)
 

@@ -32,7 +32,7 @@ def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
         return False
     given = given_mjcf(ElementTree.parse(file).getroot())
     own = _actuators_of(given, joint)
-    return len(own) == 1 and _servo(given, own[0])
+    return len(own) == 1 and _is_servo(given, own[0])
 
 
 def _actuators_of(given: GivenMjcf, name: str) -> list[Element]:
@@ -44,7 +44,7 @@ def _actuators_of(given: GivenMjcf, name: str) -> list[Element]:
     ]
 
 
-def _servo(given: GivenMjcf, actuator: Element) -> bool:
+def _is_servo(given: GivenMjcf, actuator: Element) -> bool:
     """True if the command is a reference of the position."""
     if actuator.tag == "position":
         return True
@@ -69,13 +69,13 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
         own = _actuators_of(given, name)
         if len(own) != 1:
             out[name] = Note(Code.NO_PLACE_FOR_DRIVE, name, {"values": found, "actuators": len(own)})
-        elif _plain(given, own[0]):
-            _set_plain(given, own[0], corrected, name)
+        elif _is_torque_times_gear(given, own[0]):
+            _set_torque_drive(given, own[0], corrected, name)
             if _REFERENCES in found:
                 numbers = {"quantity": "reference_delay", "values": {name: found[_REFERENCES]}}
                 out[name] = Note(Code.NO_PLACE, None, numbers)
         else:
-            if _servo(given, own[0]) and _REFERENCES in found:
+            if _is_servo(given, own[0]) and _REFERENCES in found:
                 set_delay(own[0], found.pop(_REFERENCES))
             limit = found.pop("limit", None)
             if limit is not None:
@@ -101,7 +101,7 @@ def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
     return {what: value for what, value in numbers.items() if value}
 
 
-def _plain(given: GivenMjcf, actuator: Element) -> bool:
+def _is_torque_times_gear(given: GivenMjcf, actuator: Element) -> bool:
     """True if the torque is command times gear, and nothing else."""
     if actuator.tag == "motor":
         return True
@@ -120,7 +120,7 @@ def _set_limit(given: GivenMjcf, actuator: Element, limit: float, bias: float) -
     actuator.set("forcelimited", "true")
 
 
-def _set_plain(given: GivenMjcf, actuator: Element, corrected: CorrectedModel, name: str) -> None:
+def _set_torque_drive(given: GivenMjcf, actuator: Element, corrected: CorrectedModel, name: str) -> None:
     found, gear = _numbers_of(corrected, name), _gear(given, actuator)
     gain = corrected.gains.get(name, 1.0)
     bias = corrected.offsets.get(name, 0.0) / (gear[0] * gain) if gain * gear[0] else 0.0

@@ -84,7 +84,7 @@ def fixed_links(robot: Robot, root: Element, body: int, own: str) -> dict[str, F
     }
 
 
-def links_held(robot: Robot, root: Element) -> frozenset[str]:
+def locked_links(robot: Robot, root: Element) -> frozenset[str]:
     """Links behind a locked joint, which can move in a file without the lock."""
     children: dict[str, list[tuple[str, str]]] = {}
     for element in root.findall("joint"):
@@ -113,7 +113,7 @@ def own_inertia(
         robot: The robot, with the inertia of the body.
         body: Pinocchio's index of its joint.
         fixed: Parameters of the links that are fixed to it, from `fixed_links`.
-        held: Links behind a locked joint, from `links_held`.
+        held: Links behind a locked joint, from `locked_links`.
         broken: True if no body can have the inertia in the given file, which loads all the same.
 
     Returns:
@@ -159,7 +159,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
     """
     root = ElementTree.parse(file, comment_parser()).getroot()
     links = {link.get("name", ""): link for link in root.findall("link")}
-    held = links_held(given, root)
+    held = locked_links(given, root)
     for body in range(1, robot.model.njoints):
         if robot.model.inertias[body] == given.model.inertias[body]:
             continue

@@ -8,7 +8,7 @@ from identification.diagnosis.fit.fitting import active_columns, fit
 from identification.engine.fits import near_fits
 from identification.engine.fits.minimum import minimum_of
 from identification.engine.fits.near_fits import NearFits
-from identification.engine.fits.projection import fold_projections, gains_beside, project_off_fit
+from identification.engine.fits.projection import fold_projections, gains_if_added, project_off_fit
 from identification.engine.numerics.bounded import bounded_solve, solve
 
 SAMPLES, COLUMNS, FOLDS = 120, 6, 4
@@ -132,7 +132,7 @@ def test_what_columns_gain_beside_a_fit_is_what_a_projection_says(rough, near, p
     problem, terms = rough.problem, terms_of(rough, places)
     sets = {term.columns for term in problem.columns.terms}
     found = near.gains(active_columns(problem, terms), sets)
-    expected = gains_beside(problem, fit(problem, terms, held_out=False), sets)
+    expected = gains_if_added(problem, fit(problem, terms, held_out=False), sets)
     largest = max(expected.values())
     for columns in sets:
         assert found[columns] == pytest.approx(expected[columns], rel=1e-4, abs=1e-6 * largest)
@@ -186,7 +186,7 @@ def test_a_gain_is_the_difference_of_two_fits_where_no_bound_binds(rough_columns
     chosen, term = (rough_columns.term("coulomb_friction", "elbow"),), rough_columns.term(*rival)
     without, with_it = (fit(rough_columns.problem, terms, held_out=False) for terms in (chosen, (*chosen, term)))
     expected = without.objective - with_it.objective
-    gains = gains_beside(rough_columns.problem, without, [term.columns])
+    gains = gains_if_added(rough_columns.problem, without, [term.columns])
     assert gains[term.columns] == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
@@ -199,15 +199,15 @@ def test_a_gain_stops_at_the_bound_of_the_coefficient(lab, planar2, trusted):
     fitted, term = fit(prepared.problem, (), held_out=False), prepared.term("input_delay", None)
     _, _, gradient = project_off_fit(prepared.problem, fitted, np.array(term.columns))
     assert gradient.item() < 0
-    gains = gains_beside(prepared.problem, fitted, [term.columns])
+    gains = gains_if_added(prepared.problem, fitted, [term.columns])
     assert gains[term.columns] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_rival_whose_columns_are_all_in_the_fit_gains_nothing(rough_columns):
     term = rough_columns.term("coulomb_friction", "elbow")
-    assert gains_beside(rough_columns.problem, fit(rough_columns.problem, (term,), held_out=False), [term.columns]) == {
-        term.columns: 0.0
-    }
+    assert gains_if_added(
+        rough_columns.problem, fit(rough_columns.problem, (term,), held_out=False), [term.columns]
+    ) == {term.columns: 0.0}
 
 
 def test_columns_of_a_fit_have_no_product_with_its_residual(rough_columns):
@@ -222,7 +222,7 @@ def test_gains_of_all_rivals_are_those_of_each_alone(rough_columns):
     # The bounded minimum of each rival's own products, made from whole matrices.
     problem, term = rough_columns.problem, rough_columns.term("coulomb_friction", "elbow")
     fitted = fit(problem, (term,), held_out=False)
-    gains = gains_beside(problem, fitted, {rival.columns for rival in problem.columns.terms})
+    gains = gains_if_added(problem, fitted, {rival.columns for rival in problem.columns.terms})
     _, _, gradient = project_off_fit(problem, fitted, np.arange(len(problem.precision)))
     inside, x = frozenset(fitted.active.tolist()), fitted.theta[fitted.active]
     # A nuisance that is at its bound stays there.
