@@ -60,7 +60,7 @@ class PoseTerm:
 
 
 def bounds_of(terms: Sequence[PoseTerm]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Least and largest plausible value of each term; no joint gives way against its load."""
+    """Least and largest plausible value of each term; no joint yields against its load."""
     largest = np.array([term.largest for term in terms])
     return np.where([term.effect == ELASTIC for term in terms], 0.0, -largest), largest
 

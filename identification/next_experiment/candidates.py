@@ -201,7 +201,7 @@ class Candidate:
 def candidates(
     problem: DesignProblem, *, duration: float, count: int, rng: np.random.Generator
 ) -> tuple[Candidate, ...]:
-    """Random motions in turn: Fourier series, fast triangles, slow triangles, rests with small reversals.
+    """Random motions of four kinds in turn: Fourier series, fast triangles, slow triangles, rests with small reversals.
 
     Args:
         problem: Robot and limits, see `design_of`.

@@ -1,4 +1,4 @@
-"""Removes claims that positions without torque cannot support, as of a torque constant beside a controller's gain."""
+"""Removes claims that positions without torque cannot support: a controller's gain may explain a torque constant."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Scaling:
-    """A fitted gain on one row, as of a wrong torque constant: the measured torque is ``gain`` times the true one.
+    """A fitted gain on one row, for a wrong torque constant: the measured torque is ``gain`` times the true one.
 
     The row's columns are multiplied by the current gain. In the column of the gain, the torque of the current fit
     replaces that of the given model. At convergence the fit is exact in the gain.

@@ -139,7 +139,7 @@ def _minima(
                 else:
                     _step_to_first_bound(outside, trial, end, fixed, x)
                 continue
-            converged = descending and reached >= last  # but for rounding
+            converged = descending and reached >= last  # equal up to rounding
             most = _release(matrices, gradient, trial, lower, upper, fixed)
             _hold(outside, end, fixed, x)
             if left == 0 and (converged or most < 0):

@@ -35,7 +35,7 @@ def held_out_share(blocks: Sequence[Block]) -> float:
 
 
 def assign_folds(blocks: Sequence[Block], held_out: Bool[np.ndarray, " logs"]) -> Int[np.ndarray, " B"]:
-    """Fold of each block, in turn, so that every fold covers all series; -1 for those held out entirely."""
+    """Fold of each block; folds take turns, so that each covers all series. It is -1 for series held out entirely."""
     folds = np.full(len(blocks), -1)
     seen = [k for k, block in enumerate(blocks) if not held_out[block.log]]
     folds[seen] = np.arange(len(seen)) % min(FOLDS, max(2, len(seen)))

@@ -93,7 +93,7 @@ def mjcf_ranges(
         known: Effects that belong to the given model already.
 
     Returns:
-        The ranges, and the unseen effects that change no such number, as a play, which needs an element of its own.
+        The ranges, and the unseen effects that change no number of the file, such as play, which needs a new element.
 
     Raises:
         PhantomDynError: If the robot cannot be written as an MJCF.

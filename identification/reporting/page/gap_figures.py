@@ -147,7 +147,7 @@ def unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], jo
 
 
 def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float[Array, " N"]:
-    """Measured minus modelled torque of one joint, shape ``(N,)``; NaN where a sample is not used."""
+    """Measured minus modelled torque of one joint, shape ``(N,)``; NaN for samples that are not used."""
     return evidence.residual(tau)[:, joint]
 
 

@@ -230,7 +230,7 @@ def _verdict(fits: dict[int, RestFits], findings: tuple[Finding, ...], rest: Une
 
 
 def _evidence(robot: Robot, every: list[StandstillSamples], fits: dict[int, RestFits], rows: list[int]) -> Evidence:
-    """Samples at rest of the joint that gives way most, with its position error instead of a torque."""
+    """Samples at rest of the joint that moves most under load, with its position error instead of a torque."""
     row = rows[0] if rows else 0
     stills, found = every[row], fits.get(row)
     count = (len(stills.t), robot.nv)

@@ -34,7 +34,7 @@ REST_MODELS = (("backlash",), ("transmission_compliance",), ("backlash", "transm
 
 @dataclass(frozen=True)
 class RestModel:
-    """One model of how a joint gives way, fitted to the rests.
+    """One model of how a joint moves under load, fitted to the rests.
 
     Attributes:
         effects: Names of its effects in the catalogue.
