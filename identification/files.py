@@ -67,8 +67,7 @@ def require_existing(path: str | Path) -> None:
     folder = path.parent
     if not folder.is_dir():
         raise LogError(f"{path} does not exist, nor does its folder: give a log ({LOG_FORMATS}).")
-    files = sorted(entry.name for entry in folder.iterdir())
-    guess = nearest(path.name, files)
+    guess = nearest(path.name, sorted(entry.name for entry in folder.iterdir()))
     meant = f"; did you mean {guess}?" if guess else f": give a log ({LOG_FORMATS})."
     raise LogError(f"{path} does not exist{meant}")
 

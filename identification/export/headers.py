@@ -78,8 +78,7 @@ def _table(record: WrittenFile, diagnosis: Diagnosis) -> list[str]:
     ]
     if record.file == FEEDFORWARD:
         columns.insert(0, ("no feedforward", {joint.joint: joint.rms_torque for joint in diagnosis.joints}))
-    names = [joint.joint for joint in diagnosis.joints]
-    width = max(20, *(len(name) for name in names))
+    width = max(20, *(len(joint.joint) for joint in diagnosis.joints))
     lines = [
         "Measured less modelled torque over the recordings, root mean square, from "
         f"{number(low)} to {number(high)} Hz, with this file loaded back:",

@@ -95,8 +95,7 @@ def diagnose_poses(
 
 
 def _result(explained: ExplainedPoses) -> GeometryResult:
-    blocks = blocks_of(explained.equations)
-    gap = gap_of(explained, blocks)
+    gap = gap_of(explained, blocks_of(explained.equations))
     frames, evidence = _frames(explained, gap)
     found = findings_of(explained, gap)
     bounds, unseen = pose_bounds(explained, found)

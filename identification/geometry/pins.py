@@ -241,7 +241,7 @@ _MOST_STEPS = 20
 _LAST_STEP = 1e-11
 """Step [rad or m] below which a loop counts as closed."""
 _ROUNDING = 1e-10
-"""Motions of a frame per unit of an error below this are rounding, for example for a rotation about a passive joint's axis."""
+"""Motions of a frame per unit of an error below this are rounding, as from a turn about a passive joint's axis."""
 
 
 @dataclass(frozen=True)

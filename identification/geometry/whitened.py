@@ -185,8 +185,7 @@ class Blocks:
 def blocks_of(found: Whitened) -> Blocks:
     """Products of each block of poses."""
     _, block, rows = np.unique(found.block, return_inverse=True, return_counts=True)
-    weight = np.ones(len(block))
-    products = block_products(found.whole[:, :-1], found.whole[:, -1], weight, block, len(rows))
+    products = block_products(found.whole[:, :-1], found.whole[:, -1], np.ones(len(block)), block, len(rows))
     return Blocks(products, rows.astype(float), found.nuisances)
 
 

@@ -88,8 +88,7 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
 def _hidden_curve(below: list[float]) -> Curve:
     """Grey bars from zero to the smallest detectable size, for diagnoses without the finding."""
     half = 0.5 * np.array(below)
-    middle = np.where(half > 0, half, np.nan)
-    return Curve(np.arange(len(half)), middle, "#808080", 0.0, half=half)
+    return Curve(np.arange(len(half)), np.where(half > 0, half, np.nan), "#808080", 0.0, half=half)
 
 
 def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:

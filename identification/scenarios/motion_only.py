@@ -111,10 +111,9 @@ def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | 
 
 def gains_of_file(robot: Robot) -> dict[str, tuple[float, float]]:
     """Gains kp and kd of the joints whose actuator in the robot's file states them."""
-    stated = zip(robot.joint_names, robot.actuators, strict=True)
     return {
         joint: (a.controller.kp, a.controller.kd)
-        for joint, a in stated
+        for joint, a in zip(robot.joint_names, robot.actuators, strict=True)
         if joint in robot.gains_of_file and a.controller
     }
 

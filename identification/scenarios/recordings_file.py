@@ -169,8 +169,7 @@ def _controllers(entry: Any, file: str, key: str, joints: Sequence[str]) -> dict
             "gains; if they are not known, say changed: [controller]."
         )
     if set(entry) & set(CONTROLLER_KEYS) and not set(entry) & set(joints):
-        one = _controller(entry, file, key)
-        return dict.fromkeys(joints, one)
+        return dict.fromkeys(joints, _controller(entry, file, key))
     _known_keys(entry, file, key, tuple(joints), "joints")
     return {joint: _controller(gains, file, f"{key}.{joint}") for joint, gains in entry.items()}
 
@@ -257,14 +256,13 @@ def read_changed(
     """
     changed = robot_in(robot, change)
     by_controllers = bool(change.controllers) and states_controllers(changed)
-    left_out = (*excluded, *change.exclude)
     found = read_recording(
         (path, *change.beside),
         changed,
         columns=columns,
         topic=topic,
         ref_topic=ref_topic,
-        excluded=left_out,
+        excluded=(*excluded, *change.exclude),
         torque_needed=not by_controllers,
         anyway=anyway,
     )

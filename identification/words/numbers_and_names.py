@@ -29,8 +29,7 @@ def with_std(value: float, std: float) -> str:
     """A number with its standard deviation, both to the second digit of the deviation."""
     if not (math.isfinite(std) and std > 0 and math.isfinite(value)):
         return number(value)
-    largest = max(abs(value), std)
-    exponent = math.floor(math.log10(largest))
+    exponent = math.floor(math.log10(max(abs(value), std)))
     digits = max(0, 1 - math.floor(math.log10(std)))
     if -4 <= exponent <= 5 and digits <= 8:
         return f"{_no_minus_zero(f'{value:.{digits}f}')} ± {std:.{digits}f}"

@@ -308,8 +308,7 @@ def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -
         inputs_of,  # imports all laws of residuals, which few runs need
     )
 
-    others = [k for k in range(robot.nv) if k != row]
-    inputs = inputs_of(robot, log, operation, row, others)
+    inputs = inputs_of(robot, log, operation, row, [k for k in range(robot.nv) if k != row])
     every = max(math.ceil(len(inputs["t"]) / _STEPS), 1)
     few = {name: series[::every] for name, series in inputs.items()}
     return np.interp(inputs["t"], few["t"], law.along(few))

@@ -47,8 +47,7 @@ def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
         motion: N samples of the active joints, positions as encoders read them.
     """
     robot = _with_rotors(corrected)
-    tree = tree_motion(robot, motion)
-    out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)), tree)
+    out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)), tree_motion(robot, motion))
     out[:, list(robot.tree_rows)] += added_torque(corrected, motion)
     return out
 

@@ -240,8 +240,7 @@ def mujoco_joints(model: Any, robot: Robot) -> tuple[list[int], list[int]]:
 
 def some_motion(motion: Motion, most: int = 200) -> Motion:
     """At most this number of samples of a motion, evenly spread."""
-    at = np.unique(np.linspace(0, len(motion.t) - 1, most).astype(int))
-    return motion.at(at)
+    return motion.at(np.unique(np.linspace(0, len(motion.t) - 1, most).astype(int)))
 
 
 def versions() -> dict[str, str]:

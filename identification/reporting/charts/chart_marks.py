@@ -231,8 +231,7 @@ def cloud_svg(cloud: Cloud, frame: Frame) -> str:
     unique = np.unique(np.round(2.0 * places).astype(int), axis=0)
     steps = np.diff(unique, axis=0, prepend=0)
     path = "".join(f"m{dx} {dy}h0" for dx, dy in steps.tolist()).replace(" -", "-")
-    more = ' transform="scale(.5)" stroke-linecap="round"'
-    return line(path, cloud.colour, 2.0 * cloud.diameter, more)
+    return line(path, cloud.colour, 2.0 * cloud.diameter, ' transform="scale(.5)" stroke-linecap="round"')
 
 
 def legend_svg(curves: list[Curve]) -> str:

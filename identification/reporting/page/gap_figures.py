@@ -257,8 +257,7 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
     labels = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
     floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
-    curves = measured, before, after
-    numbers = _numbers(evidence.t, stretch, rows, curves)
+    numbers = _numbers(evidence.t, stretch, rows, (measured, before, after))
     return {**labels, "unit": gap.unit, "floor": floor, "touched": _stance_times(evidence, joint), **numbers}
 
 
