@@ -58,21 +58,25 @@ def losses_in(
     return losses, (*costs_of(other, sets, twins), *costs_of(other, sets, twins, apart))
 
 
-def within_accuracy(losses: Float[Array, "B m"], alike: Sequence[bool], gain: float) -> Float[Array, "B m"]:
+def within_accuracy(
+    losses: Float[Array, "B m"], more: Float[Array, " m"], alike: Sequence[bool], gain: float
+) -> Float[Array, "B m"]:
     """Losses of rivals, nearer to those of the finding by what the method is accurate to.
 
     Derivatives, filters and the linearised tolerances have errors, too: a difference between two causes that is a tiny
-    part of what they explain says nothing, however large it is beside the noise.
+    part of what they explain says nothing, however large it is beside the noise. A difference in favour of the set
+    with fewer numbers counts in full: a law with more numbers takes up such errors.
 
     Args:
         losses: Held-out losses by block and set, the finding's set first.
+        more: How many numbers each set has more than that of the finding.
         alike: True for sets to which this applies.
         gain: What the finding explains.
     """
     worse = losses - losses[:, :1]
-    total = np.abs(worse.sum(axis=0))
-    kept = np.maximum(total - fair_part.ACCURACY * gain, 0.0) / np.maximum(total, 1e-300)
-    return losses[:, :1] + worse * np.where(alike, kept, 1.0)
+    total = worse.sum(axis=0)
+    kept = np.maximum(np.abs(total) - fair_part.ACCURACY * gain, 0.0) / np.maximum(np.abs(total), 1e-300)
+    return losses[:, :1] + worse * np.where(np.array(alike) & (total * more <= 0.0), kept, 1.0)
 
 
 def adds_up(search: Search, chosen: Chosen) -> bool:
