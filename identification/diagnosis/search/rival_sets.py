@@ -71,8 +71,8 @@ def compare_with_rivals(
     in a replicate only if they gain more there than their price and the errors of the method; equal predictions share a
     replicate. It need not pass the threshold of chance over the whole catalogue, as laws of one kind on one joint are
     few. Rivals that make the torque of the finding, and the other way round, are compared without prices: the number of
-    parameters is no argument then. Losses of two laws that differ by less than the errors of the method count as equal,
-    unless the better one has fewer numbers.
+    parameters is no argument then. Losses of two laws, one of which has a shape, that differ by less than the errors of
+    the method count as equal, unless the better one has fewer numbers.
     Of two laws of which neither contains the other, probabilities are means with and
     without prices: on held-out blocks a law already loses by parameters that fit noise. So are a law and a sum of
     effects that are its parts. A law that has come to a special case of itself counts as that case.
@@ -110,7 +110,9 @@ def compare_with_rivals(
     costs = costs_of(search, sets, [key in twins for key in keys])
     costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
     effects = {key: _replacing_effects(search, chosen, names[key], key, same) for key in keys[1:]}
-    alike, more = [key in apart for key in keys], np.array([search.sizes_of(one) for one in sets], dtype=float)
+    # Laws without a shape are linear in their numbers, and have no errors of their own.
+    alike = [key in apart and any(one.shape for one in (term, *names[key])) for key in keys]
+    more = np.array([search.sizes_of(one) for one in sets], dtype=float)
     more -= more[0]
     losses = within_accuracy(np.array([options[key] for key in keys]).T, more, alike, explained(search, chosen, term))
     others = []
