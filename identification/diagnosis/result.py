@@ -175,17 +175,6 @@ class JointGap:
         """Residual without the findings: of the adjusted model, or of the given one if `only_given_fits`."""
         return self.rms_before if self.only_given_fits else self.tolerated
 
-    @property
-    def torque_may_be_noise(self) -> bool:
-        """True if the measured torque itself may be noise."""
-        return self.rms_torque is not None and self.allowed >= self.rms_torque
-
-
-def torques_may_be_noise(joints: tuple[JointGap, ...]) -> bool:
-    """True if the measured torque of every tested joint may be noise, as when columns of the log are mixed up."""
-    judged = [joint for joint in joints if joint.hold_out_samples]
-    return bool(judged) and all(joint.torque_may_be_noise for joint in judged)
-
 
 @dataclass(frozen=True)
 class Gap:

@@ -79,7 +79,7 @@ def _without_compensated(problem: PoseProblem) -> PoseProblem:
 
 
 def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measured]) -> tuple[PoseTerm, ...]:
-    """Terms without the place of a first joint that carries all frames, which cannot be told from the base's pose.
+    """Terms without the place of a first joint that carries all frames: no data separate it from the base's pose.
 
     Args:
         robot: The given model.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
-from identification.diagnosis.judge.verdict import is_open, ordinary_effects_hide
+from identification.diagnosis.judge.verdict import is_open, ordinary_effects_hide, torques_may_be_noise
 from identification.diagnosis.result import (
     Adjusted,
     Diagnosis,
@@ -11,7 +11,6 @@ from identification.diagnosis.result import (
     Finding,
     JointGap,
     Unexplained,
-    torques_may_be_noise,
 )
 from identification.engine import contract_levels
 from identification.notes import Code, Note

@@ -25,7 +25,7 @@ class FrictionPlaces(NamedTuple):
     Attributes:
         motors: Index of each motor among the velocities, ``(m,)``.
         passive: Velocity of each passive joint per velocity of the mechanism (Jacobian), ``(p, n)``.
-        response: Work array, ``(p, n + 1)``: by how much a unit impulse on each passive joint changes all velocities
+        response: Work array, ``(p, n + 1)``: the change of all velocities by a unit impulse on each passive joint
             and, in the last column, the velocity of this joint.
     """
 

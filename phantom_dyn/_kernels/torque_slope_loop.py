@@ -161,7 +161,7 @@ def add_crossed(by: Array, i: int, motion: Array, d: int, out: Array) -> None:
 
 @inlined
 def add_force_crossed(s: Array, d: int, f: Array, i: int, force: Array) -> None:
-    """Add to ``force[0]`` by how much the force ``f[i]`` changes if the motion ``s[d]`` moves it."""
+    """Add the change of the force ``f[i]``, if the motion ``s[d]`` moves it, to ``force[0]``."""
     x, y, z = cross(s[d, 3], s[d, 4], s[d, 5], f[i, 0], f[i, 1], f[i, 2])
     force[0, 0], force[0, 1], force[0, 2] = force[0, 0] + x, force[0, 1] + y, force[0, 2] + z
     x, y, z = cross(s[d, 0], s[d, 1], s[d, 2], f[i, 0], f[i, 1], f[i, 2])

@@ -80,7 +80,7 @@ class ClosedChain(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class Constraints:
-    """Pinocchio's constraint models of the anchors with their working memory, made anew for each trajectory."""
+    """Pinocchio's constraint models of the anchors with their working memory, created for each trajectory."""
 
     model: pin.Model
     anchors: tuple[Anchor, ...]

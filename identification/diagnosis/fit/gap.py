@@ -8,7 +8,6 @@ import numpy as np
 
 from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
-from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
@@ -81,14 +80,6 @@ def sample_weights(problem: Problem, log: int, part: slice = slice(None)) -> Flo
     """Weight of each sample of a part of one log: lower where static friction, which may be anything, holds a joint."""
     columns = problem.columns
     return columns.usable[log][part] * noise_share(problem.weights.floor**2, columns.standing[log][part] ** 2)
-
-
-def judged_noise(problem: Problem, noise: Series) -> Float[Array, " nv"]:
-    """Root mean square of each joint's noise in the judged band, above zero even where nothing was measured.
-
-    Samples have the same weights as in the residuals that are compared with it, see `sample_weights`.
-    """
-    return np.maximum(sums(problem, problem.session.in_judged_band(noise)).rms(), least_noise(problem.columns))
 
 
 def least_noise(columns: Columns) -> Float[Array, " nv"]:

@@ -14,7 +14,7 @@ import numpy as np
 from identification.data.log import Band
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
-from identification.diagnosis.fit.gap import judged_blocks, judged_noise, measured_torque, sample_weights, sums
+from identification.diagnosis.fit.gap import judged_blocks, least_noise, measured_torque, sample_weights, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.discrepancy import discrepancy
 from identification.diagnosis.noise.repetitions import repeated_noise
@@ -106,7 +106,8 @@ def floor_of(
     from scipy.special import ndtri
 
     session, robot = problem.session, problem.session.robot
-    value, unpredicted = judged_noise(problem, noise), sums(problem, session.in_judged_band(noise))
+    unpredicted = sums(problem, session.in_judged_band(noise))
+    value = np.maximum(unpredicted.rms(), least_noise(problem.columns))
     drawn = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
     mean = (drawn @ unpredicted.squares) / np.maximum(drawn @ unpredicted.counts, 1e-12)
     relative = np.sqrt(mean) / np.maximum(unpredicted.rms(), 1e-300)

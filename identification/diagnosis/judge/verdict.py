@@ -22,7 +22,6 @@ from identification.diagnosis.result import (
     Hidden,
     JointGap,
     Unexplained,
-    torques_may_be_noise,
 )
 from identification.diagnosis.search.search import Search
 from identification.engine import contract_levels
@@ -57,6 +56,12 @@ def verdict(
         return "explained"
     within, after = (_mean_loss(joints, rms) for rms in ("tolerated", "rms_after"))
     return "partly_explained" if after - 1.0 < within - after else "unknown"
+
+
+def torques_may_be_noise(joints: tuple[JointGap, ...]) -> bool:
+    """True if the measured torque of every tested joint may be noise, as when columns of the log are mixed up."""
+    judged = [joint for joint in joints if joint.hold_out_samples]
+    return bool(judged) and all(joint.rms_torque is not None and joint.allowed >= joint.rms_torque for joint in judged)
 
 
 def not_explained(said: str) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 
 from identification.diagnosis.input_names import is_frequency, supply_loads
 from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.verdict import torques_may_be_noise
 from identification.diagnosis.law.formula_search import (
     STABLE,
     Choice,
@@ -34,7 +35,7 @@ from identification.diagnosis.law.formula_search import (
 from identification.diagnosis.law.joint_residual import JointResidual, joint_residual
 from identification.diagnosis.law.smooth import frequency_responses, input_curves, input_gains
 from identification.diagnosis.residual_law import Dependence, InputGain, Law, LawTerm, ModelTerm, Pair, ResidualModel
-from identification.diagnosis.result import JointGap, Judgement, torques_may_be_noise
+from identification.diagnosis.result import JointGap, Judgement
 from identification.engine.products.block_products import NuisancePrior
 from identification.engine.resampling import REPLICATES, block_counts, interval
 from identification.engine.search.stepwise import extended

@@ -118,3 +118,18 @@ def are_near_twins(one: Term, other: Term) -> bool:
     """True if two effects are near twins on the same joint, or one of them on all."""
     names = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
     return names and (one.joint == other.joint or None in (one.joint, other.joint))
+
+
+def is_nested(term: Term, others: frozenset[Term]) -> bool:
+    """True if a finding and its replacement contain one another, or if several effects replace it that are no parts."""
+
+    def more(rich: Term, simple: Term) -> bool:
+        return contains(rich, simple) or (rich.joint == simple.joint and simple.effect.name in rich.effect.tends_to)
+
+    several = len(others) > 1 and not are_parts(others, term)
+    return several or any(more(one, term) or more(term, one) for one in others)
+
+
+def has_parts(rich: Term, names: set[str]) -> bool:
+    """True if effects with these names, or some of them, add up to a special case of a law, under another name."""
+    return bool(rich.effect.same_as_sum) and names.issuperset(rich.effect.same_as_sum)

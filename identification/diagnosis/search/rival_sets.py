@@ -10,7 +10,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.containment import are_parts, contains, scales_all_bodies
+from identification.diagnosis.search.containment import are_parts, contains, has_parts, is_nested, scales_all_bodies
 from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, within_accuracy
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
@@ -105,7 +105,7 @@ def compare_with_rivals(
     if len(options) == 1 and not richer:
         return RivalComparison(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(options)
-    apart = {key for key in names if not _nested(term, names[key])}
+    apart = {key for key in names if not is_nested(term, names[key])}
     sets = [same.get(key, key) for key in keys]
     costs = costs_of(search, sets, [key in twins for key in keys])
     costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
@@ -125,7 +125,7 @@ def compare_with_rivals(
     for swapped, others in names.items():
         # The same two sets have the same odds, whichever of them holds the finding.
         if effects[swapped] and all(contains(term, other) for other in others):
-            same_sum = _has_parts(term, {other.effect.name for other in others})
+            same_sum = has_parts(term, {other.effect.name for other in others})
             odds = 1.0 if same_sum else min(odds_of_richer(search, swapped, chosen), 1.0)
             shares[()] = max(shares[()], odds * shares[effects[swapped]])
     own = shares[()]
@@ -181,7 +181,7 @@ def _options(
         swapped = replaced(chosen, term, others)
         if swapped in options or not others <= swapped:
             continue
-        priced, both = _nested(term, others), zip(searches, slack, strict=True)
+        priced, both = is_nested(term, others), zip(searches, slack, strict=True)
         if all(
             _hopeless(one, chosen, swapped, priced=priced) if sound else one.quick(swapped) > one.quick(chosen) + own
             for one, own in both
@@ -303,16 +303,6 @@ def _with_effects(search: Search, chosen: Chosen, term: Term, effects: tuple[Eff
     return replaced(chosen, term, others)
 
 
-def _nested(term: Term, others: Chosen) -> bool:
-    """True if a finding and its replacement contain one another, or if several effects replace it that are no parts."""
-
-    def more(rich: Term, simple: Term) -> bool:
-        return contains(rich, simple) or (rich.joint == simple.joint and simple.effect.name in rich.effect.tends_to)
-
-    several = len(others) > 1 and not are_parts(others, term)
-    return several or any(more(one, term) or more(term, one) for one in others)
-
-
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
     """True if each of two causes can make the torque of the other in these recordings.
 
@@ -330,11 +320,6 @@ def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, sw
     return spanned(search, one, theta, two, rules.SAME_CAUSE) and spanned(
         search, two, swapped_theta, one, rules.SAME_CAUSE
     )
-
-
-def _has_parts(rich: Term, names: set[str]) -> bool:
-    """True if effects with these names, or some of them, add up to a special case of a law, under another name."""
-    return bool(rich.effect.same_as_sum) and names.issuperset(rich.effect.same_as_sum)
 
 
 def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
@@ -393,7 +378,7 @@ def _twins(search: Search, chosen: frozenset[Term], term: Term) -> list[tuple[fr
     """
     here = {other.effect.name for other in chosen if other.joint == term.joint}
     for rich in search.terms:
-        if contains(rich, term) and _has_parts(rich, here):
+        if contains(rich, term) and has_parts(rich, here):
             return [(frozenset([rich]), replaced(chosen, term, frozenset([rich])))]
     for bodies in search.terms:
         if scales_all_bodies(term, bodies):

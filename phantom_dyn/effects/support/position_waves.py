@@ -239,7 +239,7 @@ def _periodogram(
     high: float,
     weight: Float[Array, " N"] | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """Orders from ``low`` to ``high``, and by how much a fit of each reduces the residual's sum of squares.
+    """Orders from ``low`` to ``high``, and the decrease of the residual's sum of squares by a fit of each.
 
     Waves and mean are multiplied by ``weight``, if it is given.
     """

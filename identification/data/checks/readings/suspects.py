@@ -67,7 +67,7 @@ class Suspect:
         moves: True if the correction changes positions, and with them the torque of every joint.
         turned: True if the correction changes only positions of joints that turn more than once as recorded.
         outcome: What to report if this suspect fits best. ``wrong``: the recording has a certain fault. ``offer``: the
-            mistake is possible, and the user is told how to correct it. ``rival``: nothing, as the data are also
+            mistake is possible, and a sentence says how to correct it. ``rival``: nothing, as the data are also
             explained by an ordinary difference between robot and model.
         price: 0 for a usual mistake; 1 if numbers are fitted, as gear ratios are; 2 if these also need a load. A
             suspect with a higher price has to explain far more than one with a lower price.

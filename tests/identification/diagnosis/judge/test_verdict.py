@@ -3,8 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.verdict import nearly_closed, not_explained, ordinary_effects_hide, verdict
-from identification.diagnosis.result import Bound, JointGap, Unexplained, torques_may_be_noise
+from identification.diagnosis.judge.verdict import (
+    nearly_closed,
+    not_explained,
+    ordinary_effects_hide,
+    torques_may_be_noise,
+    verdict,
+)
+from identification.diagnosis.result import Bound, JointGap, Unexplained
 
 # Oracle: the contract's table, row by row. All floors are one, with an interval up to 1.1.
 NOTHING = Unexplained(0.0, False, None, None)

@@ -338,7 +338,7 @@ def test_a_set_costs_its_price_and_its_penalty_counted_in_two_ways(twins, free, 
 def test_which_laws_contain_each_other_or_come_arbitrarily_near(quiet, finding, other, joint, nested):
     # By definition of the laws: a soft spring that rests far away is an offset.
     term = quiet.term(finding, "elbow")
-    assert rivals._nested(term, frozenset([quiet.term(other, joint)])) is nested
+    assert rivals.is_nested(term, frozenset([quiet.term(other, joint)])) is nested
 
 
 @pytest.mark.parametrize(("finding", "priced"), [("torque_constant", False), ("parasitic_spring", True)])
@@ -346,7 +346,7 @@ def test_several_effects_together_keep_their_price_but_not_beside_an_effect_that
     quiet, finding, priced
 ):
     both = frozenset([quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")])
-    assert rivals._nested(quiet.term(finding, "elbow"), both) is priced
+    assert rivals.is_nested(quiet.term(finding, "elbow"), both) is priced
 
 
 @pytest.mark.parametrize(("band", "everywhere", "asked"), [(True, True, 2), (True, False, 2), (False, False, 1)])
