@@ -134,6 +134,12 @@ def test_no_committed_file_names_a_place_that_others_do_not_have(kind):
     assert named == []
 
 
+def test_no_link_is_committed():
+    # The target of a link is a place of the machine that made it. 120000 is the mode of a link in git.
+    listing = subprocess.run(["git", "ls-files", "-s"], cwd=CHECKOUT, capture_output=True, text=True, check=True)
+    assert not [line for line in listing.stdout.splitlines() if line.startswith("120000")]
+
+
 def test_the_wheel_holds_both_packages_and_the_robots(tmp_path):
     # Oracle: hatchling, the build backend itself, as pip would call it.
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
