@@ -12,7 +12,7 @@ from identification.data.drives.arrivals import with_unknown_arrivals
 from identification.data.floating.swings import require_swings
 from identification.data.log import Log
 from identification.data.recording import Recording
-from identification.data.signals import process_all, smoothed_where, within_limits
+from identification.data.signals import narrowed, process_all, within_limits
 from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
@@ -90,10 +90,7 @@ class Session:
 
     def log_below(self, series: Float[Array, "n ..."], log: int, edge_hz: float) -> Float[Array, "n ..."]:
         """In-band series of one log, low-passed to a frequency; the same object if its band ends there."""
-        band = self.logs[log].band
-        if edge_hz >= 0.99 * band.cutoff_hz:
-            return series
-        return smoothed_where(series, self.logs[log].valid_in_band, band.output_rate_hz, edge_hz)
+        return narrowed(series, self.logs[log].valid_in_band, self.logs[log].band, edge_hz)
 
 
 def _largest(series: Float[Array, "N nv"]) -> Float[Array, " nv"]:
