@@ -19,7 +19,6 @@ from identification.diagnosis.noise.whitening import (
     noise_filter,
     noise_variance,
     whitened,
-    whitened_series,
     whitening_of,
 )
 from identification.engine.autocorrelation import autocorrelation_time
@@ -101,7 +100,7 @@ def leaving(quiet, monkeypatch):
     def search(columns, residual=None, torque=None, weights=None):
         monkeypatch.setattr(PLACE + "residual_after", lambda *_: residual)
         monkeypatch.setattr(PLACE + "held_out_torque", lambda _, chosen, found: (torque or {}).get(chosen))
-        monkeypatch.setattr(PLACE + "whitened_series", lambda columns, series, like=None: series)
+        monkeypatch.setattr(PLACE + "whitening_of", lambda *_: SimpleNamespace(series=lambda series: series))
         problem = SimpleNamespace(columns=columns, white=columns, weights=weights)
         return SimpleNamespace(problem=problem, evaluate=lambda chosen: None)
 
@@ -265,7 +264,7 @@ def test_columns_and_noise_count_as_the_residual_does(quiet, rng):
     white, white_noise = whitened(replace(doubted, values=same), noise)
     np.testing.assert_allclose(white.residual[0], white_noise[0])
     np.testing.assert_allclose(white.values[0][1][:, 1], white_noise[0][:, 1])
-    np.testing.assert_allclose(whitened_series(doubted, noise, like=noise)[0], white_noise[0])
+    np.testing.assert_allclose(whitening_of(doubted, noise).series(noise)[0], white_noise[0])
 
 
 def test_friction_that_passes_through_zero_two_milliseconds_late_is_no_certain_finding(lab, pendulum):

@@ -13,7 +13,7 @@ from identification.diagnosis.noise.whitening import (
     longest_order,
     noise_filter,
     whitened,
-    whitened_series,
+    whitening_of,
 )
 
 
@@ -149,8 +149,9 @@ def test_another_series_is_whitened_by_the_law_of_the_noise(quiet, rng):
     # One law for both: twice the noise comes out twice as large, itself as `whitened` makes it.
     columns, noise = quiet.columns, quiet_noise(quiet)
     white = whitened(columns, (noise,))[1][0]
-    np.testing.assert_allclose(whitened_series(columns, (noise,))[0], white)
-    np.testing.assert_allclose(whitened_series(columns, (2.0 * noise,), like=(noise,))[0], 2.0 * white)
+    filters = whitening_of(columns, (noise,))
+    np.testing.assert_allclose(filters.series((noise,))[0], white)
+    np.testing.assert_allclose(filters.series((2.0 * noise,))[0], 2.0 * white)
 
 
 def test_two_recordings_are_whitened_by_one_law(quiet):
