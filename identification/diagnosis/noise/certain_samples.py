@@ -51,7 +51,7 @@ def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
-    doubt = [part[:, row] ** 2 for part in columns.standing]
+    doubt = [part[:, row] ** 2 for part in columns.standstill_std]
     use = [part[:, row] for part in columns.usable]
     squares, beside = (
         np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)

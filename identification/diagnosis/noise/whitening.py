@@ -204,12 +204,12 @@ def friction_variance(columns: Columns, log: int, row: int, kernel: Float[Array,
     At a reversal the time of the step of friction is uncertain: that error is filtered. The static friction of a joint
     at standstill may change from sample to sample, so the largest possible output of the filter is taken.
     """
-    return filtered(kernel, columns.doubt[log][:, row]) ** 2 + standstill_variance(columns, log, row, kernel)
+    return filtered(kernel, columns.reversal_std[log][:, row]) ** 2 + standstill_variance(columns, log, row, kernel)
 
 
 def standstill_variance(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
     """The part of `friction_variance` that is due to standstill."""
-    return filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
+    return filtered(np.abs(kernel), columns.standstill_std[log][:, row]) ** 2
 
 
 def noise_variance(

@@ -130,7 +130,7 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
     return (share < _STANDING) & log.valid_in_band[:, None] & log.untouched_in_band
 
 
-def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
+def reversal_std(operation: Operation) -> Float[Array, "N nv"]:
     """Standard deviation of the modelled torque near reversals, from the rate of its Coulomb friction.
 
     It has the sign of the change, so that it can be filtered as the torque is.
@@ -141,7 +141,7 @@ def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
     return rules.REVERSAL_TIME * np.gradient(coulomb, operation.dt, axis=0)
 
 
-def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
+def encoder_still(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     """True where a joint's encoder shows no motion: its reading stays within two counts while the joint may stick.
 
     A reading between two levels flickers by one count, and a motion that ends there adds another. The result is False
@@ -171,10 +171,10 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     return out
 
 
-def friction_is_open(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
+def friction_sign_unknown(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     """True where friction may point either way: a joint's encoder shows no motion, or not in which direction."""
     steps = np.array([counted_step(robot, log, j) for j in range(robot.nv)])
-    return encoder_stands(robot, log) | direction_hidden(log, steps)
+    return encoder_still(robot, log) | direction_hidden(log, steps)
 
 
 def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"]:
@@ -211,7 +211,7 @@ def counted_step(robot: Robot, log: Log, row: int) -> float:
     return max(seen or 0.0, stated_step(robot, row) or 0.0)
 
 
-def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+def standstill_std(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that stand still.
 
     At standstill the model's friction is ``T`` or ``-T``, with the sign of noise. The true one is uniform between
@@ -225,7 +225,7 @@ def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
     return _carried(log, np.sqrt(4.0 / 3.0) * np.where(stands, _about(log, friction), 0.0))
 
 
-def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that creep or reverse.
 
     Laws of friction differ there. The error recurs with the motion, so it must not count as an event.
@@ -241,7 +241,7 @@ def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n 
     return _carried(log, rules.CREEPING_FRICTION * np.where(creeps, _about(log, friction), 0.0))
 
 
-def open_friction(
+def uncertain_friction_variance(
     robot: Robot, log: Log, friction: Float[Array, "N nv"], doubt: Float[Array, "n nv"]
 ) -> Float[Array, "n nv"]:
     """Variance of the friction torque, in the band, of joints that stand still, creep or reverse.
@@ -252,8 +252,8 @@ def open_friction(
         friction: Friction torque of the model, findings included.
         doubt: Standard deviation of the friction torque near reversals, in the band.
     """
-    standing = standing_doubt(log, friction_is_open(robot, log), friction)
-    return standing**2 + doubt**2 + creeping_doubt(log, friction) ** 2
+    standing = standstill_std(log, friction_sign_unknown(robot, log), friction)
+    return standing**2 + doubt**2 + creeping_std(log, friction) ** 2
 
 
 def noise_share(noise: Array | float, friction: Array) -> Array:
