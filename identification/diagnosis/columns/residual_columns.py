@@ -23,7 +23,7 @@ from identification.diagnosis.columns.motion.standstill import (
     usable_samples,
 )
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
-from identification.diagnosis.columns.residual_within_tolerances import residual_within_tolerances, with_residual_of_fit
+from identification.diagnosis.columns.residual_within_tolerances import residual_within_tolerances
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term, merged
 from identification.diagnosis.columns.tolerance_parameters import (
@@ -42,6 +42,7 @@ from phantom_dyn.effects.rival import Shape
 from phantom_dyn.model.inertia import parameter_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.splines import interpolated
 
 _PIECE = 4096  # samples at the full rate whose regressor is in memory at once
 ColumnKey = tuple[str, str | None, Shape]
@@ -129,7 +130,8 @@ def build_columns(session: Session, about: FitPoint = FitPoint(), before: Column
     if residual is None:
         residual = residual_within_tolerances(robot, given.of_model, given.residual, given.usable)
     operations = tuple(
-        with_residual_of_fit(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True)
+        o.after_fit(o.expected, interpolated(o.t, o.t[log.samples], part))
+        for log, o, part in zip(session.logs, operations, residual, strict=True)
     )
     tolerances = [parameter.name for parameter in tolerance_parameters(robot)]
     names = [*tolerances, *parameter_names(robot)]

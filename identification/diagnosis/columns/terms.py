@@ -173,8 +173,7 @@ def untestable_effects(
     out = []
     for effect in catalogue.effects_of(robot):
         for joint in effect.places(robot):
-            why = effect.untestable(robot, operation, joint)
-            why = _hidden_by_drives(robot, effect, joint) or why
+            why = _hidden_by_drives(robot, effect, joint) or effect.untestable(robot, operation, joint)
             if why is None and tried is not None and (effect.name, joint) not in tried:
                 why = f"what the given model leaves on {joint} has no trace of it, so that no size of it was tried"
             if why is not None:

@@ -100,15 +100,19 @@ def tolerance_parameters(robot: Robot) -> tuple[ToleranceParameter, ...]:
         for kind, words, sigma in of_joints:
             if sigma > 0 and modelled_value(robot, kind, joint) > 0:
                 out.append(ToleranceParameter(f"{joint} {words}", sigma, 2 * sigma, kind, joint))
-    for joint in soft_joints(robot):
-        # A recording of the file's simulator has its soft friction; a robot may have less or none.
-        out.append(ToleranceParameter(f"{joint} softness of friction", 1.0, 2.0, SOFTNESS, joint, relative=False))
-    for joint in robot.unknown_arrivals:
-        # The arrival is uniform over a frame: its deviation is 1 / sqrt(12) of the frame.
-        out.append(ToleranceParameter(f"{joint} arrival of references", 0.29, 0.5, ARRIVAL, joint, relative=False))
+    # A recording of the file's simulator has its soft friction; a robot may have less or none.
+    out += [
+        ToleranceParameter(f"{joint} softness of friction", 1.0, 2.0, SOFTNESS, joint, relative=False)
+        for joint in soft_joints(robot)
+    ]
+    # The arrival is uniform over a frame: its deviation is 1 / sqrt(12) of the frame.
+    out += [
+        ToleranceParameter(f"{joint} arrival of references", 0.29, 0.5, ARRIVAL, joint, relative=False)
+        for joint in robot.unknown_arrivals
+    ]
     if robot.floating:
-        for name, sigma in SENSOR_ERRORS.items():
-            out.append(ToleranceParameter(name, sigma, 2 * sigma, BASE, name, relative=False))
+        errors = SENSOR_ERRORS.items()
+        out += [ToleranceParameter(name, sigma, 2 * sigma, BASE, name, relative=False) for name, sigma in errors]
     # The unknown part of the alignment of torque and motion: a fraction of a sample.
     out.append(ToleranceParameter("timing of the torque", 0.25, 0.5, TIMING, None, relative=False))
     return tuple(out)
@@ -132,11 +136,9 @@ def tolerance_columns(
     """
     band = log.band
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
-    rows: list[list[Array]] = [[] for _ in range(robot.nv)]
-    parameters = tolerance_parameters(robot)
-    acting = parameters_by_joint(robot, parameters)
+    parameters, changes = tolerance_parameters(robot), []
     of_base = torque_per_base_error(robot, log, operation) if log.base_sensors is not None else {}
-    for index, parameter in enumerate(parameters):
+    for parameter in parameters:
         if isinstance(parameter.owner, int):
             change = body[:, :, 10 * (parameter.owner - 1) : 10 * parameter.owner] @ parameter.direction
         elif parameter.owner is None:
@@ -159,10 +161,8 @@ def tolerance_columns(
             for k, row in enumerate(signature.rows):
                 column = band(signature.columns[:, k, 0])
                 change[row] = value * (narrow(column) if effect.uses_acceleration else column)
-        for j in range(robot.nv):
-            if index in acting[j]:
-                rows[j].append(change[j])
-    return rows
+        changes.append(change)
+    return [[changes[k][j] for k in acting] for j, acting in enumerate(parameters_by_joint(robot, parameters))]
 
 
 def modelled_value(robot: Robot, kind: str, joint: str) -> float:

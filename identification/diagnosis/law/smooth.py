@@ -107,15 +107,13 @@ def input_gains(residual: JointResidual) -> Gains:
     chance = float(max(np.quantile(by_chance, _CHANCE), 0.0))
     best = sorted(pairs, key=lambda names: -pairs[names][:, 0].sum())[:_PAIRS]
     judged = residual.judged
-    listed = []
-    for names, gain in (*single.items(), *((names, pairs[names]) for names in best), *dynamic.items()):
-        share, interval = _shares(gain[:, 0], plain[:, 0], judged)
-        listed.append(InputGain(names, share, interval, chance))
-    listed.sort(key=lambda one: -one.gain)
+    shown: dict[tuple[str, ...], Array] = {**single, **{names: pairs[names] for names in best}, **dynamic}
+    gains = [InputGain(names, *_shares(gain[:, 0], plain[:, 0], judged), chance) for names, gain in shown.items()]
+    listed = sorted(gains, key=lambda one: -one.gain)
     first = next((one for one in listed if one.inputs in dynamic), None)
     frequency, left = None, np.full(len(residual.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
-        own = dynamic[first.inputs][:, 0]
+        own = shown[first.inputs][:, 0]
         static = [*single.values(), *pairs.values(), gains_of_response(linear_columns(residual))]
         best_static = max((gain[:, 0] for gain in static), key=lambda gain: gain[judged].sum())
         if _clearly(own - best_static, judged, plain[judged, 0].sum()):

@@ -143,7 +143,7 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
     Args:
         session: The recordings.
         columns: Columns of the recordings.
-        steps: Step of each joint's readings, see `coarsest_steps`.
+        steps: Step of each joint's readings, from `coarsest_steps`.
     """
     rng = random_stream("readings with fresh noise")
     logs = tuple(simulated_log(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))

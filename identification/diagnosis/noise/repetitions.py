@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 from scipy import ndimage
@@ -78,17 +79,16 @@ def _loosely_repeated(session: Session, residual: Series, counts: Series) -> lis
     differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     of_model = np.zeros(rows)
     left = np.sqrt(np.mean(np.concatenate(residual) ** 2, axis=0))
-    for first in range(len(logs) if session.differences == ALIKE else 0):
-        for second in range(first + 1, len(logs)):
-            found = _aligned(logs[first], logs[second])
-            if found is None:
-                continue
-            mine, theirs, agree, unlike = found
-            other = _interpolated(residual[second], theirs)
-            weight = agree[:, None] * counts[first][mine] * _interpolated(counts[second], theirs)
-            of_model = np.maximum(of_model, unlike * left)
-            for j in range(rows):
-                differences[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
+    for first, second in combinations(range(len(logs) if session.differences == ALIKE else 0), 2):
+        found = _aligned(logs[first], logs[second])
+        if found is None:
+            continue
+        mine, theirs, agree, unlike = found
+        other = _interpolated(residual[second], theirs)
+        weight = agree[:, None] * counts[first][mine] * _interpolated(counts[second], theirs)
+        of_model = np.maximum(of_model, unlike * left)
+        for j in range(rows):
+            differences[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
     out = [_repeated(parts) for parts in differences]
     return [
         one if one is not None and most < _OF_MODEL * one.value else None
@@ -150,12 +150,11 @@ def _repeated(parts: list[tuple[Array, Array]]) -> Repeated | None:
 
 def repetitions(session: Session) -> list[tuple[int, int, int]]:
     """Repetitions: indices of two logs (or of one log twice), and the lag of the second motion in samples."""
-    found, logs = [], session.logs
-    for first, log in enumerate(logs):
-        for second in range(first, len(logs)):
-            same_rate = np.isclose(log.band.output_rate_hz, logs[second].band.output_rate_hz)
-            if first == second or (session.differences == ALIKE and same_rate):
-                found += [(first, second, lag) for lag in _lags(log, logs[second], same_recording=first == second)]
+    found = []
+    for (first, log), (second, other) in combinations_with_replacement(enumerate(session.logs), 2):
+        same_rate = np.isclose(log.band.output_rate_hz, other.band.output_rate_hz)
+        if first == second or (session.differences == ALIKE and same_rate):
+            found += [(first, second, lag) for lag in _lags(log, other, same_recording=first == second)]
     return found
 
 

@@ -38,11 +38,6 @@ _CAUTION = 3.0
 _STANDING = 0.055
 
 
-def moving_joints(log: Log) -> Bool[Array, " nv"]:
-    """False for joints whose whole motion is rounding: less than a millionth of a radian or metre."""
-    return np.ptp(log.motion.q, axis=0) > 1e-6
-
-
 def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint is at standstill: its speed is within noise, so static friction may hold any torque.
 
@@ -54,8 +49,10 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
     out, unseen = np.empty(log.motion.v.shape, dtype=bool), _unseen_speeds(log)
-    for j, moves in enumerate(moving_joints(log)):
+    for j in range(log.motion.q.shape[1]):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
+        # A whole motion of less than a millionth of a radian or metre is rounding.
+        moves = np.ptp(q) > 1e-6
         sigma = _noise(v, kernel)
         if sigma > rules.SHAKES * np.percentile(np.abs(v), 95):
             # A steady motion has no quiet fifth: then the noise is estimated from the readings.
@@ -97,17 +94,15 @@ def _noise_of_readings(log: Log, j: int) -> float:
     if log.raw_q is None or int(log.valid.sum()) < _LEAST_ROWS:
         return np.inf
     q = log.raw_q[log.valid, j]
-    least = np.inf
-    for order in _ORDERS:
-        differences = np.diff(q, order)
-        gain = np.sqrt(float(math.comb(2 * order, order)))
-        least = min(least, 1.4826 * float(np.median(np.abs(differences))) / gain)
+    least = min(
+        1.4826 * float(np.median(np.abs(np.diff(q, order)))) / np.sqrt(float(math.comb(2 * order, order)))
+        for order in _ORDERS
+    )
     step = (log.reading_steps[j] if len(log.reading_steps) > j else None) or 0.0
     shakes = max(least, step / np.sqrt(12), 1e-12)
     if np.ptp(q) < max(_LEAST_WAY, _BEYOND_SHAKE * shakes):
         return np.inf
-    band = log.band
-    return float(_CAUTION * 2 * np.pi * shakes * np.sqrt(2 * band.cutoff_hz**3 / (3 * band.rate_hz)))
+    return float(_CAUTION * 2 * np.pi * shakes * np.sqrt(2 * log.band.cutoff_hz**3 / (3 * log.band.rate_hz)))
 
 
 def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
@@ -163,9 +158,8 @@ def encoder_still(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
         if seconds > rules.STANDING_LONGEST:
             continue
         width = max(3, 2 * round(0.5 * seconds * rate) + 1)
-        travel = ndimage.maximum_filter1d(readings[:, j], width) - ndimage.minimum_filter1d(
-            readings[:, j], width, axis=0
-        )
+        q = readings[:, j]
+        travel = ndimage.maximum_filter1d(q, width) - ndimage.minimum_filter1d(q, width)
         # All samples of a window within which the reading hardly changes.
         out[:, j] = ndimage.maximum_filter1d(travel <= most, width)
     return out
@@ -186,7 +180,7 @@ def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"
 
     Args:
         log: A recording.
-        steps: Step of each joint's readings [rad or m], see `counted_step`; zero where it is not known.
+        steps: Step of each joint's readings [rad or m] (`counted_step`); zero where it is not known.
     """
     v = log.motion.v
     width = max(3, round(_WATCHED * log.band.rate_hz))
