@@ -28,10 +28,10 @@ from identification.diagnosis.explanation import explanation_of
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.law.find_law import with_law
-from identification.diagnosis.law.formula_search import columns_of, with_nuisances_at_bounds, without_law
+from identification.diagnosis.law.formula_search import columns_of, losses_without_law, with_nuisances_at_bounds
 from identification.diagnosis.law.joint_residual import JointResidual, joint_residual
 from identification.diagnosis.result import Judgement
-from identification.engine.products.block_products import NuisancePrior, block_products
+from identification.engine.products.block_products import block_products
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn import load_robot
 from phantom_dyn.errors import PhantomDynError
@@ -126,14 +126,14 @@ def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
     assert case.law is not None
     residual = joint_residual(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))
     columns = columns_of(residual)
-    before = without_law(residual, columns)
+    before = losses_without_law(residual, columns)
     residual, _ = with_nuisances_at_bounds(residual, columns)
     x = np.concatenate([log.in_band(_parts(case, residual, k)) for k, log in enumerate(residual.logs)])
     x = x / np.sqrt(np.mean(x**2, axis=0))
     count = x.shape[1]
-    x = np.column_stack([x, np.concatenate([log.nuisances for log in residual.logs])])
+    x = np.column_stack([x, residual.nuisances])
     products = block_products(x, residual.y, residual.weight, residual.blocks, len(residual.folds))
-    prior, loss = NuisancePrior(residual.precision, residual.right), 0.0
+    prior, loss = residual.prior, 0.0
     for fold in np.unique(residual.folds):
         train = products.summed((residual.folds != fold).astype(float))
         theta = prior.eliminate_from(train).fitted(list(range(count)))

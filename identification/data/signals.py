@@ -158,13 +158,15 @@ def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Floa
     return filtered(kernel / kernel.sum(), flat, 1).reshape(x.shape)
 
 
-def smoothed_where(
-    x: Float[Array, "n ..."], valid: Bool[Array, " n"], rate_hz: float, cutoff_hz: float
-) -> Float[Array, "n ..."]:
-    """``x`` low-passed at ``cutoff_hz``, each run of valid samples by itself; zero at samples that are not valid.
+def narrowed(x: Float[Array, "n ..."], valid: Bool[Array, " n"], band: Band, cutoff_hz: float) -> Float[Array, "n ..."]:
+    """In-band samples ``x`` low-passed to a narrower band; the same object if ``band`` ends there already.
 
-    So valid samples do not depend on interpolated values in gaps.
+    Each run of valid samples is filtered by itself, so that valid samples do not depend on interpolated values in gaps.
+    Samples that are not valid become zero.
     """
+    rate_hz = band.output_rate_hz
+    if cutoff_hz >= 0.99 * band.cutoff_hz:
+        return x
     if valid.all():
         return smoothed(x, rate_hz, cutoff_hz)
     out = np.zeros(x.shape)

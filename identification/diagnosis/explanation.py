@@ -39,6 +39,7 @@ from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import at_least_sensor_noise, whitened, whitening_of
 from identification.diagnosis.search.claims import gate_results, passes_gates
 from identification.diagnosis.search.fits import SearchWithoutEnd
+from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.refinement import (
     found_effects,
     needs_refinement,
@@ -106,18 +107,23 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
 
 
 def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int] | None) -> Explanation:
-    """The effects that explain the recordings by so many fits; with None no effect is searched for.
+    """The effects that explain the recordings.
+
+    Args:
+        session: Robot, logs, blocks.
+        progress: Takes the stages.
+        allowed: Has an item for each fit that may be made; None: no effect is searched for.
 
     Raises:
         SearchWithoutEnd: By the first fit that is not allowed.
     """
     progress(Announcement(Stage.REGRESSORS))
-    at = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
-    columns = build_columns(session, at)
+    point = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
+    columns = build_columns(session, point)
     progress(Announcement(Stage.NOISE))
     steps = coarsest_steps(session.logs)
     simulated = simulated_recordings(session, columns, steps)
-    noise, inside = estimate_noise(session, columns)
+    noise, judged_noise = estimate_noise(session, columns)
     noise = at_least_encoder_noise(noise, simulated.residual, columns.usable)
     sensed = sensed_noise(session, columns)
     noise = at_least_sensor_noise(columns, noise, sensed)
@@ -131,7 +137,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(0 if allowed is None else _REFINEMENTS):
-        noise, ratio = _noise_left(last, columns, sensed)
+        noise, ratio = _noise_after(last, columns, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
         found = found_effects(fitted, last.chosen)
@@ -145,23 +151,21 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         if points:
             problem = last.search.problem
             residual = residual_after(problem, held_out_torque(problem, last.chosen, fitted))
-            point = replace(at, found=found, runners_up=near, residual=residual)
+            point = replace(point, found=found, runners_up=near, residual=residual)
             # The next set of products takes as much memory as what it replaces.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
-        simulated = replace(_set_up(session, columns, noise, allowed), record=record)
-        search = _with_thresholds(simulated, noise, spurious, progress)
-        del simulated
+        search = _with_thresholds(_set_up(session, columns, noise, allowed, record), noise, spurious, progress)
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
-    quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
+    quiet = quieter_in_band(session, columns, last.noise, judged_noise, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
     fits = 0 if allowed is None else most_fits(session.robot.nv) - length_hint(allowed)
     last.search.fits.without_limit()
     return replace(last, chosen=chosen, fits=fits, in_band=quiet, coarse=coarse, encoders=encoders)
 
 
-def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
+def _noise_after(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
     """Noise estimated from the residual of an explanation, with fits that are weighted by that residual itself.
 
     A fit that is weighted by too large a noise leaves a larger residual. The result is at least the noise of the
@@ -184,7 +188,13 @@ def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Se
     return noise, float(np.min(np.sqrt(new / np.maximum(old, 1e-300)), where=old > 0, initial=1.0))
 
 
-def _set_up(session: Session, columns: Columns, noise: Series, allowed: Iterator[int] | None = None) -> Search:
+def _set_up(
+    session: Session,
+    columns: Columns,
+    noise: Series,
+    allowed: Iterator[int] | None = None,
+    record: Record | None = None,
+) -> Search:
     """The search over all rivals for a given noise, without thresholds yet."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
@@ -196,7 +206,7 @@ def _set_up(session: Session, columns: Columns, noise: Series, allowed: Iterator
         read_problem = replace(set_up(session, read, white, weights), white=replace(white, values=()))
         problem = replace(problem, at_readings=read_problem)
     none = np.zeros(len(columns.rows))
-    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, allowed=allowed)
+    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, record, allowed)
 
 
 def _with_thresholds(
@@ -246,8 +256,7 @@ def _searched(
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < rules.LEAST_TRACE:
             break
-        again = _set_up(search.problem.session, search.problem.columns, quiet, search.fits.allowed)
-        quieter = replace(again, record=search.record)
+        quieter = _set_up(search.problem.session, search.problem.columns, quiet, search.fits.allowed, search.record)
         quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
         if not passes_gates(quieter, tried, chosen):
             break

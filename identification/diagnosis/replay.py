@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.data.changes import Change, robot_in
 from identification.data.log import Log
-from identification.data.signals import smoothed_where
+from identification.data.signals import narrowed
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, joined_bases
@@ -47,10 +47,7 @@ class Replay:
     def in_band(self, series: Float[Array, "N nv"], log: int) -> Float[Array, "n nv"]:
         """A series of one log, given at the full rate, filtered to the judged band."""
         band = self.logs[log].band
-        wide = band(series)
-        if self.cutoff_hz >= 0.99 * band.cutoff_hz:
-            return wide
-        return smoothed_where(wide, self.logs[log].valid_in_band, band.output_rate_hz, self.cutoff_hz)
+        return narrowed(band(series), self.logs[log].valid_in_band, band, self.cutoff_hz)
 
     def squares(self, torque: Callable[[int], Float[Array, "N nv"]]) -> Float[Array, "2 B nv"]:
         """Weighted squared residuals in the judged band, and weights, each summed over the samples of a block.

@@ -6,6 +6,7 @@ import numpy as np
 
 from identification.data.log import Band
 from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
+from identification.engine.products.block_products import NuisancePrior
 
 Array = np.ndarray
 
@@ -62,8 +63,7 @@ def made_up_residual(
         blocks=blocks,
         folds=np.arange(blocks.max() + 1) % 8,
         floor=noise,
-        precision=noise**2 * np.eye(count),
-        right=np.zeros(count),
+        prior=NuisancePrior(noise**2 * np.eye(count), np.zeros(count)),
         lower=np.full(count, -bound),
         upper=np.full(count, bound),
     )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.columns.residual_columns import Columns, effect_columns, plain_columns
+from identification.diagnosis.columns.residual_columns import Columns, effect_columns, model_columns
 from identification.diagnosis.columns.session import Session
 
 # Cutoff of the wider band, in cutoffs of the judged band. Columns with this cutoff change by at most 2.5 % what the
@@ -25,7 +25,7 @@ def columns_at_readings(session: Session, columns: Columns) -> Columns:
     """
     values = []
     for k, old_rows in enumerate(columns.values):
-        new_rows = (np.column_stack(row) for row in plain_columns(session, k, columns.operations[k]))
+        new_rows = (np.column_stack(row) for row in model_columns(session, k, columns.operations[k]))
         values.append(
             tuple(np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(new_rows, old_rows, strict=True))
         )
@@ -48,7 +48,7 @@ def with_wider_band(session: Session, columns: Columns) -> Columns:
     blocks = [block for block in columns.local if block.effect.uses_acceleration]
     for k, old_rows in enumerate(columns.values):
         operation = columns.operations[k].short_lived_copy()
-        new_rows = (np.column_stack(row) for row in plain_columns(session, k, operation, beyond=_PASSES_WHOLE))
+        new_rows = (np.column_stack(row) for row in model_columns(session, k, operation, beyond=_PASSES_WHOLE))
         rows = [np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(new_rows, old_rows, strict=True)]
         for block in blocks:
             parts = effect_columns(session, k, operation, block, _PASSES_WHOLE * session.cutoff_hz)

@@ -18,9 +18,8 @@ def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, di
         columns: Columns of all effects.
         terms: The effects; others that need no further columns are kept, too.
     """
-    first = min((block.first for block in columns.local), default=len(columns.names))
     wanted = {column for term in terms for column in term.columns}
-    kept = [k for k in range(len(columns.names)) if k < first or k in wanted]
+    kept = [k for k in range(len(columns.names)) if k < columns.model_count or k in wanted]
     place = {column: at for at, column in enumerate(kept)}
     moved = {
         term: replace(term, columns=tuple(place[column] for column in term.columns))

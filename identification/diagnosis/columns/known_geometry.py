@@ -82,7 +82,9 @@ def corrected_recordings(
         recordings: The recordings; those without poses are not changed.
         known: Effects of earlier diagnoses.
     """
-    recordings = _in_root(recordings, known)
+    for one in known:
+        if one.effect == BASE_POSE:
+            recordings = tuple(_expressed_in(placed(np.array(one.theta)), recording) for recording in recordings)
     in_positions = [one for one in known if one.effect in (ZERO, ELASTIC) and one.joint in robot.joint_names]
     if not in_positions:
         return recordings
@@ -91,25 +93,16 @@ def corrected_recordings(
         (zeros if one.effect == ZERO else compliance)[robot.joint_names.index(str(one.joint))] += one.theta[0]
 
     def with_link_positions(recording: Recording) -> Recording:
-        if not recording.positions:
-            return recording
         read = replace(recording, q=recording.q - zeros)
         return replace(read, q=read.q - compliance * load_of(robot, read)) if compliance.any() else read
 
-    return tuple(map(with_link_positions, recordings))
+    return tuple(with_link_positions(one) if one.positions else one for one in recordings)
 
 
-def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
-    """Recordings with poses in the true root frame, where earlier poses showed that the base stands elsewhere."""
-    bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]
-    for base in bases:
-        recordings = tuple(_seen_from(recording, base) for recording in recordings)
-    return recordings
-
-
-def _seen_from(recording: Recording, base: pin.SE3) -> Recording:
+def _expressed_in(base: pin.SE3, recording: Recording) -> Recording:
     """A recording with its measured poses expressed in the frame of a base."""
-    back, turn = base.inverse(), pin.Quaternion(base.inverse().rotation)
+    back = base.inverse()
+    turn = pin.Quaternion(back.rotation)
     return replace(
         recording,
         positions={frame: p @ back.rotation.T + back.translation for frame, p in recording.positions.items()},

@@ -72,7 +72,7 @@ def lay_out(
     local: list[Local] = []
     start = _first_samples(operation)
     for effect, joint, shapes in shapes_of(
-        robot, operation, found, resonances, session.differences.own, together(session, operation)
+        robot, operation, found, resonances, session.differences.own, groups_of_joints(session, operation)
     ):
         if effect.inertial is not None and not isinstance(effect, OwnEffect):
             columns = tuple(first_body + c for c in effect.regressor_columns(robot, joint))
@@ -104,7 +104,7 @@ def _first_samples(operation: Operation) -> Operation:
     return few if operation.temperature is None else replace(few, temperature=operation.temperature[:8])
 
 
-def together(session: Session, operation: Operation) -> tuple[str, ...]:
+def groups_of_joints(session: Session, operation: Operation) -> tuple[str, ...]:
     """Sets of two or more joints that may have a cause in common, their names joined by ``+`` in the robot's order.
 
     Args:

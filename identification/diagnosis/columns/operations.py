@@ -15,7 +15,7 @@ import numpy as np
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
-from identification.diagnosis.columns.tolerance_parameters import OF_THE_RECORDING, tolerance_parameters
+from identification.diagnosis.columns.tolerance_parameters import OF_THE_RECORDING, modelled_value, tolerance_parameters
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -24,7 +24,6 @@ from phantom_dyn.effects.load.payload import carrying
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival
 from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters, with_rotor_inertia
-from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -112,12 +111,15 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
                     found_load = found_load - torque
                 else:
                     in_drive = in_drive - torque
-    per_load = _per_load(robot, replace(operation, found_load=found_load), effects)
+    per_load = _per_load(robot, operation, found_load, effects)
     return replace(operation, tau=tau, expected=tau, found_load=None, per_load=per_load, known_in_drive=in_drive)
 
 
 def _per_load(
-    robot: Robot, operation: Operation, effects: list[tuple[Effect, KnownEffect]]
+    robot: Robot,
+    operation: Operation,
+    found_load: Float[Array, "N nv"],
+    effects: list[tuple[Effect, KnownEffect]],
 ) -> Float[Array, "N nv"] | None:
     """Derivative of the drive torque by the torque on the link, with known effects that depend on the load.
 
@@ -126,21 +128,19 @@ def _per_load(
 
     Args:
         robot: The given model.
-        operation: With the known load.
+        operation: Of the model alone.
+        found_load: Load by known effects.
         effects: Known effects.
     """
     following = [(effect, one) for effect, one in effects if effect.follows_load and not effect.on_link]
     if not following:
         return None
-    load = operation.load
+    load = replace(operation, found_load=found_load).load
     step = _LOAD_STEP * np.sqrt(np.mean(load**2, axis=0)) + 1e-12
     out = np.ones_like(load)
-    added = np.zeros_like(load) if operation.found_load is None else operation.found_load
+    above, below = (replace(operation, found_load=found_load + side * step) for side in (1.0, -1.0))
     for effect, one in following:
-        more, less = (
-            effect.torque(robot, replace(operation, found_load=added + side * step), one.joint, np.array(one.theta))
-            for side in (1.0, -1.0)
-        )
+        more, less = (effect.torque(robot, at, one.joint, np.array(one.theta)) for at in (above, below))
         out -= (more - less) / (2.0 * step)
     return out
 
@@ -150,23 +150,23 @@ def _stage_of(effect: Rival) -> int:
     return 3 if effect.scales_joint else 2 if effect.follows_torque else 1 if effect.follows_load else 0
 
 
-def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
+def expecting(operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
     """The operation with the torque of the effects of the last fit."""
     plain = operation.after_fit(operation.tau)
     found_load = np.zeros_like(operation.tau)
     for point in found:
         if point.effect.on_link:
-            found_load += _torque_of(robot, plain, point)
+            found_load += _torque_of(plain, point)
     plain, expected = plain.after_fit(operation.tau, found_load=found_load), operation.tau
     for point in found:
         if not (point.effect.follows_torque or point.effect.scales_joint):
-            expected = expected + _torque_of(robot, plain, point)
+            expected = expected + _torque_of(plain, point)
     return plain.after_fit(expected)
 
 
-def _torque_of(robot: Robot, operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:
+def _torque_of(operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:
     """Drive torque of an effect of the last fit."""
-    signature = point.effect.signature(robot, operation, point.joint, point.shape)
+    signature = point.effect.signature(operation.robot, operation, point.joint, point.shape)
     out = np.zeros_like(operation.tau)
     out[:, list(signature.rows)] = signature.columns @ point.coefficients
     return out
@@ -189,13 +189,7 @@ def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]
 
 def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
     """Friction torque of the model and of the last fit's friction effects, as part of the drive torque."""
-    friction = operation.own_friction
-    for point in found:
-        if point.effect.rubs:
-            signature = point.effect.signature(operation.robot, operation, point.joint, point.shape)
-            friction = friction.copy()
-            friction[:, list(signature.rows)] += signature.columns @ point.coefficients
-    return friction
+    return sum((_torque_of(operation, point) for point in found if point.effect.rubs), operation.own_friction)
 
 
 def adjusted_robot(robot: Robot, changes: Float[Array, " n"], given: Robot | None = None) -> Robot:
@@ -215,11 +209,9 @@ def adjusted_robot(robot: Robot, changes: Float[Array, " n"], given: Robot | Non
             if parameter.direction is not None:
                 change[10 * (owner - 1) : 10 * owner] += value * parameter.direction
         elif owner is not None and parameter.kind == "rotor":
-            out = with_rotor_inertia(out, owner, value * float(robot.rotor_inertia[robot.joint_names.index(owner)]))
+            out = with_rotor_inertia(out, owner, value * modelled_value(robot, "rotor", owner))
         elif owner is not None and parameter.kind not in OF_THE_RECORDING:
-            viscous, coulomb = modelled_friction_of(robot, owner)
-            more = {"viscous": value * viscous} if parameter.kind == "viscous" else {"coulomb": value * coulomb}
-            out = with_friction(out, owner, **more)
+            out = with_friction(out, owner, **{parameter.kind: value * modelled_value(robot, parameter.kind, owner)})
     return with_parameters(out, change)
 
 

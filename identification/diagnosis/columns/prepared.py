@@ -90,7 +90,7 @@ def prepared(
     notes: tuple[Said, ...] = ()
     if not changes:  # known differences are of whole recordings
         notes = tuple(note_on_length(one) for one in (*seen, *unseen) if is_long(one))
-        seen, unseen = _stretches(seen), _stretches(unseen)
+        seen, unseen = (tuple(part for one in some for part in stretches(one)) for some in (seen, unseen))
     return Prepared(
         robot,
         seen,
@@ -103,7 +103,3 @@ def prepared(
         notes=notes,
         started=started,
     )
-
-
-def _stretches(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
-    return tuple(part for recording in recordings for part in stretches(recording))

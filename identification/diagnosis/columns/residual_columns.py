@@ -12,18 +12,18 @@ from functools import partial
 
 import numpy as np
 
-from identification.data.log import Band, Log
+from identification.data.log import Band
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import Local, lay_out
 from identification.diagnosis.columns.motion.one_sine import held, moving, two_numbers_beside_more
 from identification.diagnosis.columns.motion.standstill import (
-    friction_is_open,
-    reversal_doubt,
-    standing_doubt,
+    friction_sign_unknown,
+    reversal_std,
+    standstill_std,
     usable_samples,
 )
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
-from identification.diagnosis.columns.residual_within_tolerances import residual_within_tolerances, with_residual_of_fit
+from identification.diagnosis.columns.residual_within_tolerances import residual_within_tolerances
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term, merged
 from identification.diagnosis.columns.tolerance_parameters import (
@@ -42,6 +42,7 @@ from phantom_dyn.effects.rival import Shape
 from phantom_dyn.model.inertia import parameter_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.splines import interpolated
 
 _PIECE = 4096  # samples at the full rate whose regressor is in memory at once
 ColumnKey = tuple[str, str | None, Shape]
@@ -60,8 +61,8 @@ class Columns:
         residual: For each log, measured minus modelled torque in the band, ``(n, nv)``.
         model_torque: For each log, modelled torque in the band, ``(n, nv)``.
         usable: For each log, samples that may be used on each row, ``(n, nv)``.
-        doubt: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
-        standing: For each log, standard deviation of the friction torque of standing joints, ``(n, nv)``.
+        reversal_std: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
+        standstill_std: For each log, standard deviation of the friction torque of standing joints, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Places of the columns of each effect.
         displaced: Effects and joints that displace links or turn gravity, for which columns of tolerance parameters
@@ -76,11 +77,16 @@ class Columns:
     residual: tuple[Float[Array, "n nv"], ...]
     model_torque: tuple[Float[Array, "n nv"], ...]
     usable: tuple[Bool[Array, "n nv"], ...]
-    doubt: tuple[Float[Array, "n nv"], ...]
-    standing: tuple[Float[Array, "n nv"], ...]
+    reversal_std: tuple[Float[Array, "n nv"], ...]
+    standstill_std: tuple[Float[Array, "n nv"], ...]
     operations: tuple[Operation, ...]
     local: tuple[Local, ...]
     displaced: tuple[tuple[str, str | None], ...] = ()
+
+    @property
+    def model_count(self) -> int:
+        """Number of columns of tolerance parameters and rigid bodies, which come first."""
+        return min((block.first for block in self.local), default=len(self.names))
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ class FitPoint:
     resonances: tuple[FoundEffect, ...] = ()
 
 
-def build_columns(session: Session, about: FitPoint | None = None, before: Columns | None = None) -> Columns:
+def build_columns(session: Session, about: FitPoint = FitPoint(), before: Columns | None = None) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
     Columns made of accelerations are filtered to the judged band: above it they are encoder noise, the same noise as in
@@ -108,20 +114,24 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
 
     Args:
         session: Robot and logs.
-        about: Where nonlinear laws are linearised; None before the first fit.
+        about: Where nonlinear laws are linearised.
         before: Columns of the same session before the last fit, which are reused where it does not change them.
     """
-    about = FitPoint() if about is None else about
     robot = session.robot
+    displacing = _displacing(robot, about.found)
     given = _given_part(session) if before is None else _given_part_of(before)
-    if before is None or before.displaced or _displacing(robot, about.found):
-        given = _with_plain(session, given, about.found)
-    operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
+    if before is None or before.displaced or displacing:
+        # Tolerance parameters and rigid bodies at the true positions of the links, where a wrong mass acts. The effect
+        # itself is a change of the given model's torque, from which the residual is computed: both together are exact.
+        parts = tuple(model_columns(session, k, o, displacing) for k, o in enumerate(given.operations))
+        given = replace(given, of_model=parts)
+    operations = tuple(expecting(o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
-        residual = residual_within_tolerances(robot, given.plain, given.residual, given.usable)
+        residual = residual_within_tolerances(robot, given.of_model, given.residual, given.usable)
     operations = tuple(
-        with_residual_of_fit(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True)
+        o.after_fit(o.expected, interpolated(o.t, o.t[log.samples], part))
+        for log, o, part in zip(session.logs, operations, residual, strict=True)
     )
     tolerances = [parameter.name for parameter in tolerance_parameters(robot)]
     names = [*tolerances, *parameter_names(robot)]
@@ -129,8 +139,8 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     terms, local = lay_out(session, merged(operations), len(tolerances), names, found, about.resonances)
     given = replace(given, operations=operations)
     values = tuple(
-        _values(session, k, o, own, local, _kept(before, k))
-        for k, (o, own) in enumerate(zip(operations, given.plain, strict=True))
+        _values(session, k, o, own, local, {} if before is None else _kept(before, k))
+        for k, (o, own) in enumerate(zip(operations, given.of_model, strict=True))
     )
     return _assembled(session, given, tuple(names), terms, local, values, about.found)
 
@@ -150,16 +160,19 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
 def columns_by_log(
     session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()
 ) -> tuple[Columns, Callable[[int], tuple[Float[Array, "n k"], ...]]]:
-    """As `columns_like`, with a function that computes the columns of one log: all logs' columns together are large."""
+    """As `columns_like` without the values, and a function that computes the values of one log.
+
+    Those of all logs together are large.
+    """
     given, displacing = _given_part(session), _displacing(session.robot, found) if like.displaced else ()
-    operations = tuple(expecting(o.robot, o, found) for o in given.operations)
+    operations = tuple(expecting(o, found) for o in given.operations)
     expected = replace(given, operations=operations)
 
-    def made(log: int) -> tuple[Array, ...]:
-        plain = plain_columns(session, log, given.operations[log], displacing)
-        return _values(session, log, operations[log], plain, like.local, {})
+    def values_of(log: int) -> tuple[Array, ...]:
+        of_model = model_columns(session, log, given.operations[log], displacing)
+        return _values(session, log, operations[log], of_model, like.local, {})
 
-    return _assembled(session, expected, like.names, like.terms, like.local, (), found), made
+    return _assembled(session, expected, like.names, like.terms, like.local, (), found), values_of
 
 
 @dataclass(frozen=True)
@@ -167,14 +180,15 @@ class _GivenPart:
     """Parts that no fit changes: the given model's torque, the residual, and the columns of model parameters."""
 
     operations: tuple[Operation, ...]
-    plain: tuple[list[list[Float[Array, " n"]]], ...]
+    of_model: tuple[list[list[Float[Array, " n"]]], ...]
     model_torque: Series
     residual: Series
     usable: tuple[Bool[Array, "n nv"], ...]
-    doubt: Series
+    reversal_std: Series
 
 
 def _given_part(session: Session) -> _GivenPart:
+    """The parts that no fit changes, without columns of model parameters."""
     robot, logs = session.robot, session.logs
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
     moves = moving(logs)
@@ -190,24 +204,25 @@ def _given_part(session: Session) -> _GivenPart:
         torque,
         residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
         usable=tuple(usable_samples(log) & ~unknown_drives(robot) & ~row for log, row in zip(logs, few, strict=True)),
-        doubt=tuple(log.band(_doubt(log, o)) for log, o in zip(logs, operations, strict=True)),
+        # A drive may also switch between two readings.
+        reversal_std=tuple(
+            log.band(reversal_std(o) if log.switching is None else reversal_std(o) + log.switching)
+            for log, o in zip(logs, operations, strict=True)
+        ),
     )
 
 
-def _doubt(log: Log, operation: Operation) -> Float[Array, "N nv"]:
-    """Standard deviation of the torque where friction changes sign, or a drive switches between two readings."""
-    friction = reversal_doubt(operation)
-    return friction if log.switching is None else friction + log.switching
-
-
 def _given_part_of(before: Columns) -> _GivenPart:
+    """The parts that no fit changes, from earlier columns of the same session."""
+    counts = [sum(column < before.model_count for column in row) for row in before.rows]
+    of_model = tuple([[*part[:, :count].T] for part, count in zip(log, counts, strict=True)] for log in before.values)
     return _GivenPart(
         before.operations,
-        tuple(_plain_before(before, k) for k in range(len(before.values))),
+        of_model,
         before.model_torque,
         before.residual,
         before.usable,
-        before.doubt,
+        before.reversal_std,
     )
 
 
@@ -238,8 +253,12 @@ def _assembled(
         given.residual,
         given.model_torque,
         given.usable,
-        given.doubt,
-        _standing(session, given.operations, found),
+        given.reversal_std,
+        # With the friction of the last fit.
+        tuple(
+            standstill_std(log, friction_sign_unknown(robot, log), friction_with(operation, found))
+            for log, operation in zip(session.logs, given.operations, strict=True)
+        ),
         given.operations,
         local,
         tuple(point.effect_joint for point in _displacing(session.robot, found)),
@@ -251,36 +270,16 @@ def _displacing(robot: Robot, found: tuple[FoundEffect, ...]) -> tuple[FoundEffe
 
     An encoder error that gives the same reading at several positions is left out: it would make infinite speeds.
     """
-    return tuple(point for point in found if point.effect.displaces and _reads_one_place(robot, point))
+    out = []
+    for point in found:
+        effect = point.effect
+        if isinstance(effect, Effect) and effect.displaces:
+            theta = effect.from_coefficients(robot, point.joint, point.coefficients, point.shape)
+            out += [point] if effect.reads_one_place(theta) else []
+    return tuple(out)
 
 
-def _reads_one_place(robot: Robot, point: FoundEffect) -> bool:
-    """True if each reading belongs to one position of the joint."""
-    assert isinstance(point.effect, Effect)
-    theta = point.effect.from_coefficients(robot, point.joint, point.coefficients, point.shape)
-    return point.effect.reads_one_place(theta)
-
-
-def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
-    """The parts with tolerance parameters and rigid bodies at the true positions of the links, where a wrong mass acts.
-
-    The effect itself is the change of the given model's torque, from which the residual is computed; so both together
-    are exact.
-    """
-    there = _displacing(session.robot, found)
-    plain = tuple(plain_columns(session, k, o, there) for k, o in enumerate(given.operations))
-    return replace(given, plain=plain)
-
-
-def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[FoundEffect, ...]) -> Series:
-    """Deviation of the friction torque of standing joints in each log, with the friction of the last fit."""
-    return tuple(
-        standing_doubt(log, friction_is_open(session.robot, log), friction_with(operation, found))
-        for log, operation in zip(session.logs, operations, strict=True)
-    )
-
-
-def plain_columns(
+def model_columns(
     session: Session,
     log: int,
     operation: Operation,
@@ -331,14 +330,6 @@ def _parameters_on(robot: Robot, row: int) -> tuple[int, ...]:
     return tuple(10 * (body - 1) + k for body in bodies_on(robot, row) for k in range(10))
 
 
-def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
-    """Columns of tolerance parameters and rigid bodies, from earlier columns of the same log."""
-    others = min((block.first for block in before.local), default=len(before.names))
-    return [
-        [*before.values[log][j][:, : sum(column < others for column in row)].T] for j, row in enumerate(before.rows)
-    ]
-
-
 def effect_columns(
     session: Session, log: int, operation: Operation, block: Local, edge_hz: float
 ) -> tuple[Float[Array, "n c"], ...]:
@@ -355,17 +346,14 @@ def effect_columns(
     return tuple(out)
 
 
-def _kept(before: Columns | None, log: int) -> dict[ColumnKey, tuple[Float[Array, "n c"], ...]]:
+def _kept(before: Columns, log: int) -> dict[ColumnKey, tuple[Float[Array, "n c"], ...]]:
     """Columns of one log, by effect, joint and shape, that no fit changes: one array for each row that they touch."""
     out: dict[ColumnKey, tuple[Array, ...]] = {}
-    if before is None:
-        return out
     for block in before.local:
         if block.effect.stays:
-            places = [before.rows[row].index(block.first) for row in block.rows]
-            parts = zip(block.rows, places, strict=True)
+            places = [(row, before.rows[row].index(block.first)) for row in block.rows]
             out[block.effect.name, block.joint, block.shape] = tuple(
-                before.values[log][row][:, place : place + block.count] for row, place in parts
+                before.values[log][row][:, place : place + block.count] for row, place in places
             )
     return out
 
@@ -374,7 +362,7 @@ def _values(
     session: Session,
     log: int,
     operation: Operation,
-    plain: list[list[Float[Array, " n"]]],
+    of_model: list[list[Float[Array, " n"]]],
     local: tuple[Local, ...],
     kept: dict[ColumnKey, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
@@ -385,7 +373,7 @@ def _values(
         known = kept.get((block.effect.name, block.joint, block.shape))
         return effect_columns(session, log, operation, block, session.cutoff_hz) if known is None else known
 
-    rows = [list(columns) for columns in plain]
+    rows = [list(columns) for columns in of_model]
     for block, parts in zip(local, in_two_threads(computed, local), strict=True):
         for row, columns in zip(block.rows, parts, strict=True):
             rows[row].extend(columns.T)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.data.log import Log
 from identification.diagnosis.columns.tolerance_parameters import parameters_by_joint, tolerance_parameters
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.signals.splines import interpolated
 
 
 def residual_within_tolerances(
@@ -47,10 +44,3 @@ def residual_within_tolerances(
         np.column_stack([r[:, j] - np.column_stack(log[j][: len(acting[j])]) @ change[acting[j]] for j in rows])
         for log, r in zip(columns, residual, strict=True)
     )
-
-
-def with_residual_of_fit(log: Log, operation: Operation, residual: Float[Array, "n nv"]) -> Operation:
-    """The operation with the residual of a fit, interpolated to the full rate."""
-    t = operation.t
-    full = interpolated(t, t[log.samples], residual)
-    return operation.after_fit(operation.expected, full)

@@ -19,7 +19,11 @@ from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.simulated import SWING_DAMPING
 from phantom_dyn.effects.support.displaced import behind_encoder
 from phantom_dyn.errors import EstimationError, LogError, ParameterError, RobotError
-from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
+from phantom_dyn.haptics.experiments.frequency_response import (
+    FrequencyResponse,
+    estimate_frequency_response,
+    fit_continuous_two_mass,
+)
 from phantom_dyn.model.robot import Robot
 
 # Share of the rate up to which a sampled torque is accurate to a per cent.
@@ -53,8 +57,6 @@ def _stiffness(log: Log, joint: str) -> float | None:
         response = joint_response(log, joint)
         if np.mean(response.coherence >= rules.COHERENT) < rules.EXCITED_SHARE:
             return None
-        from phantom_dyn.haptics.experiments.frequency_response import fit_continuous_two_mass
-
         # A fit to another system than two masses may overflow in between; its result is tested by the misfit.
         with np.errstate(all="ignore"):
             return fit_continuous_two_mass(response).axis.cable_stiffness
@@ -92,10 +94,7 @@ def joint_response(log: Log, joint: str) -> FrequencyResponse:
 
 
 def _longest_valid(log: Log) -> slice:
-    """The longest run of samples that may be used."""
+    """The longest run of samples that may be used, the first of equal ones; empty without any."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]).astype(int)))
-    if len(edges) == 0:
-        return slice(0, 0)
-    starts, stops = edges[::2], edges[1::2]
-    longest = int(np.argmax(stops - starts))
-    return slice(int(starts[longest]), int(stops[longest]))
+    runs = edges.reshape(-1, 2).tolist()
+    return max((slice(*run) for run in runs), key=lambda run: run.stop - run.start, default=slice(0, 0))

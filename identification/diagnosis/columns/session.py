@@ -12,7 +12,7 @@ from identification.data.drives.arrivals import with_unknown_arrivals
 from identification.data.floating.swings import require_swings
 from identification.data.log import Log
 from identification.data.recording import Recording
-from identification.data.signals import process_all, smoothed_where, within_limits
+from identification.data.signals import narrowed, process_all, within_limits
 from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
@@ -90,13 +90,11 @@ class Session:
 
     def log_below(self, series: Float[Array, "n ..."], log: int, edge_hz: float) -> Float[Array, "n ..."]:
         """In-band series of one log, low-passed to a frequency; the same object if its band ends there."""
-        band = self.logs[log].band
-        if edge_hz >= 0.99 * band.cutoff_hz:
-            return series
-        return smoothed_where(series, self.logs[log].valid_in_band, band.output_rate_hz, edge_hz)
+        return narrowed(series, self.logs[log].valid_in_band, self.logs[log].band, edge_hz)
 
 
 def _largest(series: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+    """Largest magnitude of each column, zero where none is known."""
     return np.nanmax(np.abs(series), axis=0, initial=0.0)
 
 
@@ -156,8 +154,9 @@ def session_of(
 
 def _require_samples(session: Session) -> None:
     """Refuses recordings of which gaps and excluded times leave too few blocks with samples."""
-    held = sum(_holds_samples(session, k) for k in np.flatnonzero(session.folds >= 0).tolist())
-    if held >= rules.LEAST_BLOCKS:
+    blocks = [block for block, fold in zip(session.blocks, session.folds, strict=True) if fold >= 0]
+    # Blocks with a sample in their core that no gap and no excluded stretch touches.
+    if sum(session.logs[b.log].valid_in_band[b.core : b.stop].any() for b in blocks) >= rules.LEAST_BLOCKS:
         return
     edges = [np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]))) for log in session.logs]
     longest = [
@@ -171,12 +170,6 @@ def _require_samples(session: Session) -> None:
         f"(the longest stretch without lasts {max(longest):.2g} s, and the filter of the band needs {wanted:.2g} s of "
         "each): record at least ten seconds of motion without gaps."
     )
-
-
-def _holds_samples(session: Session, block: int) -> bool:
-    """True if a block has a sample in its core that no gap and no excluded stretch touches."""
-    where = session.blocks[block]
-    return bool(session.logs[where.log].valid_in_band[where.core : where.stop].any())
 
 
 def _with_its_friction(session: Session) -> Robot:
@@ -200,6 +193,7 @@ def _known_coulomb(robot: Robot, known: tuple[KnownEffect, ...]) -> Float[Array,
 
 
 def _require_free_names(robot: Robot) -> None:
+    """Refuses effects of a user that have the name of a structure of unknown cause."""
     taken = {structure.name for structure in STRUCTURES}
     for effect in robot.user_effects:
         if effect.name in taken:

@@ -25,11 +25,13 @@ _OF_THE_MOTION = 0.9
 
 
 def _on_row(robot: Robot, joint: str | None, columns: list[Float[Array, " N"]]) -> Signature:
+    """Columns that act on one joint alone."""
     names = tuple(f"c{k}" for k in range(len(columns)))
     return Signature((row_of(robot, joint),), np.array(columns).T[:, None, :], names, ("",) * len(columns))
 
 
 def _scaled(x: Float[Array, " N"]) -> Float[Array, " N"]:
+    """A series divided by its usual size."""
     return x / max(float(np.percentile(np.abs(x), 95)), 1e-12)
 
 

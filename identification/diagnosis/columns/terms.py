@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -103,7 +103,7 @@ def shapes_of(
     found: tuple[FoundEffect, ...],
     seen: tuple[FoundEffect, ...] = (),
     own: tuple[Effect, ...] = (),
-    together: tuple[str, ...] = (),
+    groups_of_joints: tuple[str, ...] = (),
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
     """Effects, places and shapes to try in a recording that can show them.
 
@@ -114,17 +114,15 @@ def shapes_of(
         seen: Effects that a separate method found, such as resonances; their shapes are tried in addition to the grid.
             So are those of found effects from which a steady load does not separate an effect.
         own: Effects that act in one of several recordings only.
-        together: Joints, their names joined by ``+``, on which one cause may have one number.
+        groups_of_joints: Joints, their names joined by ``+``, on which one cause may have one number.
     """
-    near = {(point.effect.name, point.joint): point for point in found}
+    near = {point.effect_joint: point for point in found}
     out = []
     # A fit has one point mass: a payload of one recording replaces a payload that all recordings share.
-    loads = {effect.inertial for effect in own}
-    common = tuple(
-        effect for effect in catalogue.effects_of(robot) if not _is_load(effect) or "point mass" not in loads
-    )
+    own_payload = any(effect.inertial == "point mass" for effect in own)
+    common = [one for one in catalogue.effects_of(robot) if not (own_payload and one.inertial == "point mass")]
     for effect in (*common, *own, *STRUCTURES):
-        for joint in (*effect.places(robot), *(together if effect.shared else ())):
+        for joint in (*effect.places(robot), *(groups_of_joints if effect.shared else ())):
             if effect.untestable(robot, operation, joint) is not None or _hidden_by_drives(robot, effect, joint):
                 continue
             point = near.get((effect.name, joint))
@@ -144,7 +142,9 @@ def shapes_of(
 
 def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bool:
     """True if the load of a joint hardly varies beside its mean."""
-    load = operation.transmitted[:, robot.joint_names.index(joint)] if joint in robot.joint_names else np.zeros(1)
+    if joint not in robot.joint_names:
+        return False
+    load = operation.transmitted[:, robot.joint_names.index(joint)]
     return bool(abs(load.mean()) > _STEADY * load.std())
 
 
@@ -160,10 +160,6 @@ def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | N
     return "no joint that is judged has a drive: inertias show there in their ratios only"
 
 
-def _is_load(effect: Effect) -> bool:
-    return effect.inertial == "point mass"
-
-
 def untestable_effects(
     robot: Robot, operation: Operation, tried: frozenset[tuple[str, str | None]] | None = None
 ) -> tuple[tuple[str, str | None, str], ...]:
@@ -177,8 +173,7 @@ def untestable_effects(
     out = []
     for effect in catalogue.effects_of(robot):
         for joint in effect.places(robot):
-            why = effect.untestable(robot, operation, joint)
-            why = _hidden_by_drives(robot, effect, joint) or why
+            why = _hidden_by_drives(robot, effect, joint) or effect.untestable(robot, operation, joint)
             if why is None and tried is not None and (effect.name, joint) not in tried:
                 why = f"what the given model leaves on {joint} has no trace of it, so that no size of it was tried"
             if why is not None:
@@ -194,38 +189,45 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     for operation in operations:
         times.append(operation.t - operation.t[0] + start)
         start = float(times[-1][-1]) + operation.dt
+    t = np.concatenate(times)
     q, v, a, tau, expected, logged = (joined([getattr(o, name) for o in operations]) for name in SERIES[1:])
-    residual = joined([o.residual for o in operations])
-    base = joined_bases([o.base for o in operations])
-    plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual, base=base)
-    whole = replace(
-        plain,
+    temperature = None
+    if any(o.temperature is not None for o in operations):
+        temperature = np.concatenate([_or_filled(o.temperature, o.q, np.nan) for o in operations])
+    whole = Operation(
+        t,
+        q,
+        v,
+        a,
+        operations[0].robot,
+        tau,
+        expected,
+        logged,
+        residual_of_fit=joined([o.residual for o in operations]),
+        base=joined_bases([o.base for o in operations]),
         band_hz=operations[0].band_hz,
-        temperature=_temperatures(operations),
-        references=_references(operations, plain.t),
+        temperature=temperature,
+        references=_references(operations, t),
     )
     return whole.made_of(operations)
 
 
-def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | None:
-    """Temperatures of all operations in succession, NaN for an operation without any; None if all are without."""
-    if all(operation.temperature is None for operation in operations):
-        return None
-    known = [(np.full_like(o.q, np.nan) if o.temperature is None else o.temperature) for o in operations]
-    return np.concatenate(known)
+def _or_filled(series: Array | None, like: Array, value: float) -> Array:
+    """A series, or one of the shape of another that is constant, where there is none."""
+    return np.full_like(like, value) if series is None else series
 
 
 def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> References | None:
     """References of all operations in succession, zero for an operation without any; None if all are without."""
-    known = [operation.references for operation in operations]
-    if all(one is None for one in known):
+    known = [operation.references for operation in operations if operation.references is not None]
+    if not known:
         return None
-    still = [np.zeros_like(operation.q) for operation in operations]
-    q_ref = np.concatenate([x if one is None else one.q_ref for one, x in zip(known, still, strict=True)])
-    commanded = np.concatenate([x if one is None else one.commanded for one, x in zip(known, still, strict=True)])
-    there = [one for one in known if one is not None]
-    gain, limits, most = (np.max([getattr(one, of) for one in there], axis=0) for of in ("gain", "limits", "most"))
-    return References(t, q_ref, commanded, gain, limits, np.min([one.least for one in there], axis=0), most)
+    q_ref, commanded = (
+        np.concatenate([_or_filled(o.references and getattr(o.references, name), o.q, 0.0) for o in operations])
+        for name in ("q_ref", "commanded")
+    )
+    gain, limits, most = (np.max([getattr(one, of) for one in known], axis=0) for of in ("gain", "limits", "most"))
+    return References(t, q_ref, commanded, gain, limits, np.min([one.least for one in known], axis=0), most)
 
 
 def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:

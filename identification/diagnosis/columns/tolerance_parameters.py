@@ -15,7 +15,6 @@ from identification.data.log import Log
 from identification.diagnosis.columns.motion.soft_friction import soft_joints, softness
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.inertia import tolerance_directions
@@ -92,28 +91,28 @@ def tolerance_parameters(robot: Robot) -> tuple[ToleranceParameter, ...]:
                 if np.any(directions[:, k]):
                     sigma = tolerance.inertia
                     out.append(ToleranceParameter(name, sigma, 2 * sigma, "body", body, directions[:, k]))
+    of_joints = (
+        ("viscous", "viscous friction", tolerance.friction),
+        ("coulomb", "Coulomb friction", tolerance.friction),
+        ("rotor", "rotor inertia", tolerance.rotor_inertia),
+    )
     for joint in (*robot.joint_names, *robot.passive_names):
-        viscous, coulomb = modelled_friction_of(robot, joint)
-        rotor = robot.rotor_inertia[robot.joint_names.index(joint)] if joint in robot.joint_names else 0.0
-        modelled = (
-            ("viscous", "viscous friction", viscous, tolerance.friction),
-            ("coulomb", "Coulomb friction", coulomb, tolerance.friction),
-            ("rotor", "rotor inertia", rotor, tolerance.rotor_inertia),
-        )
-        for kind, words, value, sigma in modelled:
-            if value > 0 and sigma > 0:
+        for kind, words, sigma in of_joints:
+            if sigma > 0 and modelled_value(robot, kind, joint) > 0:
                 out.append(ToleranceParameter(f"{joint} {words}", sigma, 2 * sigma, kind, joint))
-    for joint in soft_joints(robot):
-        # A recording of the file's simulator has its soft friction; a robot may have less or none.
-        name = f"{joint} softness of friction"
-        out.append(ToleranceParameter(name, 1.0, 2.0, SOFTNESS, joint, relative=False))
-    for joint in robot.unknown_arrivals:
-        # The arrival is uniform over a frame: its deviation is 1 / sqrt(12) of the frame.
-        name = f"{joint} arrival of references"
-        out.append(ToleranceParameter(name, 0.29, 0.5, ARRIVAL, joint, relative=False))
+    # A recording of the file's simulator has its soft friction; a robot may have less or none.
+    out += [
+        ToleranceParameter(f"{joint} softness of friction", 1.0, 2.0, SOFTNESS, joint, relative=False)
+        for joint in soft_joints(robot)
+    ]
+    # The arrival is uniform over a frame: its deviation is 1 / sqrt(12) of the frame.
+    out += [
+        ToleranceParameter(f"{joint} arrival of references", 0.29, 0.5, ARRIVAL, joint, relative=False)
+        for joint in robot.unknown_arrivals
+    ]
     if robot.floating:
-        for name, sigma in SENSOR_ERRORS.items():
-            out.append(ToleranceParameter(name, sigma, 2 * sigma, BASE, name, relative=False))
+        errors = SENSOR_ERRORS.items()
+        out += [ToleranceParameter(name, sigma, 2 * sigma, BASE, name, relative=False) for name, sigma in errors]
     # The unknown part of the alignment of torque and motion: a fraction of a sample.
     out.append(ToleranceParameter("timing of the torque", 0.25, 0.5, TIMING, None, relative=False))
     return tuple(out)
@@ -137,11 +136,9 @@ def tolerance_columns(
     """
     band = log.band
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
-    rows: list[list[Array]] = [[] for _ in range(robot.nv)]
-    parameters = tolerance_parameters(robot)
-    acting = parameters_by_joint(robot, parameters)
+    parameters, changes = tolerance_parameters(robot), []
     of_base = torque_per_base_error(robot, log, operation) if log.base_sensors is not None else {}
-    for index, parameter in enumerate(parameters):
+    for parameter in parameters:
         if isinstance(parameter.owner, int):
             change = body[:, :, 10 * (parameter.owner - 1) : 10 * parameter.owner] @ parameter.direction
         elif parameter.owner is None:
@@ -157,22 +154,26 @@ def tolerance_columns(
                 change[row] = -band(log.arrival[:, row])
         else:
             # The column of the effect of this quantity, times the modelled value.
-            value, effect = _modelled(robot, parameter.kind, parameter.owner)
+            kind, value = parameter.kind, modelled_value(robot, parameter.kind, parameter.owner)
+            effect = effect_named("rotor_inertia" if kind == "rotor" else f"{kind}_friction")
             signature = effect.signature(robot, operation, parameter.owner, ())
             change = np.zeros_like(drift.T)
             for k, row in enumerate(signature.rows):
                 column = band(signature.columns[:, k, 0])
                 change[row] = value * (narrow(column) if effect.uses_acceleration else column)
-        for j in range(robot.nv):
-            if index in acting[j]:
-                rows[j].append(change[j])
-    return rows
+        changes.append(change)
+    return [[changes[k][j] for k in acting] for j, acting in enumerate(parameters_by_joint(robot, parameters))]
 
 
-def _modelled(robot: Robot, kind: str, joint: str) -> tuple[float, Effect]:
-    """Modelled value of one quantity of a joint, and the effect that adds to it."""
+def modelled_value(robot: Robot, kind: str, joint: str) -> float:
+    """Modelled viscous friction, Coulomb friction or rotor inertia of a joint; zero for a rotor that it lacks.
+
+    Args:
+        robot: The model.
+        kind: ``viscous``, ``coulomb`` or ``rotor``.
+        joint: The joint, which may be passive.
+    """
     if kind == "rotor":
-        return float(robot.rotor_inertia[robot.joint_names.index(joint)]), effect_named("rotor_inertia")
+        return float(robot.rotor_inertia[robot.joint_names.index(joint)]) if joint in robot.joint_names else 0.0
     viscous, coulomb = modelled_friction_of(robot, joint)
-    value = viscous if kind == "viscous" else coulomb
-    return value, effect_named(f"{kind}_friction")
+    return viscous if kind == "viscous" else coulomb

@@ -79,7 +79,7 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
 def sample_weights(problem: Problem, log: int, part: slice = slice(None)) -> Float[Array, "n nv"]:
     """Weight of each sample of a part of one log: lower where static friction, which may be anything, holds a joint."""
     columns = problem.columns
-    return columns.usable[log][part] * noise_share(problem.weights.floor**2, columns.standing[log][part] ** 2)
+    return columns.usable[log][part] * noise_share(problem.weights.floor**2, columns.standstill_std[log][part] ** 2)
 
 
 def least_noise(columns: Columns) -> Float[Array, " nv"]:

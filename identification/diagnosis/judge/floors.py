@@ -136,7 +136,7 @@ def floor_of(
     comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * heard)
     quieter = np.where(comes_and_goes, most / value, 1.0)
     value, low, high = value * quieter, low * quieter, high * quieter
-    moving = zip(problem.columns.usable, problem.columns.standing, strict=True)
+    moving = zip(problem.columns.usable, problem.columns.standstill_std, strict=True)
     free = tuple(use & (held == 0.0) for use, held in moving)
     counts = tuple(sample_weights(problem, k) for k in range(len(residual)))
     for j, seen in enumerate(repeated_noise(session, residual, free, counts)):

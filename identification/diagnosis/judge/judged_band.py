@@ -11,7 +11,7 @@ from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import weights_of
-from identification.diagnosis.noise.whitening import trust_in_samples
+from identification.diagnosis.noise.whitening import weights_without_filter
 from identification.diagnosis.search.search import Search, set_up_search
 from phantom_dyn.array_types import Array, Float
 
@@ -85,7 +85,7 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
         )
 
     narrow, own = below(columns), each(noise)
-    trust = trust_in_samples(narrow, own)
+    trust = weights_without_filter(narrow, own)
     certain = tuple(part * one for part, one in zip(own, trust, strict=True))
     weights = replace(weights_of(narrow, certain), trust=trust)
     plain = set_up(session, columns, narrow, weights)

@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from identification.diagnosis.columns.motion.standstill import open_friction
+from identification.diagnosis.columns.motion.standstill import uncertain_friction_variance
 from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, merged
@@ -241,8 +241,8 @@ def _open_friction(plain: Search, chosen: frozenset[Term]) -> Series:
     columns, session = plain.problem.columns, plain.problem.session
     found = found_effects(plain.evaluate(chosen), chosen)
     return tuple(
-        open_friction(session.robot, log, friction_with(operation, found), doubt)
-        for log, operation, doubt in zip(session.logs, columns.operations, columns.doubt, strict=True)
+        uncertain_friction_variance(session.robot, log, friction_with(operation, found), doubt)
+        for log, operation, doubt in zip(session.logs, columns.operations, columns.reversal_std, strict=True)
     )
 
 

@@ -1,9 +1,9 @@
 """A law for the residual of all findings: the inputs that it depends on, its formula, and a model to use now.
 
 The inputs are found by smooth functions of one or two of them, whose gain on held-out blocks is compared with that on
-permuted blocks (`smooth`). The formula is found by orthogonal least squares with exchanges over a library of terms with
-units (`terms`, `search.stepwise`): its size is chosen on blocks that neither choice nor fit has seen, each term is
-tested against chance, and the whole is repeated on bootstrap replicates over blocks (`formula_search`).
+permuted blocks (`smooth`). The formula is found by orthogonal least squares with exchanges (`engine.search.stepwise`)
+over a library of terms with units (`library`): its size is chosen on blocks that neither choice nor fit has seen, each
+term is tested against chance, and the whole is repeated on bootstrap replicates over blocks (`formula_search`).
 
 The model to use beside the corrected model is the law, or else a sum of terms that predicts well. The corrected model,
 changes within the tolerances included, was fitted without the law. So the terms of the law are fitted again to the
@@ -13,7 +13,7 @@ residual of that model, and other terms are added where they predict held-out bl
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -27,25 +27,25 @@ from identification.diagnosis.law.formula_search import (
     LibraryColumns,
     best_size,
     columns_of,
-    cross_validated,
+    held_out_losses,
+    losses_without_law,
     search_formula,
     with_nuisances_at_bounds,
-    without_law,
 )
 from identification.diagnosis.law.joint_residual import JointResidual, joint_residual
 from identification.diagnosis.law.smooth import frequency_responses, input_curves, input_gains
 from identification.diagnosis.residual_law import Dependence, InputGain, Law, LawTerm, ModelTerm, Pair, ResidualModel
 from identification.diagnosis.result import JointGap, Judgement
 from identification.engine.products.block_products import NuisancePrior
-from identification.engine.resampling import REPLICATES, block_counts, interval
+from identification.engine.resampling import block_counts, interval
 from identification.engine.search.stepwise import extended
-from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-_FORMULA_FORESEES = 0.4  # share of the residual's squares that a formula has to predict
+_FORMULA_PREDICTS = 0.4  # share of the residual's squares that a formula has to predict
 _MOSTLY = 0.5  # if no formula is stated, inputs are named that more than this share of the replicates choose
 # Kinds of terms, the most specific first, and the law in the literature that a formula with one resembles.
-_LIKE: tuple[tuple[str, str], ...] = (
+_SIMILAR: tuple[tuple[str, str], ...] = (
     ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
     ("voltage sag", "voltage sag under load"),
     ("ripple that grows with torque", "torque ripple that grows with torque"),
@@ -68,8 +68,8 @@ _LIKE: tuple[tuple[str, str], ...] = (
     ("friction that grows with load", "friction that grows with load"),
 )
 _HEATED = "friction that changes with temperature"
-_MOST = 6  # largest number of terms of a model that only predicts: more than in a formula, which people read
-_MODEL_FORESEES = 0.3  # share of the residual's squares that a model has to predict to be worth using
+_MOST_MODEL_TERMS = 6  # of a model that only predicts: more than in a formula, which people read
+_MODEL_PREDICTS = 0.3  # share of the residual's squares that a model has to predict to be worth using
 _SLOW = 0.01  # changes of direction are smoothed below this share of the speed that 90 % of the samples stay below
 _NUMBER = r"[-+0-9.eE]+"
 
@@ -101,24 +101,24 @@ def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law |
     """
     bare = residual
     columns = columns_of(residual, memory=False)
-    before = without_law(residual, columns)
+    before = losses_without_law(residual, columns)
     residual, columns = with_nuisances_at_bounds(residual, columns)
     gains = input_gains(residual)
     if gains.frequency is not None:
         # Responses with memory can mimic laws without memory, so they are allowed only where no such law fits.
         residual, columns = with_nuisances_at_bounds(bare, columns_of(bare))
     choice = search_formula(residual, columns, before)
-    judged = _judged(residual)
+    judged = residual.judged
     closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
     # A formula that only mimics a response with memory is no law.
     mimics = gains.clearly_less(choice.held_out)
-    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _FORMULA_FORESEES and not mimics
+    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _FORMULA_PREDICTS and not mimics
     terms, law = (), None
     if stable:
-        terms = _terms(residual, columns, choice)
+        terms = _terms(residual, choice)
         law = _law(residual, choice, terms, joints)
     inputs = law.inputs if law is not None else (gains.frequency,) if mimics and gains.frequency else ()
-    inputs = inputs or _voted(residual, choice, gains.listed)
+    inputs = inputs or _inputs_without_law(residual, choice, gains.listed)
     dependence = Dependence(
         joint=residual.joint,
         unit=residual.unit,
@@ -130,18 +130,12 @@ def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law |
         same_terms=choice.same if stable else 0.0,
         predicted_share=closed if stable else 0.0,
         blocks=len(judged),
-        model=model_of(residual, columns, choice, lawful=stable),
+        model=model_of(residual, choice, lawful=stable),
     )
     return law, dependence
 
 
-def _judged(residual: JointResidual) -> Array:
-    """Blocks of held-out recordings if there are any, else all blocks: each is held out once."""
-    outside = np.flatnonzero(residual.folds < 0)
-    return outside if len(outside) else np.arange(len(residual.folds))
-
-
-def _voted(residual: JointResidual, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
+def _inputs_without_law(residual: JointResidual, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
     """Inputs that more than half of the replicates choose; if none, those of the best significant smooth function."""
     voted = residual.named({name for name, votes in choice.input_votes.items() if votes > _MOSTLY})
     if voted:
@@ -150,20 +144,15 @@ def _voted(residual: JointResidual, choice: Choice, gains: tuple[InputGain, ...]
     return () if best is None else best.inputs
 
 
-def _terms(residual: JointResidual, columns: LibraryColumns, choice: Choice) -> tuple[LawTerm, ...]:
+def _terms(residual: JointResidual, choice: Choice) -> tuple[LawTerm, ...]:
     """Terms of the torque on the joint, with coefficients and their intervals by block bootstrap."""
-    at = columns.terms.columns(choice.chosen)
-    size = columns.size[at]
-    theta = _fitted(columns, residual.folds >= 0, at) / size
+    columns = choice.columns
+    at, texts = columns.terms.columns(choice.chosen), columns.texts(choice.chosen)
+    theta = _coefficients(residual, columns, at) / columns.size[at]
     low, high = interval(theta[1:])
-    owner = {}
-    for k in choice.chosen:
-        term = columns.library[k]
-        for column, text in zip((columns.terms.first[k], columns.terms.second[k]), term.texts, strict=False):
-            owner[int(column)] = (text, term)
     out = []
     for place, column in enumerate(at):
-        text, term = owner[column]
+        text, term = texts[column]
         unit = f"{residual.unit}/{term.per}" if term.per and " " not in term.per else residual.unit
         unit = f"{residual.unit}/({term.per})" if " " in term.per else unit
         ends = (-float(high[place]), -float(low[place]))
@@ -171,24 +160,23 @@ def _terms(residual: JointResidual, columns: LibraryColumns, choice: Choice) -> 
     return tuple(out)
 
 
-def _fitted(columns: LibraryColumns, seen: Bool[Array, " B"], at: list[int]) -> Float[Array, "D k"]:
+def _coefficients(residual: JointResidual, columns: LibraryColumns, at: list[int]) -> Float[Array, "D k"]:
     """Coefficients of some columns, fitted with the nuisances: on all seen blocks, then on bootstrap draws of them.
 
     Products are summed for these columns and the nuisances only, as the library is large.
     """
-    every = [*at, *range(len(columns.size), columns.x.shape[1])]
-    products, counts = columns.products.of(every), np.zeros((REPLICATES + 1, len(seen)))
-    counts[0, seen] = 1.0
-    counts[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of the coefficients of a law"))
-    return np.array([products.summed_without(drawn, columns.prior).fitted(list(range(len(at)))) for drawn in counts])
+    products, draws = (
+        columns.products.of([*at, *columns.nuisances]),
+        residual.draws("blocks of the coefficients of a law"),
+    )
+    return np.array([products.summed_without(drawn, columns.prior).fitted(list(range(len(at)))) for drawn in draws])
 
 
 def _law(residual: JointResidual, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:
+    """The law of a chosen formula, with its share of the gap and the range in which it was fitted."""
     library = choice.columns.library
-    named = frozenset().union(*(library[k].inputs for k in choice.chosen))
-    inputs = residual.named(named)
-    first = {library[k].texts[0]: library[k].kind for k in choice.chosen}
-    coefficients = {first[term.term]: term.coefficient for term in terms if term.term in first}
+    inputs = residual.named(choice.columns.inputs(choice.chosen))
+    kinds = {library[k].texts[0]: library[k].kind for k in choice.chosen}
     closed, interval = _share_of_gap(residual, choice, joints)
     return Law(
         joint=residual.joint,
@@ -197,7 +185,7 @@ def _law(residual: JointResidual, choice: Choice, terms: tuple[LawTerm, ...], jo
         gap_closed=closed,
         gap_closed_interval=interval,
         valid=residual.ranges(inputs),
-        like=looks_like(coefficients.keys(), coefficients.values()),
+        like=similar_law({kinds[term.term]: term.coefficient for term in terms if term.term in kinds}),
     )
 
 
@@ -213,7 +201,7 @@ def formula_text(terms: tuple[LawTerm, ...]) -> str:
 
 def _share_of_gap(residual: JointResidual, choice: Choice, joints: tuple[JointGap, ...]) -> tuple[float, Pair]:
     """Share of the robot's gap that the choice closes on held-out blocks, with its interval by block bootstrap."""
-    judged = _judged(residual)
+    judged = residual.judged
     counts = np.array([residual.weight[residual.blocks == k].sum() for k in judged])
     gained = (choice.before - choice.held_out)[judged]
     gap = float(np.mean([(joint.tolerated / joint.noise_floor) ** 2 for joint in joints])) - 1.0
@@ -223,56 +211,59 @@ def _share_of_gap(residual: JointResidual, choice: Choice, joints: tuple[JointGa
     return float(gained.sum() / max(counts.sum(), 1e-12) / scale), (float(low), float(high))
 
 
-def looks_like(kinds: Iterable[str], coefficients: Iterable[float]) -> str | None:
+def similar_law(coefficients: Mapping[str, float]) -> str | None:
     """The law in the literature that a formula resembles, None where there is none.
 
     Args:
-        kinds: Kinds of its terms.
-        coefficients: Coefficients of its terms, for the torque that acts on the joint.
+        coefficients: Coefficient of each kind of term of the formula, for the torque that acts on the joint.
     """
-    found = dict(zip(kinds, coefficients, strict=True))
-    if _HEATED in found:
+    if _HEATED in coefficients:
         # Friction opposes motion: a negative coefficient is more friction.
-        return f"friction that {'grows' if found[_HEATED] < 0 else 'falls'} with temperature"
-    return next((law for kind, law in _LIKE if kind in found), None)
+        return f"friction that {'grows' if coefficients[_HEATED] < 0 else 'falls'} with temperature"
+    return next((law for kind, law in _SIMILAR if kind in coefficients), None)
 
 
-def model_of(residual: JointResidual, columns: LibraryColumns, choice: Choice, *, lawful: bool) -> ResidualModel | None:
+def model_of(residual: JointResidual, choice: Choice, *, lawful: bool) -> ResidualModel | None:
     """The model with the smallest error on held-out blocks, None where it predicts too little.
 
     Args:
         residual: Residual of the joint.
-        columns: Columns of the library.
         choice: The formula that was chosen together with the corrected model's coefficients.
         lawful: True if the formula is shown as the law.
     """
-    count = len(columns.size)
-    prior = NuisancePrior(np.zeros((0, 0)), np.zeros(0))
-    plain = replace(columns, x=columns.x[:, :count], products=columns.products.of(list(range(count))), prior=prior)
+    columns, count = choice.columns, len(choice.columns.size)
+    no_prior = NuisancePrior(np.zeros((0, 0)), np.zeros(0))
+    plain = replace(columns, x=columns.x[:, :count], products=columns.products.of(list(range(count))), prior=no_prior)
     start = choice.chosen if lawful else ()
-    loss = cross_validated(residual, plain, _MOST, start)
+    loss = held_out_losses(residual, plain, _MOST_MODEL_TERMS, start)
     whole = plain.products.summed((residual.folds >= 0).astype(float))
-    path = extended(plain.terms, whole, start, _MOST)
+    path = extended(plain.terms, whole, start, _MOST_MODEL_TERMS)
     size = min(best_size(loss), len(path) - 1)
     closed = float(1.0 - loss[size].sum() / max(plain.products.total.sum(), 1e-300))
-    if not path[size] or closed < _MODEL_FORESEES:
+    if not path[size] or closed < _MODEL_PREDICTS:
         return None
     at = plain.terms.columns(path[size])
     theta = -whole.fitted(at) / plain.size[at]
-    texts = {}
-    for k in path[size]:
-        term = plain.library[k]
-        texts |= dict(zip((int(plain.terms.first[k]), int(plain.terms.second[k])), term.texts, strict=False))
-    inputs = frozenset().union(*(plain.library[k].inputs for k in path[size]))
-    terms, states = residual_terms(residual, list(zip((texts[column] for column in at), theta.tolist(), strict=True)))
+    texts = plain.texts(path[size])
+    terms, states = residual_terms(residual, [(texts[k][0], c) for k, c in zip(at, theta.tolist(), strict=True)])
+    inputs = residual.named(plain.inputs(path[size]))
     speed = f"v.{residual.joint}"
     fast = float(np.percentile(np.abs(residual.series(speed)), 90)) if speed in residual.inputs else 1.0
-    needed = [_measured(residual, name) for name in residual.named(inputs) if not is_frequency(name)]
+    needed = [_measured(residual, name) for name in inputs if not is_frequency(name)]
     # Inputs of a filter are named in its expression.
     needed += [name for name in residual.inputs if name not in needed and any(repr(name) in state for state in states)]
-    bands = residual.ranges(tuple(name for name in residual.named(inputs) if is_frequency(name)))
-    ranges = residual.ranges(tuple(needed))
-    return ResidualModel(residual.joint, residual.unit, terms, states, ranges, closed, lawful, _SLOW * fast, bands)
+    bands = residual.ranges(tuple(name for name in inputs if is_frequency(name)))
+    return ResidualModel(
+        residual.joint,
+        residual.unit,
+        terms,
+        states,
+        residual.ranges(tuple(needed)),
+        closed,
+        lawful,
+        _SLOW * fast,
+        bands,
+    )
 
 
 def residual_terms(
@@ -327,6 +318,7 @@ def _code(residual: JointResidual, text: str, states: list[str]) -> str:
 
 
 def _state(states: list[str], expression: str) -> str:
+    """Code of a state, whose expression is added to ``states`` if it is not among them."""
     if expression not in states:
         states.append(expression)
     return f"s[{states.index(expression)}]"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis.law.joint_residual import JointResidual
-from identification.diagnosis.law.terms import LawTerm, library
+from identification.diagnosis.law.library import LibraryTerm, library
 from identification.engine.chance import shuffled_pieces
 from identification.engine.numerics.bounded import bounded_solve
 from identification.engine.products.block_products import BlockProducts, NuisancePrior, Products, block_products
@@ -41,12 +41,30 @@ class LibraryColumns:
         prior: Prior on the coefficients of the nuisance columns (tolerance parameters of the model, and findings).
     """
 
-    library: tuple[LawTerm, ...]
+    library: tuple[LibraryTerm, ...]
     x: Float[Array, "n C"]
     size: Float[Array, " D"]
     terms: Terms
     products: BlockProducts
     prior: NuisancePrior
+
+    @property
+    def nuisances(self) -> list[int]:
+        """Indices of the nuisance columns."""
+        return list(range(len(self.size), self.x.shape[1]))
+
+    def texts(self, chosen: Chosen) -> dict[int, tuple[str, LibraryTerm]]:
+        """For each column of some terms, its text in a formula and its term."""
+        out = {}
+        for k in chosen:
+            term = self.library[k]
+            for column, text in zip((self.terms.first[k], self.terms.second[k]), term.texts, strict=False):
+                out[int(column)] = (text, term)
+        return out
+
+    def inputs(self, chosen: Chosen) -> frozenset[str]:
+        """Names of the inputs of some terms."""
+        return frozenset().union(*(self.library[k].inputs for k in chosen))
 
 
 @dataclass(frozen=True)
@@ -75,9 +93,9 @@ class Choice:
 def columns_of(residual: JointResidual, *, memory: bool = True) -> LibraryColumns:
     """The library's columns and their products for one residual, with or without linear responses with memory."""
     terms = library(residual, memory=memory)
+    series = [column for term in terms for column in term.columns]
     parts = []
     for log in residual.logs:
-        series = [column for term in terms for column in term.columns]
         # All columns of a long recording at the full rate would fill the memory.
         pieces = [series[k : k + _AT_ONCE] for k in range(0, len(series), _AT_ONCE)]
         bands = [log.in_band(np.column_stack([column(log) for column in piece])) for piece in pieces]
@@ -88,11 +106,9 @@ def columns_of(residual: JointResidual, *, memory: bool = True) -> LibraryColumn
     size = np.where(size > 1e-12, size, np.inf)
     starts = np.cumsum([0, *(len(term.columns) for term in terms)])
     first, second = starts[:-1], starts[1:] - 1
-    x = np.column_stack([x / size, np.concatenate([log.nuisances for log in residual.logs])])
+    x = np.column_stack([x / size, residual.nuisances])
     products = block_products(x, residual.y, weight, residual.blocks, len(residual.folds))
-    return LibraryColumns(
-        terms, x, size, Terms(first, second), products, NuisancePrior(residual.precision, residual.right)
-    )
+    return LibraryColumns(terms, x, size, Terms(first, second), products, residual.prior)
 
 
 def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -> tuple[JointResidual, LibraryColumns]:
@@ -104,51 +120,58 @@ def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -
     """
     whole = columns.products.summed((residual.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
-    prior, held, before = columns.prior, np.zeros(len(residual.right)), []
+    prior, held, before = residual.prior, np.zeros(residual.prior.count), []
     for _ in range(_MOST_ROUNDS):
         path = [(), *stepwise(columns.terms, prior.eliminate_from(whole), MOST_TERMS)]
-        size = best_size(cross_validated(residual, replace(columns, prior=prior), MOST_TERMS))
+        size = best_size(held_out_losses(residual, replace(columns, prior=prior), MOST_TERMS))
         at = columns.terms.columns(path[min(size, len(path) - 1)])
-        nuisances = _bounded(residual, columns, whole, at)[len(at) :]
+        nuisances = _fitted_within_bounds(residual, columns, whole, at)[len(at) :]
         now = np.where(nuisances <= residual.lower, -1.0, 0.0) + np.where(nuisances >= residual.upper, 1.0, 0.0)
         if (now == held).all():
             break
         repeats = any((now == other).all() for other in before)
         before.append(held)
         held = np.where(now != 0.0, now, held) if repeats else now
-        prior = _held(residual, held, squared)
+        prior = _prior_holding(residual, held, squared)
         if repeats:
             break
-    return replace(residual, precision=prior.precision, right=prior.right), replace(columns, prior=prior)
+    return replace(residual, prior=prior), replace(columns, prior=prior)
 
 
-def _held(residual: JointResidual, held: Array, size: Array) -> NuisancePrior:
-    """The prior, so narrow around the bound of each held nuisance that no fit changes it."""
-    narrow = np.where(held != 0.0, 1e6 * np.maximum(size, 1e-12), 0.0)
+def _prior_holding(residual: JointResidual, held: Float[Array, " F"], squared: Float[Array, " F"]) -> NuisancePrior:
+    """The prior, so narrow around the bound of each held nuisance that no fit changes it.
+
+    Args:
+        residual: Residual of the joint, with prior and bounds.
+        held: For each nuisance -1 or 1 where it is held at its lower or upper bound, else 0.
+        squared: Sum of squares of each nuisance column.
+    """
+    narrow = np.where(held != 0.0, 1e6 * np.maximum(squared, 1e-12), 0.0)
     bound = np.where(held < 0.0, residual.lower, np.where(held > 0.0, residual.upper, 0.0))
-    return NuisancePrior(residual.precision + np.diag(narrow), residual.right + narrow * bound)
+    return NuisancePrior(residual.prior.precision + np.diag(narrow), residual.prior.right + narrow * bound)
 
 
-def _bounded(residual: JointResidual, columns: LibraryColumns, products: Products, at: list[int]) -> Array:
+def _fitted_within_bounds(
+    residual: JointResidual, columns: LibraryColumns, products: Products, at: list[int]
+) -> Float[Array, " k"]:
     """Coefficients of some columns of terms, followed by those of the nuisance columns within their bounds."""
-    every = [*at, *range(len(columns.size), columns.x.shape[1])]
+    every = [*at, *columns.nuisances]
     a, b = products.gram[np.ix_(every, every)].copy(), products.right[every].copy()
     own = slice(len(at), None)
-    a[own, own] += residual.precision
+    a[own, own] += residual.prior.precision
     a[np.diag_indices_from(a)] *= 1.0 + 1e-9
-    b[own] += residual.right
+    b[own] += residual.prior.right
     none = np.full(len(at), np.inf)
     return bounded_solve(a, b, np.concatenate([-none, residual.lower]), np.concatenate([none, residual.upper]))
 
 
-def without_law(residual: JointResidual, columns: LibraryColumns) -> Float[Array, " B"]:
+def losses_without_law(residual: JointResidual, columns: LibraryColumns) -> Float[Array, " B"]:
     """Squared residual of each block without a law: the nuisance columns alone, fitted to other folds within bounds."""
     loss = np.zeros(len(residual.folds))
-    nuisances = list(range(len(columns.size), columns.x.shape[1]))
     for train, held_out in columns.products.by_fold(residual.folds):
-        theta = _bounded(residual, columns, train, [])
+        theta = _fitted_within_bounds(residual, columns, train, [])
         for k in held_out:
-            loss[k] = columns.products.block(k).left(nuisances, theta)
+            loss[k] = columns.products.block(k).left(columns.nuisances, theta)
     return loss
 
 
@@ -163,25 +186,25 @@ def search_formula(residual: JointResidual, columns: LibraryColumns, before: Flo
         columns: Columns of the library.
         before: Squared residual of each block without a law.
     """
-    loss = cross_validated(residual, columns, MOST_TERMS)
+    loss = held_out_losses(residual, columns, MOST_TERMS)
     loss[0] = before
     whole = columns.products.summed_without((residual.folds >= 0).astype(float), columns.prior)
     path = [(), *stepwise(columns.terms, whole, MOST_TERMS)]
     size = min(best_size(loss), len(path) - 1)
     while size > 0 and not _beyond_chance(residual, columns, path[size]):
         size -= 1
-    longest = Choice(columns, path[size], loss[size], loss[0], *_repeated(residual, columns, path[size]))
+    longest = Choice(columns, path[size], loss[size], loss[0], *_votes_of_replicates(residual, columns, path[size]))
     gained = loss[0].sum() - loss[size].sum()
     for shorter in range(size, 0, -1):
         if loss[0].sum() - loss[shorter].sum() < NEARLY * gained:
             break
-        repeated = _repeated(residual, columns, path[shorter])
+        repeated = _votes_of_replicates(residual, columns, path[shorter])
         if repeated[1] >= STABLE and _beyond_chance(residual, columns, path[shorter]):
             return Choice(columns, path[shorter], loss[shorter], loss[0], *repeated)
     return longest
 
 
-def cross_validated(
+def held_out_losses(
     residual: JointResidual, columns: LibraryColumns, most: int, start: Chosen = ()
 ) -> Float[Array, "m B"]:
     """Squared residual of each block at every size from 0 terms on, with terms chosen on the other folds.
@@ -194,7 +217,6 @@ def cross_validated(
     """
     terms, products, folds, prior = columns.terms, columns.products, residual.folds, columns.prior
     loss = np.zeros((most + 1, len(folds)))
-    nuisances = list(range(len(columns.size), columns.x.shape[1]))
     for train, held_out in products.by_fold(folds):
         reduced = prior.eliminate_from(train)
         path = extended(terms, reduced, start, most)
@@ -203,7 +225,7 @@ def cross_validated(
             theta = reduced.fitted(at)
             theta = np.concatenate([theta, prior.fitted_with(train, at, theta)])
             for k in held_out:
-                loss[size, k] = products.block(k).left([*at, *nuisances], theta)
+                loss[size, k] = products.block(k).left([*at, *columns.nuisances], theta)
     return loss
 
 
@@ -226,15 +248,21 @@ def _beyond_chance(residual: JointResidual, columns: LibraryColumns, chosen: Cho
     whole = columns.products.summed_without(seen, columns.prior)
     at = terms.columns(chosen)
     left = residual_squares(terms, whole, chosen)
-    least = min(residual_squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
+    least_gain = min(residual_squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
     theta = whole.fitted(at)
     nuisances = columns.prior.fitted_with(columns.products.summed(seen), at, theta)
     model = columns.x[:, at] @ theta + columns.x[:, len(columns.size) :] @ nuisances
-    return least > chance(residual, columns, residual.y - model)
+    return least_gain > gain_by_chance(residual, columns, residual.y - model)
 
 
-def chance(residual: JointResidual, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
-    """The gain that the best of all terms reaches by chance: on the residual with its blocks permuted."""
+def gain_by_chance(residual: JointResidual, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
+    """Gain that the best of all terms reaches by chance, from residuals with permuted blocks.
+
+    Args:
+        residual: Residual of the joint.
+        columns: Columns of the library.
+        left: Residual of each kept sample after the formula.
+    """
     rng = random_stream("order of blocks of a rest")
     used = residual.weight > 0
     root = np.sqrt(residual.weight[used])
@@ -250,7 +278,7 @@ def chance(residual: JointResidual, columns: LibraryColumns, left: Float[Array, 
     return float(np.quantile(out, above_chance.CLAIM_LEVEL))
 
 
-def _repeated(
+def _votes_of_replicates(
     residual: JointResidual, columns: LibraryColumns, chosen: Chosen
 ) -> tuple[dict[str, float], float, dict[str, float]]:
     """How often bootstrap replicates over blocks choose each kind of term, the same kinds, and each input."""
@@ -267,7 +295,7 @@ def _repeated(
         chosen_kinds = Counter(columns.library[k].kind for k in found)
         same += chosen_kinds == wanted
         kinds.update(set(chosen_kinds))
-        inputs.update(frozenset().union(*(columns.library[k].inputs for k in found)))
+        inputs.update(columns.inputs(found))
     share = 1.0 / REPEATED_CHOICES
     return (
         {kind: share * n for kind, n in kinds.items()},

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.log import Band, Log
-from identification.data.signals import smoothed_where
+from identification.data.signals import narrowed
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
@@ -21,17 +21,20 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.engine.numerics.bounded import solve
+from identification.engine.products.block_products import NuisancePrior
 from identification.engine.products.blocks import Block
-from phantom_dyn.array_types import Array, Bool, Float
+from identification.engine.resampling import REPLICATES, block_counts
+from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.random_streams import random_stream
 
 _PER_PERIOD = 5.0  # samples per period of the judged band's edge: more are redundant
 _MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and add little
 _OTHERS = 5  # number of nearest other joints of the branch whose motion may be an input
 _MOST_POWER = 0.98  # share of an input's power within the frequencies at which a response is stated
-_TWINS = 0.99  # correlation of the drive's torque with the transmitted one above which it is no separate input
+_SAME_TORQUE = 0.99  # correlation of the drive's torque with the transmitted one above which it is no separate input
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,12 @@ class ResidualLog:
 
     def in_band(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
         """Kept samples in the judged band of a series at the full rate."""
-        wide = self.band(x)
-        if self.cutoff_hz < 0.99 * self.band.cutoff_hz:
-            wide = smoothed_where(wide, self.valid, self.band.output_rate_hz, self.cutoff_hz)
-        return wide[self.kept]
+        return narrowed(self.band(x), self.valid, self.band, self.cutoff_hz)[self.kept]
+
+    @property
+    def dt(self) -> float:
+        """Time between two samples at the full rate [s]."""
+        return float(self.t[1] - self.t[0])
 
     def now(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
         """Kept samples of a series, unfiltered."""
@@ -85,9 +90,8 @@ class JointResidual:
         blocks: Block of each kept sample, -1 for samples that share noise with the block before, ``(n,)``.
         folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
         floor: Noise floor of the joint.
-        precision: Prior precision of the coefficients of the nuisances (see `NuisanceColumns`), in squares of the
-            torque, ``(F, F)``.
-        right: Precision times the mean of that prior, ``(F,)``.
+        prior: Prior on the coefficients of the nuisances: their changes from the fit of the diagnosis, with a precision
+            in squares of the torque.
         lower, upper: Bounds of these coefficients, ``(F,)``.
     """
 
@@ -95,11 +99,10 @@ class JointResidual:
     unit: str
     others: tuple[str, ...]
     logs: tuple[ResidualLog, ...]
-    blocks: Array
-    folds: Array
+    blocks: Int[Array, " n"]
+    folds: Int[Array, " B"]
     floor: float
-    precision: Float[Array, "F F"]
-    right: Float[Array, " F"]
+    prior: NuisancePrior
     lower: Float[Array, " F"]
     upper: Float[Array, " F"]
 
@@ -112,6 +115,29 @@ class JointResidual:
     def weight(self) -> Float[Array, " n"]:
         """Weight of each kept sample, zero outside of the blocks."""
         return np.concatenate([log.weight for log in self.logs]) * (self.blocks >= 0)
+
+    @property
+    def nuisances(self) -> Float[Array, "n F"]:
+        """Columns of the tolerance parameters and findings that are fitted again with a law, at all kept samples."""
+        return np.concatenate([log.nuisances for log in self.logs])
+
+    @property
+    def judged(self) -> Int[Array, " b"]:
+        """Blocks of held-out recordings if there are any, else all blocks: each is held out once."""
+        outside = np.flatnonzero(self.folds < 0)
+        return outside if len(outside) else np.arange(len(self.folds))
+
+    def draws(self, stream: str) -> Float[Array, "R B"]:
+        """How often each block counts in a fit to all blocks that fits may see, and in each bootstrap replicate of it.
+
+        Args:
+            stream: Name of the random stream.
+        """
+        seen = self.folds >= 0
+        out = np.zeros((REPLICATES + 1, len(seen)))
+        out[0, seen] = 1.0
+        out[1:, seen] = block_counts(int(seen.sum()), random_stream(stream))
+        return out
 
     def series(self, name: str) -> Float[Array, " n"]:
         """An input at all kept samples."""
@@ -130,7 +156,7 @@ class JointResidual:
         """Lowest and highest frequency at which an input has power, in the longest recording [Hz]."""
         log = max(self.logs, key=lambda one: len(one.t))
         power = np.abs(np.fft.rfft(log.inputs[name] - log.inputs[name].mean())) ** 2
-        hz = np.fft.rfftfreq(len(log.t), float(log.t[1] - log.t[0]))
+        hz = np.fft.rfftfreq(len(log.t), log.dt)
         power[hz > log.cutoff_hz] = 0.0
         share = np.cumsum(power) / max(power.sum(), 1e-300)
         ends = np.searchsorted(share, [0.5 - 0.5 * _MOST_POWER, 0.5 + 0.5 * _MOST_POWER])
@@ -166,45 +192,38 @@ def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Joi
     row = robot.joint_names.index(joint)
     torque = held_out_torque(problem, shown.named, shown.found)
     residual = session.in_judged_band(residual_after(problem, torque))
-    nuisances = nuisance_columns(shown, row, floors, residual)
+    nuisances, prior, (lower, upper) = _nuisances(shown, row, floors, residual)
     near = sorted((k for k in branch_rows(robot, joint) if k != row), key=lambda k: abs(k - row))[:_OTHERS]
     logs, numbers = [], []
     thin = sum(len(log.samples) for log in session.logs) // _MOST_SAMPLES + 1
     for k, log in enumerate(session.logs):
         step = max(thin, int(log.band.output_rate_hz / (_PER_PERIOD * session.cutoff_hz)))
         kept = slice(0, None, step)
-        weight = sample_weights(problem, k)[kept, row]
-        inputs = inputs_of(robot, log, columns.operations[k], row, near)
-        t = log.motion.t - log.motion.t[0]
-        part = residual[k][kept, row]
         logs.append(
             ResidualLog(
-                t,
-                inputs,
+                log.motion.t - log.motion.t[0],
+                inputs_of(robot, log, columns.operations[k], row, near),
                 log.band,
                 session.cutoff_hz,
                 log.valid_in_band,
                 kept,
-                part,
-                weight,
-                nuisances.columns[k][kept],
+                residual[k][kept, row],
+                sample_weights(problem, k)[kept, row],
+                nuisances[k][kept],
             )
         )
         numbers.append(_block_numbers(session.blocks, k, len(log.samples))[kept])
-    logs = _without_twins(logs, joint)
-    names = tuple(robot.joint_names[k] for k in near)
     return JointResidual(
         joint=joint,
         unit=robot.torque_units[row],
-        others=names,
-        logs=tuple(logs),
+        others=tuple(robot.joint_names[k] for k in near),
+        logs=_with_separate_inputs(logs, joint),
         blocks=np.concatenate(numbers),
         folds=session.folds,
         floor=float(floors[row]),
-        precision=nuisances.precision,
-        right=nuisances.right,
-        lower=nuisances.lower,
-        upper=nuisances.upper,
+        prior=prior,
+        lower=lower,
+        upper=upper,
     )
 
 
@@ -236,7 +255,8 @@ def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list
     return {key: np.asarray(series) for key, series in out.items()}
 
 
-def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Array:
+def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Int[Array, " n"]:
+    """Block of each of the ``count`` samples of a log, -1 for samples in the core of no block."""
     out = np.full(count, -1)
     for number, block in enumerate(blocks):
         if block.log == log:
@@ -244,45 +264,34 @@ def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Array:
     return out
 
 
-def _without_twins(logs: list[ResidualLog], joint: str) -> list[ResidualLog]:
+def _with_separate_inputs(logs: list[ResidualLog], joint: str) -> tuple[ResidualLog, ...]:
     """Recordings without constant inputs, and without the drive's torque where it equals the transmitted one."""
-    still = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
+    left_out = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
     passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
-    if f"tl.{joint}" not in still and abs(np.corrcoef(passed, drive)[0, 1]) > _TWINS:
-        still.add(f"tau.{joint}")
-    return [
-        replace(log, inputs={name: series for name, series in log.inputs.items() if name not in still}) for log in logs
-    ]
+    if f"tl.{joint}" not in left_out and abs(np.corrcoef(passed, drive)[0, 1]) > _SAME_TORQUE:
+        left_out.add(f"tau.{joint}")
+    return tuple(
+        replace(log, inputs={name: series for name, series in log.inputs.items() if name not in left_out})
+        for log in logs
+    )
 
 
-@dataclass(frozen=True)
-class NuisanceColumns:
-    """Columns of tolerance parameters and findings that every fit of a law fits again, with a Gaussian prior.
+def _nuisances(
+    shown: Shown, row: int, floors: Float[Array, " nv"], residual: Series
+) -> tuple[Series, NuisancePrior, tuple[Float[Array, " F"], Float[Array, " F"]]]:
+    """Columns on one joint of the tolerance parameters and findings, which every fit of a law fits again.
 
-    A coefficient is a change from the fit of the diagnosis.
-
-    Attributes:
-        columns: For each log, on the law's joint, in the judged band, ``(n, F)``.
-        precision: Precision of the prior, in squares of the joint's torque, ``(F, F)``.
-        right: Precision times the mean of the prior, ``(F,)``.
-        lower, upper: Bounds, ``(F,)``.
-    """
-
-    columns: tuple[Float[Array, "n F"], ...]
-    precision: Float[Array, "F F"]
-    right: Float[Array, " F"]
-    lower: Float[Array, " F"]
-    upper: Float[Array, " F"]
-
-
-def nuisance_columns(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Series) -> NuisanceColumns:
-    """The nuisance columns of one joint's row; the torques of the other joints are part of their prior.
+    A coefficient is a change from the fit of the diagnosis. The torques of the other joints are part of its prior.
 
     Args:
         shown: The effects that are shown.
         row: Index of the joint.
         floors: Noise floor of each joint.
         residual: Residual of the named effects in the judged band, for each log.
+
+    Returns:
+        The columns of each log in the judged band, ``(n, F)``; the prior on their coefficients, with a precision in
+        squares of the joint's torque; the lower and the upper bound of each coefficient.
     """
     problem, found = shown.problem, shown.found
     active = found.active
@@ -299,25 +308,26 @@ def nuisance_columns(shown: Shown, row: int, floors: Float[Array, " nv"], residu
             right[place] += x.T @ (weight * residual[k][:, other])
     place, at = _places(active, problem.columns.rows[row])
     elsewhere = [k for k in range(len(active)) if k not in set(place)]
-    own, others = precision[np.ix_(place, place)], precision[np.ix_(elsewhere, elsewhere)]
+    own, own_right = precision[np.ix_(place, place)], right[place]
     if elsewhere:
+        # Schur complement: coefficients that act on other joints only are eliminated.
         between = precision[np.ix_(place, elsewhere)]
-        through = solve(others, np.column_stack([between.T, right[elsewhere]]))
-        own, mean = own - between @ through[:, :-1], right[place] - between @ through[:, -1]
-    else:
-        mean = right[place]
-    columns = tuple(values[row][:, at] for values in problem.white.values)
-    scale = floors[row] ** 2
-    mine = active[place]
-    lower, upper = problem.lower[mine] - found.theta[mine], problem.upper[mine] - found.theta[mine]
-    return NuisanceColumns(columns, scale * own, scale * mean, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
+        through = solve(precision[np.ix_(elsewhere, elsewhere)], np.column_stack([between.T, right[elsewhere]]))
+        own, own_right = own - between @ through[:, :-1], own_right - between @ through[:, -1]
+    scale, mine = floors[row] ** 2, active[place]
+    lower, upper = (bound[mine] - found.theta[mine] for bound in (problem.lower, problem.upper))
+    return (
+        tuple(values[row][:, at] for values in problem.white.values),
+        NuisancePrior(scale * own, scale * own_right),
+        (np.minimum(lower, 0.0), np.maximum(upper, 0.0)),
+    )
 
 
 def _places(active: Array, index: tuple[int, ...]) -> tuple[list[int], list[int]]:
     """Indices of the active columns that are not zero on a row, and their places among the row's columns."""
-    stands = {column: k for k, column in enumerate(index)}
-    place = [k for k, column in enumerate(active.tolist()) if column in stands]
-    return place, [stands[int(active[k])] for k in place]
+    place_on_row = {column: k for k, column in enumerate(index)}
+    place = [k for k, column in enumerate(active.tolist()) if column in place_on_row]
+    return place, [place_on_row[int(active[k])] for k in place]
 
 
 def _seen_weights(problem: Problem, log: int) -> Float[Array, "n nv"]:

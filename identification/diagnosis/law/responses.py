@@ -60,6 +60,6 @@ def laguerre_gains(at_hz: Float[Array, " F"], dt: float, hz: float, order: int) 
     return low[:, None] * all_pass[:, None] ** np.arange(order)
 
 
-def behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
-    """A series behind a first-order lag [s], unchanged where the lag is zero."""
+def lagged(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
+    """Output of a first-order lag [s] for a series as input; the series itself if the lag is zero."""
     return lagging(x, dt, lag) if lag else x

@@ -13,7 +13,6 @@ coefficients, and so it is fitted and tested as a table over an input is.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -25,7 +24,7 @@ from identification.diagnosis.residual_law import FrequencyResponse, InputCurve,
 from identification.engine.chance import shuffled_pieces
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import block_products
-from identification.engine.resampling import REPLICATES, block_counts, interval
+from identification.engine.resampling import block_counts, interval
 from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.random_streams import random_stream
 
@@ -49,17 +48,13 @@ class _Samples:
         y: The residual, and its permutations by blocks, ``(n, 1 + D)``.
         nuisances: Columns whose coefficients are fitted again, ``(n, F)``.
         blocks: Block of each sample.
-        folds: Fold of each block.
         root: Square root of each weight.
-        prior: Right side of the prior, for the same columns as ``y``, ``(F, 1 + D)``.
     """
 
     y: Float[Array, "n D"]
     nuisances: Float[Array, "n F"]
     blocks: Array
-    folds: Array
     root: Float[Array, " n"]
-    prior: Float[Array, "F D"]
 
 
 @dataclass(frozen=True)
@@ -71,7 +66,7 @@ class Gains:
         frequency: Name of the frequency that predicts the residual clearly better than every function without memory,
             None where there is none.
         left: Squared residual of each block with the response over that frequency, ``(B,)``; infinite without one.
-        judged: Blocks on which gains are compared.
+        judged: Blocks on which gains are compared, ``(b,)``.
     """
 
     listed: tuple[InputGain, ...]
@@ -91,8 +86,7 @@ def input_gains(residual: JointResidual) -> Gains:
     tables = {name: _table(residual, name)[used] * samples.root[:, None] for name in residual.inputs}
     plain = _losses(samples, np.zeros((len(samples.y), 0)), residual)
 
-    @cache
-    def gains(names: tuple[str, ...]) -> Array:
+    def gains_of_table(names: tuple[str, ...]) -> Array:
         x = tables[names[0]]
         if len(names) > 1:
             x = (x[:, :, None] * tables[names[1]][:, None, :]).reshape(len(x), -1) / samples.root[:, None]
@@ -102,8 +96,8 @@ def input_gains(residual: JointResidual) -> Gains:
         x = x[used] * samples.root[:, None]
         return plain - _losses(samples, x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-12), residual)
 
-    single = {(name,): gains((name,)) for name in residual.inputs}
-    pairs = {names: gains(names) for names in combinations(residual.inputs, 2)}
+    single = {(name,): gains_of_table((name,)) for name in residual.inputs}
+    pairs = {names: gains_of_table(names) for names in combinations(residual.inputs, 2)}
     dynamic = {
         (frequency_of(name),): gains_of_response(response_columns(residual, name)) for name in residual.frequency_inputs
     }
@@ -112,16 +106,14 @@ def input_gains(residual: JointResidual) -> Gains:
     by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in every], axis=0)
     chance = float(max(np.quantile(by_chance, _CHANCE), 0.0))
     best = sorted(pairs, key=lambda names: -pairs[names][:, 0].sum())[:_PAIRS]
-    judged = np.flatnonzero(residual.folds < 0) if (residual.folds < 0).any() else np.arange(len(residual.folds))
-    listed = []
-    for names, gain in (*single.items(), *((names, pairs[names]) for names in best), *dynamic.items()):
-        share, interval = _shares(gain[:, 0], plain[:, 0], judged)
-        listed.append(InputGain(names, share, interval, chance))
-    listed.sort(key=lambda one: -one.gain)
+    judged = residual.judged
+    shown: dict[tuple[str, ...], Array] = {**single, **{names: pairs[names] for names in best}, **dynamic}
+    gains = [InputGain(names, *_shares(gain[:, 0], plain[:, 0], judged), chance) for names, gain in shown.items()]
+    listed = sorted(gains, key=lambda one: -one.gain)
     first = next((one for one in listed if one.inputs in dynamic), None)
     frequency, left = None, np.full(len(residual.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
-        own = dynamic[first.inputs][:, 0]
+        own = shown[first.inputs][:, 0]
         static = [*single.values(), *pairs.values(), gains_of_response(linear_columns(residual))]
         best_static = max((gain[:, 0] for gain in static), key=lambda gain: gain[judged].sum())
         if _clearly(own - best_static, judged, plain[judged, 0].sum()):
@@ -130,7 +122,13 @@ def input_gains(residual: JointResidual) -> Gains:
 
 
 def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:
-    """True if the gain of all blocks is a noticeable share of the whole, and its interval lies above zero."""
+    """True if the gain of all blocks is a noticeable share of the whole, and its interval lies above zero.
+
+    Args:
+        more: Gain of each block.
+        judged: Blocks that count.
+        whole: Squared residual that the share refers to.
+    """
     share, interval = _shares(more, np.full(len(more), whole / len(judged)), judged)
     return share > _CLEARLY and interval[0] > 0.0
 
@@ -147,22 +145,20 @@ def _samples(residual: JointResidual, used: Array) -> _Samples:
     """Weighted samples of a residual, and its permutations by blocks around the fit of the nuisance columns."""
     root = np.sqrt(residual.weight[used])
     y, blocks = residual.y[used] * root, residual.blocks[used]
-    nuisances = np.concatenate([log.nuisances for log in residual.logs])[used] * root[:, None]
+    nuisances = residual.nuisances[used] * root[:, None]
     rng = random_stream("order of blocks of a smooth rest")
     seen = (residual.folds >= 0)[blocks]
-    theta = solve(
-        nuisances[seen].T @ nuisances[seen] + residual.precision, nuisances[seen].T @ y[seen] + residual.right
-    )
+    prior = residual.prior
+    theta = solve(nuisances[seen].T @ nuisances[seen] + prior.precision, nuisances[seen].T @ y[seen] + prior.right)
     left = y - nuisances @ theta
     pieces = [left[blocks == k] for k in np.unique(blocks)]
     mixed = [shuffled_pieces(pieces, rng) for _ in range(_DRAWS)]
-    prior = np.column_stack([residual.right, np.zeros((len(residual.right), _DRAWS))])
-    return _Samples(np.column_stack([y, *mixed]), nuisances, blocks, residual.folds, root, prior)
+    return _Samples(np.column_stack([y, *mixed]), nuisances, blocks, root)
 
 
 def _losses(samples: _Samples, x: Float[Array, "n k"], residual: JointResidual) -> Float[Array, "B D"]:
     """Squared residual of each block by fits that have not seen its fold."""
-    k, folds = x.shape[1], samples.folds
+    k, folds = x.shape[1], residual.folds
     x = np.column_stack([x, samples.nuisances])
     size = len(folds)
     gram, right = np.zeros((size, x.shape[1], x.shape[1])), np.zeros((size, x.shape[1], samples.y.shape[1]))
@@ -172,9 +168,11 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], residual: JointResidual) 
         xb, yb = x[here], samples.y[here]
         gram[b], right[b], total[b] = xb.T @ xb, xb.T @ yb, (yb**2).sum(axis=0)
     prior = np.zeros((x.shape[1], x.shape[1]))
-    prior[k:, k:] = residual.precision
+    prior[k:, k:] = residual.prior.precision
     prior[np.arange(k), np.arange(k)] = _RIDGE * float(samples.root @ samples.root) / _NODES
-    pull = np.vstack([np.zeros((k, samples.y.shape[1])), samples.prior])
+    pull = np.zeros((x.shape[1], samples.y.shape[1]))
+    # The permuted residuals are those around the fit of the nuisances, so that the mean of their prior is zero.
+    pull[k:, 0] = residual.prior.right
     out = np.zeros_like(total)
     for fold in np.unique(folds):
         train = (folds >= 0) & (folds != fold)
@@ -186,7 +184,7 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], residual: JointResidual) 
     return out
 
 
-def table_nodes(residual: JointResidual, name: str, count: int = _NODES) -> Float[Array, " m"]:
+def table_nodes(residual: JointResidual, name: str) -> Float[Array, " m"]:
     """Nodes of a table over one input: evenly spaced, but for speed and displacement denser close to a reversal."""
     every = np.concatenate([log.inputs[name] for log in residual.logs])
     low, high = np.percentile(every, [1, 99])
@@ -194,7 +192,7 @@ def table_nodes(residual: JointResidual, name: str, count: int = _NODES) -> Floa
     if kind in ("v", "dx") and low < 0.0 < high:
         steps = np.array([0.01, 0.3, 1.0]) if kind == "v" else np.array([0.003, 0.05, 0.25, 1.0])
         return np.concatenate([low * steps[::-1], high * steps])
-    return np.linspace(low, high, count)
+    return np.linspace(low, high, _NODES)
 
 
 def hats(x: Float[Array, " N"], nodes: Float[Array, " m"]) -> Float[Array, "N m"]:
@@ -236,9 +234,7 @@ def frequency_responses(residual: JointResidual, inputs: tuple[str, ...]) -> tup
 def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse:
     columns = response_columns(residual, name)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
-    theta = _drawn(
-        residual, np.column_stack([columns / size, np.concatenate([log.nuisances for log in residual.logs])]), _NODES
-    )
+    theta = _coefficients(residual, np.column_stack([columns / size, residual.nuisances]), _NODES)
     low, high = residual.frequencies(name)
     hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
     # The torque on the joint is the opposite of that which the drive has to give.
@@ -263,7 +259,7 @@ def _curves_over(residual: JointResidual, name: str, *, by_direction: bool) -> l
             v = log.inputs[f"v.{residual.joint}"]
             table = np.column_stack([table * (v > 0)[:, None], table * (v <= 0)[:, None]])
         parts.append(np.column_stack([log.in_band(table), log.nuisances]))
-    theta = _drawn(residual, np.concatenate(parts), len(nodes))
+    theta = _coefficients(residual, np.concatenate(parts), len(nodes))
     at = np.sort(np.concatenate([np.linspace(nodes[0], nodes[-1], _CURVE), nodes]))
     weights = hats(at, nodes)
     unit = _unit(residual, name)
@@ -276,7 +272,7 @@ def _curves_over(residual: JointResidual, name: str, *, by_direction: bool) -> l
     return out
 
 
-def _drawn(residual: JointResidual, columns: Float[Array, "n C"], nodes: int) -> Float[Array, "D k"]:
+def _coefficients(residual: JointResidual, columns: Float[Array, "n C"], nodes: int) -> Float[Array, "D k"]:
     """Coefficients of columns, fitted together with the nuisances: first on all blocks, then on each bootstrap draw.
 
     Args:
@@ -284,17 +280,14 @@ def _drawn(residual: JointResidual, columns: Float[Array, "n C"], nodes: int) ->
         columns: Columns at the kept samples, the nuisances last.
         nodes: Number of nodes that share the samples, for the ridge.
     """
-    count, size = columns.shape[1] - len(residual.right), columns.shape[1]
+    size = columns.shape[1]
+    count = size - residual.prior.count
     prior = np.zeros((size, size))
-    prior[count:, count:] = residual.precision
+    prior[count:, count:] = residual.prior.precision
     prior[np.arange(count), np.arange(count)] = _RIDGE * float(residual.weight.sum()) / nodes
-    pull = np.concatenate([np.zeros(count), residual.right])
-    seen = residual.folds >= 0
-    draws = np.zeros((REPLICATES + 1, len(seen)))
-    draws[0, seen] = 1.0
-    draws[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of a curve"))
+    pull = np.concatenate([np.zeros(count), residual.prior.right])
     products = block_products(columns, residual.y, residual.weight, residual.blocks, len(residual.folds))
-    return products.of_draws(draws, prior, pull)[:, :count]
+    return products.of_draws(residual.draws("blocks of a curve"), prior, pull)[:, :count]
 
 
 def _unit(residual: JointResidual, name: str) -> str:
@@ -309,11 +302,10 @@ def _unit(residual: JointResidual, name: str) -> str:
 
 def response_columns(residual: JointResidual, name: str) -> Float[Array, "n k"]:
     """Columns of the response to an input in the judged band: its present value, and its series behind filters."""
-    parts = []
+    names, parts = _inputs_of_response(residual, name), []
     for log in residual.logs:
-        dt = _step(log)
-        behind = [laguerre(log.inputs[name], dt, hz, _ORDER) for hz in _corners(log)]
-        parts.append(log.in_band(np.column_stack([*(log.inputs[one] for one in _present(residual, name)), *behind])))
+        filtered = [laguerre(log.inputs[name], log.dt, hz, _ORDER) for hz in _corners(log)]
+        parts.append(log.in_band(np.column_stack([*(log.inputs[one] for one in names), *filtered])))
     return np.concatenate(parts)
 
 
@@ -331,11 +323,11 @@ def complex_gains(residual: JointResidual, name: str, hz: Float[Array, " F"]) ->
     log = residual.logs[0]
     turning = 2j * np.pi * hz[:, None]
     powers = {"q": -1, "v": 0, "a": 1}  # powers of ``j w`` that make each from the velocity
-    now = [turning ** (powers.get(one.split(".")[0], 0)) for one in _present(residual, name)]
-    return np.hstack([*now, *(laguerre_gains(hz, _step(log), corner, _ORDER) for corner in _corners(log))])
+    now = [turning ** (powers.get(one.split(".")[0], 0)) for one in _inputs_of_response(residual, name)]
+    return np.hstack([*now, *(laguerre_gains(hz, log.dt, corner, _ORDER) for corner in _corners(log))])
 
 
-def _present(residual: JointResidual, name: str) -> list[str]:
+def _inputs_of_response(residual: JointResidual, name: str) -> list[str]:
     """Inputs without memory in the response to one input: for a speed, also position and acceleration of its joint."""
     kind, _, joint = name.partition(".")
     names = [f"{one}.{joint}" for one in ("q", "v", "a")] if kind == "v" else [name]
@@ -344,7 +336,3 @@ def _present(residual: JointResidual, name: str) -> list[str]:
 
 def _corners(log: ResidualLog) -> list[float]:
     return [share * log.cutoff_hz for share in _CORNERS]
-
-
-def _step(log: ResidualLog) -> float:
-    return float(log.t[1] - log.t[0])

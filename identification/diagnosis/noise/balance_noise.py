@@ -110,7 +110,7 @@ def balance_parts(
         robot: The given model.
         log: A recording at its full rate.
         judged_hz: Edge of the band of the motion [Hz].
-        readings: Noise of each joint's readings, see `reading_noise`.
+        readings: Noise of each joint's position readings; None where it is not known.
     """
     out: tuple[list[Part], ...] = tuple([] for _ in range(robot.nv))
     rate = log.band.rate_hz
@@ -123,25 +123,26 @@ def balance_parts(
     balance = log.tau - _rigid_torque(robot, log, raw) - modelled_friction(robot, log.motion)
     if log.external is not None:
         balance = balance + log.external
-    noise = error_of_readings(log, readings, random_stream("errors of readings above the band"))
+    noise = reading_errors(log, readings, random_stream("errors of readings above the band"))
     encoder_torque = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
     # Swings have a wide judged band: above it, encoder noise dominates all but the nearest frequencies.
     step = (high / low) ** (1 / count) if log.touched is None else _RATIO
     for a, b in pairwise(low * step ** np.arange(count + 1)):
-        whole, encoders = (between(x, rate, a, b) for x in (balance, encoder_torque))
+        whole, encoders = (band_passed(x, rate, a, b) for x in (balance, encoder_torque))
         travels = _travels(log, _AROUND / a)
         for j, parts in enumerate(out):
             use = travels[:, j]
             values = float(2.0 * (b - a) * use.sum() / rate)
             if values >= _FEWEST:
                 centre = float(np.sqrt(a * b))
-                kept = (b - a) * float(log.noise_gain(np.array([centre]))[0])
-                power, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / kept for x in (whole, encoders))
+                width = (b - a) * float(log.noise_gain(np.array([centre]))[0])
+                # The median of the magnitudes of normal noise, times 1.4826, is its standard deviation.
+                power, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / width for x in (whole, encoders))
                 parts.append(Part(centre, power, own, values))
     return out
 
 
-def error_of_readings(
+def reading_errors(
     log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
 ) -> Float[Array, "N nv"]:
     """Errors of another reading of a log's smooth motion [rad or m]; zero for joints of unknown noise."""
@@ -151,7 +152,7 @@ def error_of_readings(
     )
 
 
-def between(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float) -> Float[Array, "N nv"]:
+def band_passed(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float) -> Float[Array, "N nv"]:
     """Part of a series between two frequencies, by a filter without delay and with smooth edges that hardly ring.
 
     White noise keeps the power that it has between the two.

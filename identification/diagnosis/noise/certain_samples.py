@@ -21,10 +21,10 @@ _CONVERGED = 0.99  # ratio of two successive variances above which the iteration
 
 
 def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> float:
-    """Variance of noise, with the weights of `noise_share`.
+    """Variance of the noise, in which samples with uncertain friction have a low weight.
 
-    Weights and variance depend on each other; they are computed in turn, starting from the mean of all samples, as long
-    as the weights stand for a fair share of the samples.
+    The weights depend on the variance (`noise_share`). Both are computed in turn, starting from the mean of all
+    samples, as long as enough samples have a fair weight.
 
     Args:
         squares: Squared noise of each usable sample.
@@ -43,7 +43,7 @@ def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> 
     return variance
 
 
-def certainty(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> list[Float[Array, " n"]]:
+def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> list[Float[Array, " n"]]:
     """Square root of the weight of each sample of a row, for each log: one where the joint moves.
 
     Args:
@@ -51,7 +51,7 @@ def certainty(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
-    doubt = [part[:, row] ** 2 for part in columns.standing]
+    doubt = [part[:, row] ** 2 for part in columns.standstill_std]
     use = [part[:, row] for part in columns.usable]
     squares, beside = (
         np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)

@@ -13,6 +13,7 @@ from identification.diagnosis.noise.whitening import Whitening
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
 from identification.engine.chance import exceeded_by_chance
 from identification.engine.fits.held_out_gains import gains_on_residuals
+from identification.engine.products.row_products import RowProducts
 from identification.gates import above_chance
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
@@ -58,7 +59,6 @@ def _null_products(
     """Products of all white columns with null residuals, ``(F, K, R)``, over whole blocks of each fold and cores."""
     columns, blocks, grams = problem.columns, problem.blocks, problem.grams
     folds, total = int(grams.fold.max()) + 1, len(columns.names)
-    b, core_b = np.zeros((folds, total, _REPLICATES)), np.zeros((folds, total, _REPLICATES))
     signs = rng.choice([-1.0, 1.0], size=(len(blocks), _REPLICATES))
     sigma = np.array([n.sigma for n in columns.tolerance_parameters])
     bound = np.array([n.bound for n in columns.tolerance_parameters])
@@ -79,14 +79,13 @@ def _null_products(
             edge = _product(filters, x, e[:first], block.log, j, block.start) if first else 0.0
             core[k, row.index] += inside
             whole[k, row.index] += inside + edge
-    for fold in range(folds):
-        own = grams.fold == fold
-        b[fold] = whole[own].T @ signs[own]
-        core_b[fold] = core[own].T @ signs[own]
-    nuisance, every = np.arange(len(sigma)), np.arange(b.shape[1])
-    b += grams.fold_a.between(nuisance, every).transpose(0, 2, 1) @ changes
-    core_b += grams.fold_core_a.between(nuisance, every).transpose(0, 2, 1) @ changes
-    return b, core_b
+
+    def by_fold(of_noise: Float[Array, "B K"], of_columns: RowProducts) -> Float[Array, "F K R"]:
+        own = [grams.fold == fold for fold in range(folds)]
+        of_changes = of_columns.between(np.arange(len(sigma)), np.arange(total)).transpose(0, 2, 1) @ changes
+        return np.array([of_noise[rows].T @ signs[rows] for rows in own]) + of_changes
+
+    return by_fold(whole, grams.fold_a), by_fold(core, grams.fold_core_a)
 
 
 def _product(

@@ -58,7 +58,10 @@ def discrepancy(
         torque: Root mean square of each joint's measured torque.
     """
     drive = DRIVE_CLASSES[session.robot.torque_source]
-    friction: Series = tuple(log.band(_slow_friction(session, k)) for k, log in enumerate(session.logs))
+    friction: Series = tuple(
+        log.band(np.where(slow_samples(session, k), modelled_friction(session.robot, log.motion), 0.0))
+        for k, log in enumerate(session.logs)
+    )
     shown: Series = tuple(shown_error(session, k)[log.samples] for k, log in enumerate(session.logs))
     counts = np.maximum(sum(np.sum(weight, axis=0) for weight in usable), 1e-12)
     of_friction, of_model = (
@@ -82,8 +85,3 @@ def slow_samples(session: Session, log: int) -> Bool[Array, "N nv"]:
     speed = np.abs(motion.v)
     slow = speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)
     return ndimage.maximum_filter1d(slow, 2 * max(1, round(rules.CREEPING_TIME * rate)) + 1, axis=0)
-
-
-def _slow_friction(session: Session, log: int) -> Float[Array, "N nv"]:
-    """Modelled friction of a log near reversals and where a joint creeps; zero elsewhere."""
-    return np.where(slow_samples(session, log), modelled_friction(session.robot, session.logs[log].motion), 0.0)

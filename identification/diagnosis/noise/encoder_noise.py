@@ -7,7 +7,7 @@ taken as the true one, new encoder noise of the same kind is added, and columns 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,8 +20,7 @@ from identification.diagnosis.columns.residual_columns import Columns, columns_b
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.noise.whitening import whitened, whitened_series, whitening_of
+from identification.diagnosis.noise.whitening import squares_by_row, whitened, whitening_of
 from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
 from identification.engine.fits.projection import gains_if_added
@@ -131,17 +130,11 @@ class SimulatedRecordings:
 
     Attributes:
         session: Session with new readings in each log.
-        like: Columns of the original recordings.
         residual: Residual of the simulated recordings, which is encoder noise alone, for each log ``(n, nv)``.
     """
 
     session: Session
-    like: Columns
     residual: Series
-
-    def columns(self) -> tuple[Columns, Callable[[int], tuple[Array, ...]]]:
-        """The columns of ``like`` for the simulated recordings, log by log, see `columns_by_log`."""
-        return columns_by_log(self.session, self.like)
 
 
 def simulated_recordings(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> SimulatedRecordings:
@@ -150,7 +143,7 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
     Args:
         session: The recordings.
         columns: Columns of the recordings.
-        steps: Step of each joint's readings, see `coarsest_steps`.
+        steps: Step of each joint's readings, from `coarsest_steps`.
     """
     rng = random_stream("readings with fresh noise")
     logs = tuple(simulated_log(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
@@ -161,7 +154,7 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
         log.band(log.tau - operate(operation.robot, log, session.known, k, session.cutoff_hz).tau)
         for k, (log, operation) in enumerate(zip(logs, columns.operations, strict=True))
     ]
-    return SimulatedRecordings(simulated, columns, tuple(residual))
+    return SimulatedRecordings(simulated, tuple(residual))
 
 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
@@ -175,16 +168,11 @@ def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Boo
         encoders: Torque that the noise of the encoders causes.
         usable: Samples that are used.
     """
-    out = [part.copy() for part in noise]
-    for j in range(noise[0].shape[1]):
-        use = [u[:, j] for u in usable]
-        own = [r[:, j] for r in encoders]
-        if rms([e[:, j][u] for e, u in zip(noise, use, strict=True)]) < rms(
-            [r[u] for r, u in zip(own, use, strict=True)]
-        ):
-            for k, r in enumerate(own):
-                out[k][:, j] = np.where(use[k], r, 0.0)
-    return tuple(out)
+    smaller = squares_by_row(noise, usable) < squares_by_row(encoders, usable)
+    return tuple(
+        np.where(smaller, np.where(use, spurious, 0.0), part)
+        for part, spurious, use in zip(noise, encoders, usable, strict=True)
+    )
 
 
 def spurious_gains(
@@ -198,9 +186,8 @@ def spurious_gains(
         noise: Noise from which the whitening filters are computed.
     """
     problem = search.problem
-    encoders = whitened_series(problem.columns, simulated.residual, like=noise)
-    each = [np.where(use, part, 0.0) ** 2 for use, part in zip(problem.columns.usable, encoders, strict=True)]
-    energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
+    encoders = whitening_of(problem.columns, noise).series(simulated.residual)
+    energy = float(squares_by_row(encoders, problem.columns.usable) @ problem.weights.per_sample)
     # No effect can gain more than the energy of all noise.
     if energy < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.effect_joint for term in search.terms), 0.0)
@@ -218,7 +205,7 @@ def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Serie
     Columns are computed for one log at a time. Those of all logs together would take as much memory as the columns of
     the original recordings.
     """
-    columns, values = simulated.columns()
+    columns, values = columns_by_log(simulated.session, problem.columns)
     filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
     session = replace(problem.session, folds=np.minimum(problem.session.folds, 0))
     rows: tuple[RowGrams, ...] = ()

@@ -11,8 +11,8 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
-from identification.diagnosis.noise.certain_samples import certainty
-from identification.diagnosis.noise.whitening import whitened_series
+from identification.diagnosis.noise.certain_samples import root_weights
+from identification.diagnosis.noise.whitening import whitening_of
 from identification.diagnosis.search.search import Search
 from identification.engine.autocorrelation import autocorrelation_time
 from identification.engine.numerics.two_threads import in_two_threads
@@ -20,8 +20,8 @@ from identification.engine.products.grams import Weights
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 # A flexible fit is made this many times, each time with weights from the error of the last fit. It is made only once if
-# all weights are above the second number.
-_WEIGHED, _SURE = 2, 0.95
+# the roots of all weights are above the second number.
+_WEIGHED, _EQUAL = 2, 0.95
 
 
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
@@ -38,6 +38,7 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """
 
     def unpredicted(j: int) -> tuple[list[Float[Array, " n"]], list[Float[Array, " n"]]]:
+        """Error of the best predictor of one row in the whole band, and of the best one in the judged band."""
         use = [u[:, j] for u in columns.usable]
         y = [np.where(u, r[:, j], 0.0) for r, u in zip(columns.residual, use, strict=True)]
         order, steps = _plain_first(columns, j)
@@ -47,35 +48,36 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
             for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
         first = (*steps, plain[0].shape[1])
-        whole, inside = y, y
+        whole, judged = y, y
         for _ in range(_WEIGHED):
-            sure = certainty(columns, whole, j)
-            whole, inside = y, y
-            least, least_inside = rms(_used(y, use, sure)), _inside(session, y, use, sure)
-            weighed = [x * own[:, None] for x, own in zip(rich, sure, strict=True)]
-            of_sure = [part * own for part, own in zip(y, sure, strict=True)]
-            for predicted, _ in ridge_predictions(weighed, of_sure, use, session.blocks, session.folds, first):
+            roots = root_weights(columns, whole, j)
+            whole, judged = y, y
+            least, least_judged = _weighted_rms(y, use, roots), _rms_in_judged_band(session, y, use, roots)
+            weighted_x = [x * root[:, None] for x, root in zip(rich, roots, strict=True)]
+            weighted_y = [part * root for part, root in zip(y, roots, strict=True)]
+            for predicted, _ in ridge_predictions(weighted_x, weighted_y, use, session.blocks, session.folds, first):
                 error = [
-                    np.where(u, given - p / own, 0.0) for u, given, p, own in zip(use, y, predicted, sure, strict=True)
+                    np.where(u, given - p / root, 0.0)
+                    for u, given, p, root in zip(use, y, predicted, roots, strict=True)
                 ]
-                left, left_inside = rms(_used(error, use, sure)), _inside(session, error, use, sure)
+                left, left_judged = _weighted_rms(error, use, roots), _rms_in_judged_band(session, error, use, roots)
                 if left < least:
                     whole, least = error, left
-                if left_inside < least_inside:
-                    inside, least_inside = error, left_inside
-            if min(float(own.min(initial=1.0)) for own in sure) > _SURE:
+                if left_judged < least_judged:
+                    judged, least_judged = error, left_judged
+            if min(float(root.min(initial=1.0)) for root in roots) > _EQUAL:
                 break
-        return whole, inside
+        return whole, judged
 
     rows = in_two_threads(unpredicted, range(len(columns.rows)))
-    whole, inside = (
+    whole, judged = (
         tuple(np.column_stack(parts) for parts in zip(*(row[k] for row in rows), strict=True)) for k in (0, 1)
     )
-    return whole, inside
+    return whole, judged
 
 
 def quieter_in_band(
-    session: Session, columns: Columns, noise: Series, inside: Series, least: Float[Array, " nv"]
+    session: Session, columns: Columns, noise: Series, in_band: Series, least: Float[Array, " nv"]
 ) -> Series:
     """Noise of each joint from the one of two estimates that is smaller in the judged band.
 
@@ -83,28 +85,28 @@ def quieter_in_band(
         session: Recordings and their band.
         columns: Which samples are usable.
         noise: The first estimate, with which the explanation was compared.
-        inside: The other estimate, made to be best in the judged band.
+        in_band: The other estimate, made to be best in the judged band.
         least: Torque from encoder noise in the judged band; an estimate below it is not used.
     """
     out = [part.copy() for part in noise]
     for j in range(len(columns.rows)):
         use, own = [u[:, j] for u in columns.usable], [part[:, j] for part in noise]
-        sure = certainty(columns, own, j)
-        one, other = (_inside(session, series, use, sure) for series in (own, [part[:, j] for part in inside]))
-        if least[j] <= other < one:
-            for part, quiet in zip(out, inside, strict=True):
+        roots, other = root_weights(columns, own, j), [part[:, j] for part in in_band]
+        first, second = (_rms_in_judged_band(session, series, use, roots) for series in (own, other))
+        if least[j] <= second < first:
+            for part, quiet in zip(out, in_band, strict=True):
                 part[:, j] = quiet[:, j]
     return tuple(out)
 
 
-def _inside(
+def _rms_in_judged_band(
     session: Session,
     parts: Sequence[Float[Array, " n"]],
     use: Sequence[Bool[Array, " n"]],
-    sure: Sequence[Float[Array, " n"]],
+    roots: Sequence[Float[Array, " n"]],
 ) -> float:
-    """Root mean square of one row in the judged band."""
-    return rms(_used([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use, sure))
+    """Weighted root mean square of the usable samples of one row in the judged band."""
+    return _weighted_rms([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use, roots)
 
 
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
@@ -150,11 +152,11 @@ def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Arra
     return np.maximum(own, least_noise(columns))
 
 
-def _used(
-    parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]], sure: Sequence[Float[Array, " n"]]
-) -> list[Float[Array, " n"]]:
-    """Usable samples, each times the root of its weight."""
-    return [(part * own)[u] for part, u, own in zip(parts, use, sure, strict=True)]
+def _weighted_rms(
+    parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]], roots: Sequence[Float[Array, " n"]]
+) -> float:
+    """Root mean square of the usable samples of one row, each times the root of its weight."""
+    return rms([(part * root)[u] for part, u, root in zip(parts, use, roots, strict=True)])
 
 
 def rms(parts: list[Float[Array, " n"]]) -> float:
@@ -178,8 +180,8 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
     for j in range(len(problem.columns.rows)):
         use = [u[:, j] for u in problem.columns.usable]
         own = [part[:, j] for part in noise]
-        sure = certainty(problem.columns, own, j)
-        new, old = rms(_used([part[:, j] for part in residual], use, sure)), rms(_used(own, use, sure))
+        roots = root_weights(problem.columns, own, j)
+        new, old = (_weighted_rms(series, use, roots) for series in ([part[:, j] for part in residual], own))
         if 0 < new < old:
             ratio = min(ratio, new / old)
             for k, r in enumerate(residual):
@@ -202,8 +204,8 @@ def noise_without(
     problem = search.problem
     with_it, without = (held_out_torque(problem, terms, search.evaluate(terms)) for terms in (tried, chosen))
     trace = tuple(a - b for a, b in zip(with_it, without, strict=True))
-    white = whitened_series(problem.columns, noise)
-    white_trace = whitened_series(problem.columns, trace, like=noise)
+    filters = whitening_of(problem.columns, noise)
+    white, white_trace = filters.series(noise), filters.series(trace)
     left, gain = [part.copy() for part in noise], 0.0
     for j, weight in enumerate(problem.weights.per_sample):
         use = [usable[:, j] for usable in problem.white.usable]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 from scipy import ndimage
@@ -20,7 +21,7 @@ _MOST = 6  # largest number of repetitions compared for a pair of recordings
 _UNLIKE = 0.5
 _LEAST_OVERLAP = 0.1  # smallest energy of a common stretch, as a share of the shorter recording's
 _WINDOW = 0.5  # time [s] over which two stretches have to agree
-_STANDS = 0.01  # a joint whose velocity is below this share of the fastest joint's is not compared
+_SLOW = 0.01  # a joint whose velocity is below this share of the fastest joint's is not compared
 _LEAST = 20.0  # smallest number of independent differences: with fewer the noise is uncertain by more than a sixth
 # A drive with a loose controller repeats its motion to some per cent only. Two such motions are compared if their
 # velocities differ by less than the first share. The model's error then differs between them too: the comparison counts
@@ -61,11 +62,11 @@ def repeated_noise(
     differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     for first, second, lag in repetitions(session):
         a, b = _overlap(len(residual[first]), len(residual[second]), lag)
-        agree = _agree(session.logs[first], a, session.logs[second], b)
+        agree = _same_motion(session.logs[first], a, session.logs[second], b)
         for j in range(rows):
             use = agree & usable[first][a, j] & usable[second][b, j]
             differences[j].append((residual[first][a, j] - residual[second][b, j], use.astype(float)))
-    strictly = [_spread(parts) for parts in differences]
+    strictly = [_repeated(parts) for parts in differences]
     if counts is None or all(one is not None for one in strictly):
         return tuple(strictly)
     loosely = _loosely_repeated(session, residual, counts)
@@ -78,18 +79,17 @@ def _loosely_repeated(session: Session, residual: Series, counts: Series) -> lis
     differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     of_model = np.zeros(rows)
     left = np.sqrt(np.mean(np.concatenate(residual) ** 2, axis=0))
-    for first in range(len(logs) if session.differences == ALIKE else 0):
-        for second in range(first + 1, len(logs)):
-            found = _aligned(logs[first], logs[second])
-            if found is None:
-                continue
-            mine, theirs, agree, unlike = found
-            other = _interpolated(residual[second], theirs)
-            weight = agree[:, None] * counts[first][mine] * _interpolated(counts[second], theirs)
-            of_model = np.maximum(of_model, unlike * left)
-            for j in range(rows):
-                differences[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
-    out = [_spread(parts) for parts in differences]
+    for first, second in combinations(range(len(logs) if session.differences == ALIKE else 0), 2):
+        found = _aligned(logs[first], logs[second])
+        if found is None:
+            continue
+        mine, theirs, agree, unlike = found
+        other = _interpolated(residual[second], theirs)
+        weight = agree[:, None] * counts[first][mine] * _interpolated(counts[second], theirs)
+        of_model = np.maximum(of_model, unlike * left)
+        for j in range(rows):
+            differences[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
+    out = [_repeated(parts) for parts in differences]
     return [
         one if one is not None and most < _OF_MODEL * one.value else None
         for one, most in zip(out, of_model, strict=True)
@@ -103,8 +103,8 @@ def _aligned(first: Log, second: Log) -> tuple[Array, Array, Array, float] | Non
     """
     rates = first.band.output_rate_hz, second.band.output_rate_hz
     v, w = _velocity(first), _velocity(second)
-    usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
-    moves = usual > _STANDS * usual.max()
+    usual = _usual_velocity(v, w)
+    moves = usual > _SLOW * usual.max()
     best = (np.inf, 0.0)
     at = np.arange(len(v)) * rates[1] / rates[0]
     for shift in np.linspace(-1.0, 1.0, _PLACES):
@@ -117,9 +117,7 @@ def _aligned(first: Log, second: Log) -> tuple[Array, Array, Array, float] | Non
     inside = (at + best[1] >= 0) & (at + best[1] <= len(w) - 1)
     mine, theirs = np.flatnonzero(inside), (at + best[1])[inside]
     q, p = first.motion.q[first.samples][mine], _interpolated(second.motion.q[second.samples], theirs)
-    difference = _difference(
-        (q[:, moves], p[:, moves]), (v[mine] - _interpolated(w, theirs))[:, moves] / usual[moves], rates[0]
-    )
+    difference = _difference(q, p, v[mine] - _interpolated(w, theirs), usual, rates[0])
     return mine, theirs, difference < _LOOSELY**2, best[0]
 
 
@@ -136,8 +134,8 @@ def _interpolated(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array
     )
 
 
-def _spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
-    """Standard deviation of one repetition, from differences of two and their weights; None with too few of them."""
+def _repeated(parts: list[tuple[Array, Array]]) -> Repeated | None:
+    """Noise of one repetition, from differences of two and their weights; None with too few of them."""
     independent, squares, count = 0.0, 0.0, 0.0
     for difference, weight in parts:
         used = weight > 0
@@ -152,23 +150,28 @@ def _spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
 
 def repetitions(session: Session) -> list[tuple[int, int, int]]:
     """Repetitions: indices of two logs (or of one log twice), and the lag of the second motion in samples."""
-    found, logs = [], session.logs
-    for first, log in enumerate(logs):
-        for second in range(first, len(logs)):
-            same_rate = np.isclose(log.band.output_rate_hz, logs[second].band.output_rate_hz)
-            if first == second or (session.differences == ALIKE and same_rate):
-                found += [(first, second, lag) for lag in _lags(log, logs[second], same_recording=first == second)]
+    found = []
+    for (first, log), (second, other) in combinations_with_replacement(enumerate(session.logs), 2):
+        same_rate = np.isclose(log.band.output_rate_hz, other.band.output_rate_hz)
+        if first == second or (session.differences == ALIKE and same_rate):
+            found += [(first, second, lag) for lag in _lags(log, other, same_recording=first == second)]
     return found
 
 
 def _velocity(log: Log) -> Float[Array, "n nv"]:
+    """Velocity at the in-band samples of a log."""
     return log.motion.v[log.samples]
+
+
+def _usual_velocity(v: Float[Array, "n nv"], w: Float[Array, "m nv"]) -> Float[Array, " nv"]:
+    """Root mean square of the velocity of each joint over two motions."""
+    return np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
 
 
 def _lags(first: Log, second: Log, *, same_recording: bool) -> list[int]:
     """Shifts in samples at which a motion repeats, the best matches first."""
     v, w = _velocity(first), _velocity(second)
-    scale = np.maximum(np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0)), 1e-12)
+    scale = np.maximum(_usual_velocity(v, w), 1e-12)
     v, w = v / scale, w / scale
     common = np.sum([_correlation(w[:, j], v[:, j]) for j in range(v.shape[1])], axis=0)
     lags = np.arange(-(len(v) - 1), len(w))
@@ -202,27 +205,27 @@ def _overlap(first: int, second: int, lag: int) -> tuple[slice, slice]:
     return slice(start, start + length), slice(start + lag, start + lag + length)
 
 
-def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
+def _same_motion(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
     """True where two stretches are the same motion: every joint has the same position and velocity."""
     v, w = _velocity(first), _velocity(second)
     q, p = first.motion.q[first.samples][a], second.motion.q[second.samples][b]
-    usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
-    moves = usual > _STANDS * usual.max()
-    difference = _difference(
-        (q[:, moves], p[:, moves]), (v[a] - w[b])[:, moves] / usual[moves], first.band.output_rate_hz
-    )
-    return difference < rules.REPEATED**2
+    return _difference(q, p, v[a] - w[b], _usual_velocity(v, w), first.band.output_rate_hz) < rules.REPEATED**2
 
 
-def _difference(positions: tuple[Array, Array], velocities: Array, rate: float) -> Float[Array, " n"]:
-    """Squared difference of two stretches of the joint that differs most, averaged over a window.
+def _difference(
+    q: Float[Array, "n nv"], p: Float[Array, "n nv"], dv: Float[Array, "n nv"], usual: Float[Array, " nv"], rate: float
+) -> Float[Array, " n"]:
+    """Squared relative difference of two stretches in the joint that differs most, averaged over a window.
 
     Args:
-        positions: Of both, ``(n, k)``; their difference counts relative to the travel of the first.
-        velocities: Their difference, relative to the usual velocity, ``(n, k)``.
+        q: Positions of the first; differences of positions are relative to its travel.
+        p: Positions of the second.
+        dv: Difference of the velocities.
+        usual: Usual velocity of each joint, to which ``dv`` is relative. Joints that are nearly still are not compared.
         rate: Samples per second [Hz].
     """
-    q, p = positions
+    moves = usual > _SLOW * usual.max()
+    q, p, dv = q[:, moves], p[:, moves], dv[:, moves] / usual[moves]
     travel = np.maximum(np.ptp(q, axis=0), 1e-12)
-    largest = np.maximum(velocities**2, ((q - p) / travel) ** 2).max(axis=1)
+    largest = np.maximum(dv**2, ((q - p) / travel) ** 2).max(axis=1)
     return ndimage.uniform_filter1d(largest, max(1, round(_WINDOW * rate)), mode="nearest")

@@ -16,7 +16,7 @@ from identification.data.floating.base_columns import with_redrawn_noise
 from identification.data.log import Log
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series, Session
-from identification.diagnosis.noise.balance_noise import balance_noise, balance_parts, error_of_readings
+from identification.diagnosis.noise.balance_noise import balance_noise, balance_parts, reading_errors
 from identification.diagnosis.noise.discrepancy import shown_error
 from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
@@ -24,6 +24,9 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
+
+# Noise of each joint's position readings in each log; None where it is not known.
+Readings = tuple[tuple[ReadingNoise | None, ...], ...]
 
 _METHOD = 1.25  # factor by which the density may differ from a clean recording's (benchmarks/noise_floor.py)
 _DRAWS = 4  # number of draws of reading errors: with one draw, their torque in a narrow band is uncertain by a tenth
@@ -60,8 +63,7 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
         usable: Weight of each sample in the band, for each log.
         deviations: Half width of the interval in standard errors.
     """
-    robot, logs = session.robot, session.logs
-    readings = tuple(tuple(reading_noise(log, j) for j in range(robot.nv)) for log in logs)
+    robot, readings = session.robot, _readings_of(session)
     encoders = _encoders_in_band(session, readings, usable)
     gain = _noise_gain(session)
     value, low, high, torque = np.full((4, robot.nv), np.nan)
@@ -74,9 +76,12 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
     return SensorFloor(value, low, high, torque, encoders)
 
 
-def torque_densities(
-    session: Session, readings: tuple[tuple[ReadingNoise | None, ...], ...], deviations: float = 2.0
-) -> list[Density | None]:
+def _readings_of(session: Session) -> Readings:
+    """Noise of each joint's position readings in each log; None where it is not known."""
+    return tuple(tuple(reading_noise(log, j) for j in range(session.robot.nv)) for log in session.logs)
+
+
+def torque_densities(session: Session, readings: Readings, deviations: float = 2.0) -> list[Density | None]:
     """White noise of each joint's torque, from torque readings or from the torque balance; None if unknown.
 
     Args:
@@ -89,14 +94,14 @@ def torque_densities(
     seconds = [len(log.motion.t) / log.band.rate_hz for log in logs]
     out: list[Density | None] = []
     for j in range(robot.nv):
-        balance = _mean([balance_noise(own[j], deviations) for own in parts], seconds)
+        balance = _mean_density([balance_noise(own[j], deviations) for own in parts], seconds)
         # A command has no sensor: above the motion it shows what the controller asked for.
         seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
-        out.append(_smaller(seen, balance))
+        out.append(_smaller_density(seen, balance))
     return out
 
 
-def _smaller(seen: Density | None, balance: Density | None) -> Density | None:
+def _smaller_density(seen: Density | None, balance: Density | None) -> Density | None:
     """The smaller of two estimates, each of which may be too large.
 
     Jumps of friction raise what is seen in the readings, errors of the model raise the balance. Where encoders hide the
@@ -108,21 +113,18 @@ def _smaller(seen: Density | None, balance: Density | None) -> Density | None:
     return min(known, key=lambda one: one.value, default=None)
 
 
-def _mean(each: list[Density | None], weights: list[float]) -> Density | None:
-    """Mean density over the recordings that show it."""
+def _mean_density(each: list[Density | None], weights: list[float]) -> Density | None:
+    """Weighted mean density over the recordings that show it; None if none does."""
     known = [(one, weight) for one, weight in zip(each, weights, strict=True) if one is not None]
     if not known:
         return None
-    share = [weight for _, weight in known]
-    values = np.array([(one.value, one.low, one.high) for one, _ in known])
-    mean = np.average(values, axis=0, weights=share).tolist()
+    values = [(one.value, one.low, one.high) for one, _ in known]
+    mean = np.average(values, axis=0, weights=[weight for _, weight in known]).tolist()
     return Density(*mean, may_be_nothing=all(one.may_be_nothing for one, _ in known))
 
 
 def _encoders_in_band(
-    session: Session,
-    readings: tuple[tuple[ReadingNoise | None, ...], ...],
-    usable: tuple[Float[Array, "n nv"], ...],
+    session: Session, readings: Readings, usable: tuple[Float[Array, "n nv"], ...]
 ) -> Float[Array, " nv"]:
     """Root mean square of the spurious torque from errors of the position readings in the judged band, ``(nv,)``."""
     squares, counts = np.zeros(session.robot.nv), np.zeros(session.robot.nv)
@@ -146,7 +148,7 @@ def reading_error_torque(
         readings: Noise of each joint's readings.
         rng: Draws the errors of the readings.
     """
-    error = error_of_readings(log, readings, rng)
+    error = reading_errors(log, readings, rng)
     q, v, a = differentiate(log.motion.q + error, log.band.rate_hz, position_edges(log))
     noisy = log.motion.with_joints(q, v, a)
     if log.motion.base is not None:
@@ -179,7 +181,7 @@ def sensed_noise(session: Session, columns: Columns) -> Series:
         columns: Which samples are usable.
     """
     robot, rng = session.robot, random_stream("noise of the sensors")
-    readings = tuple(tuple(reading_noise(log, j) for j in range(robot.nv)) for log in session.logs)
+    readings = _readings_of(session)
     densities = torque_densities(session, readings)
     density = np.array([0.0 if one is None else one.value for one in densities])
     known = np.array([one is not None for one in densities])

@@ -47,7 +47,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
         row: Index of the joint.
         held: True if the torque was aligned as one that is held between samples.
     """
-    parts = [part for log in logs if (part := _above(log, row, held=held)) is not None]
+    parts = [part for log in logs if (part := _densities_above_motion(log, row, held=held)) is not None]
     if not parts:
         return None
     weights = np.array([weight for _, weight in parts])
@@ -60,7 +60,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
     return Density(float(np.exp(np.log(levels).mean())), float(levels.min()), float(levels.max()))
 
 
-def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
+def _densities_above_motion(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
     """Mean power density and centre [Hz] of each part of the band above the motion, and the length of the recording."""
     rate, tau = log.band.rate_hz, log.tau[:, row]
     low, high = ABOVE_MOTION * log.band.cutoff_hz, _TOP * rate

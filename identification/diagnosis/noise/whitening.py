@@ -15,7 +15,7 @@ import numpy as np
 from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.noise.certain_samples import certain_variance, certainty
+from identification.diagnosis.noise.certain_samples import certain_variance, root_weights
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
@@ -91,25 +91,28 @@ class Whitening:
 
     Attributes:
         kernels: Filter of each row.
-        trust: Weight of each sample, for each log ``(n, nv)``.
+        weights: Factor of each sample, for each log ``(n, nv)``.
     """
 
     kernels: list[Float[Array, " m"]]
-    trust: list[Float[Array, "n nv"]]
+    weights: list[Float[Array, "n nv"]]
 
     def columns(self, values: tuple[Float[Array, "n k"], ...], log: int) -> tuple[Float[Array, "n k"], ...]:
         """Whitened columns of one log, row by row."""
 
         def white(j: int) -> Array:
             out = filtered(self.kernels[j], values[j])
-            out *= self.trust[log][:, j : j + 1]
+            out *= self.weights[log][:, j : j + 1]
             return out
 
         return tuple(in_two_threads(white, range(len(values))))
 
     def series(self, parts: Series) -> Series:
         """Whitened series of all logs, ``(n, nv)`` each."""
-        return tuple(_white(self.kernels, part) * own for part, own in zip(parts, self.trust, strict=True))
+        return tuple(
+            np.column_stack([filtered(kernel, part[:, j]) for j, kernel in enumerate(self.kernels)]) * weights
+            for part, weights in zip(parts, self.weights, strict=True)
+        )
 
     def transposed(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
         """The series whose product with any column equals that of ``e`` with the whitened column.
@@ -124,35 +127,50 @@ class Whitening:
             The series, and the index of its first sample, which is earlier by the length of the filter.
         """
         kernel = self.kernels[row]
-        back = np.convolve(e * self.trust[log][start : start + len(e), row], kernel[::-1])
+        back = np.convolve(e * self.weights[log][start : start + len(e), row], kernel[::-1])
         early = max(len(kernel) - 1 - start, 0)
         return back[early:], start - len(kernel) + 1 + early
 
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
-    """Filters and weights that make the noise of columns white, see `whitened`; values of columns are not used."""
-    kernels = noise_filters(columns, noise)
-    return Whitening(kernels, _trust(columns, kernels, noise))
+    """Filters that make the noise of columns white, and the factor of each sample; values of columns are not used.
 
+    The factor is the root of the share of noise in the variance of noise and uncertain friction together, scaled to a
+    mean square of one on each row.
 
-def trust_in_samples(columns: Columns, noise: Series) -> tuple[Float[Array, "n nv"], ...]:
-    """Factor of each sample without a filter: lower at standstill, where friction may have any value.
-
-    The squares are in proportion to the weights of the figures of a gap, see `fit.gap.sample_weights`.
+    Args:
+        columns: Columns before whitening.
+        noise: Unpredictable part of the residual, for each log; zero where a sample is not usable.
     """
-    sure = [certainty(columns, [part[:, j] for part in noise], j) for j in range(noise[0].shape[1])]
-    share = [np.column_stack([own[log] ** 2 for own in sure]) for log in range(len(noise))]
+    kernels = noise_filters(columns, noise)
+    friction = [
+        np.column_stack([friction_variance(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
+        for log in range(len(noise))
+    ]
+    variance = np.array(
+        [noise_variance(columns, [part[:, j] for part in noise], j, kernel) for j, kernel in enumerate(kernels)]
+    )
+    return Whitening(kernels, _mean_square_one(columns, [noise_share(variance, part) for part in friction]))
+
+
+def weights_without_filter(columns: Columns, noise: Series) -> Series:
+    """Factor of each sample where no filter is used: lower at standstill, where friction may have any value.
+
+    The squares are in proportion to the weights of the figures of a gap (`fit.gap.sample_weights`).
+    """
+    roots = [root_weights(columns, [part[:, j] for part in noise], j) for j in range(noise[0].shape[1])]
+    share = [np.column_stack([of_row[log] ** 2 for of_row in roots]) for log in range(len(noise))]
     return tuple(_mean_square_one(columns, share))
 
 
 def noise_filters(columns: Columns, noise: Series) -> list[Float[Array, " m"]]:
-    """Filter of each row that makes its noise white, see `noise_filter`; from the samples in which the joint moves."""
+    """Filter of each row that makes its noise white, from the samples in which the joint moves."""
     kernels = []
     for j in range(noise[0].shape[1]):
         own = [part[:, j] for part in noise]
-        sure = certainty(columns, own, j)
-        most = longest_order([use[:, j] & (weight**2 > 0.5) for use, weight in zip(columns.usable, sure, strict=True)])
-        kernels.append(noise_filter([part * weight for part, weight in zip(own, sure, strict=True)], most))
+        roots = root_weights(columns, own, j)
+        most = longest_order([use[:, j] & (root**2 > 0.5) for use, root in zip(columns.usable, roots, strict=True)])
+        kernels.append(noise_filter([part * root for part, root in zip(own, roots, strict=True)], most))
     return kernels
 
 
@@ -169,21 +187,15 @@ def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Se
     """
     filters = whitening_of(columns, noise)
     use = _usable_white(filters, columns)
-    own, least = (
-        sum(np.sum(np.where(u, part, 0.0) ** 2, axis=0) for part, u in zip(filters.series(series), use, strict=True))
-        for series in (noise, sensed)
-    )
+    own, least = (squares_by_row(filters.series(series), use) for series in (noise, sensed))
     lacking = np.sqrt(np.maximum(1.0 - own / np.maximum(least, 1e-300), 0.0))
     return tuple(part + lacking * more for part, more in zip(noise, sensed, strict=True))
 
 
-def whitened_series(columns: Columns, series: Series, like: Series | None = None) -> Series:
-    """The series of each log, with the filters and weights that whiten the noise ``like``, by default itself."""
-    return whitening_of(columns, series if like is None else like).series(series)
-
-
-def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> Float[Array, "n nv"]:
-    return np.column_stack([filtered(kernel, series[:, j]) for j, kernel in enumerate(kernels)])
+def squares_by_row(series: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Float[Array, " nv"]:
+    """Sum of squares of each row over the usable samples of all logs."""
+    parts = zip(series, usable, strict=True)
+    return np.asarray(sum(np.sum(np.where(use, part, 0.0) ** 2, axis=0) for part, use in parts))
 
 
 def friction_variance(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
@@ -192,12 +204,12 @@ def friction_variance(columns: Columns, log: int, row: int, kernel: Float[Array,
     At a reversal the time of the step of friction is uncertain: that error is filtered. The static friction of a joint
     at standstill may change from sample to sample, so the largest possible output of the filter is taken.
     """
-    return filtered(kernel, columns.doubt[log][:, row]) ** 2 + standstill_variance(columns, log, row, kernel)
+    return filtered(kernel, columns.reversal_std[log][:, row]) ** 2 + standstill_variance(columns, log, row, kernel)
 
 
 def standstill_variance(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
     """The part of `friction_variance` that is due to standstill."""
-    return filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
+    return filtered(np.abs(kernel), columns.standstill_std[log][:, row]) ** 2
 
 
 def noise_variance(
@@ -215,18 +227,6 @@ def noise_variance(
     white = [filtered(kernel, part)[u] ** 2 for part, u in zip(noise, use, strict=True)]
     still = [standstill_variance(columns, log, row, kernel)[u] for log, u in enumerate(use)]
     return max(certain_variance(np.concatenate(white), np.concatenate(still)), 1e-300)
-
-
-def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
-    """Weight of each sample: noise relative to noise and uncertain friction together; mean square one on each row."""
-    doubt = [
-        np.column_stack([friction_variance(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
-        for log in range(len(noise))
-    ]
-    variance = np.array(
-        [noise_variance(columns, [part[:, j] for part in noise], j, kernel) for j, kernel in enumerate(kernels)]
-    )
-    return _mean_square_one(columns, [noise_share(variance, d) for d in doubt])
 
 
 def _mean_square_one(columns: Columns, share: list[Float[Array, "n nv"]]) -> list[Float[Array, "n nv"]]:

@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from identification.data.derivatives import motion_edge
+from identification.data.log import Band
 from identification.data.signals import (
     _moving_edge,
     _within_rate,
     acceleration_edge,
     choose_cutoff,
     low_pass,
+    narrowed,
     process,
     process_all,
     smoothed,
-    smoothed_where,
 )
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
@@ -93,7 +94,7 @@ def test_each_stretch_between_holes_is_smoothed_as_if_it_were_a_recording_of_its
     x, valid = rng.normal(size=(401, 2)), np.ones(401, dtype=bool)
     valid[150:160] = valid[300] = False
     x[~valid] = 1e6  # made up, and carried nowhere
-    out = smoothed_where(x, valid, RATE, 10.0)
+    out = narrowed(x, valid, Band(RATE, 30.0, np.ones(1), 1), 10.0)
     for part in (slice(0, 150), slice(160, 300), slice(301, 401)):
         np.testing.assert_array_equal(out[part], smoothed(x[part], RATE, 10.0))
     assert not out[~valid].any()

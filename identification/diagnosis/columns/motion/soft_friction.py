@@ -44,7 +44,7 @@ def soft_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def softness(robot: Robot, motion: Motion, joint: str) -> Float[Array, "N nv"]:
-    """Soft friction minus Coulomb friction of a joint, see `SoftFriction`.
+    """Soft friction minus Coulomb friction of a joint (`SoftFriction` is the law), zero for other joints.
 
     Args:
         robot: States both.
@@ -90,13 +90,14 @@ def with_shown_friction(robot: Robot, recorded: Sequence[Recorded], known: Float
     return robot if _rubs_softly(robot, recorded, bases, shown - known) else replace(robot, soft_friction=())
 
 
-def _rubbing(robot: Robot, beyond_model: Array) -> Robot:
+def _rubbing(robot: Robot, beyond_model: Float[Array, " nv"]) -> Robot:
+    """The robot whose joints with soft friction have that Coulomb torque beyond the modelled one."""
     soft = zip(robot.soft_friction, beyond_model.tolist(), strict=True)
     return replace(robot, soft_friction=tuple(s and replace(s, beyond_model=torque) for s, torque in soft))
 
 
 def _rubs_softly(robot: Robot, recorded: Sequence[Recorded], bases: list[Array], missing: Array) -> bool:
-    """True if every part of the recordings shows the soft friction in its expected size."""
+    """True if every part of the recordings shows the soft friction in its expected size; False without any."""
     joints = soft_joints(robot)
     if not joints:
         return False
@@ -143,12 +144,14 @@ def _part(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) 
     Both are projected off what friction, bodies, rotor or a shift in time could explain.
     """
     others, dry, soft = _columns(robot, row, one, bodies, missing)
-    both = _without(np.column_stack([soft, one[2](one[1][:, row])]), np.column_stack([others, dry]))
+    _, lacking, band = one
+    both = _without(np.column_stack([soft, band(lacking[:, row])]), np.column_stack([others, dry]))
     pieces = np.array_split(both, _PARTS)
     return np.array([[float(x[:, 0] @ x[:, k]) for x in pieces] for k in (1, 0)])
 
 
-def _without(columns: Array, basis: Array) -> Array:
+def _without(columns: Float[Array, "n k"], basis: Float[Array, "n m"]) -> Float[Array, "n k"]:
+    """Columns less their projection onto a basis."""
     size = np.linalg.norm(basis, axis=0)
     scaled = basis / np.where(size > 0, size, 1.0)
     return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=None)[0]

@@ -38,11 +38,6 @@ _CAUTION = 3.0
 _STANDING = 0.055
 
 
-def moving_joints(log: Log) -> Bool[Array, " nv"]:
-    """False for joints whose whole motion is rounding: less than a millionth of a radian or metre."""
-    return np.ptp(log.motion.q, axis=0) > 1e-6
-
-
 def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint is at standstill: its speed is within noise, so static friction may hold any torque.
 
@@ -54,8 +49,10 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
     out, unseen = np.empty(log.motion.v.shape, dtype=bool), _unseen_speeds(log)
-    for j, moves in enumerate(moving_joints(log)):
+    for j in range(log.motion.q.shape[1]):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
+        # A whole motion of less than a millionth of a radian or metre is rounding.
+        moves = np.ptp(q) > 1e-6
         sigma = _noise(v, kernel)
         if sigma > rules.SHAKES * np.percentile(np.abs(v), 95):
             # A steady motion has no quiet fifth: then the noise is estimated from the readings.
@@ -97,17 +94,15 @@ def _noise_of_readings(log: Log, j: int) -> float:
     if log.raw_q is None or int(log.valid.sum()) < _LEAST_ROWS:
         return np.inf
     q = log.raw_q[log.valid, j]
-    least = np.inf
-    for order in _ORDERS:
-        differences = np.diff(q, order)
-        gain = np.sqrt(float(math.comb(2 * order, order)))
-        least = min(least, 1.4826 * float(np.median(np.abs(differences))) / gain)
+    least = min(
+        1.4826 * float(np.median(np.abs(np.diff(q, order)))) / np.sqrt(float(math.comb(2 * order, order)))
+        for order in _ORDERS
+    )
     step = (log.reading_steps[j] if len(log.reading_steps) > j else None) or 0.0
     shakes = max(least, step / np.sqrt(12), 1e-12)
     if np.ptp(q) < max(_LEAST_WAY, _BEYOND_SHAKE * shakes):
         return np.inf
-    band = log.band
-    return float(_CAUTION * 2 * np.pi * shakes * np.sqrt(2 * band.cutoff_hz**3 / (3 * band.rate_hz)))
+    return float(_CAUTION * 2 * np.pi * shakes * np.sqrt(2 * log.band.cutoff_hz**3 / (3 * log.band.rate_hz)))
 
 
 def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
@@ -130,7 +125,7 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
     return (share < _STANDING) & log.valid_in_band[:, None] & log.untouched_in_band
 
 
-def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
+def reversal_std(operation: Operation) -> Float[Array, "N nv"]:
     """Standard deviation of the modelled torque near reversals, from the rate of its Coulomb friction.
 
     It has the sign of the change, so that it can be filtered as the torque is.
@@ -141,7 +136,7 @@ def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
     return rules.REVERSAL_TIME * np.gradient(coulomb, operation.dt, axis=0)
 
 
-def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
+def encoder_still(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     """True where a joint's encoder shows no motion: its reading stays within two counts while the joint may stick.
 
     A reading between two levels flickers by one count, and a motion that ends there adds another. The result is False
@@ -163,18 +158,17 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
         if seconds > rules.STANDING_LONGEST:
             continue
         width = max(3, 2 * round(0.5 * seconds * rate) + 1)
-        travel = ndimage.maximum_filter1d(readings[:, j], width) - ndimage.minimum_filter1d(
-            readings[:, j], width, axis=0
-        )
+        q = readings[:, j]
+        travel = ndimage.maximum_filter1d(q, width) - ndimage.minimum_filter1d(q, width)
         # All samples of a window within which the reading hardly changes.
         out[:, j] = ndimage.maximum_filter1d(travel <= most, width)
     return out
 
 
-def friction_is_open(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
+def friction_sign_unknown(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     """True where friction may point either way: a joint's encoder shows no motion, or not in which direction."""
     steps = np.array([counted_step(robot, log, j) for j in range(robot.nv)])
-    return encoder_stands(robot, log) | direction_hidden(log, steps)
+    return encoder_still(robot, log) | direction_hidden(log, steps)
 
 
 def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"]:
@@ -186,7 +180,7 @@ def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"
 
     Args:
         log: A recording.
-        steps: Step of each joint's readings [rad or m], see `counted_step`; zero where it is not known.
+        steps: Step of each joint's readings [rad or m] (`counted_step`); zero where it is not known.
     """
     v = log.motion.v
     width = max(3, round(_WATCHED * log.band.rate_hz))
@@ -211,7 +205,7 @@ def counted_step(robot: Robot, log: Log, row: int) -> float:
     return max(seen or 0.0, stated_step(robot, row) or 0.0)
 
 
-def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+def standstill_std(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that stand still.
 
     At standstill the model's friction is ``T`` or ``-T``, with the sign of noise. The true one is uniform between
@@ -225,7 +219,7 @@ def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
     return _carried(log, np.sqrt(4.0 / 3.0) * np.where(stands, _about(log, friction), 0.0))
 
 
-def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that creep or reverse.
 
     Laws of friction differ there. The error recurs with the motion, so it must not count as an event.
@@ -241,7 +235,7 @@ def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n 
     return _carried(log, rules.CREEPING_FRICTION * np.where(creeps, _about(log, friction), 0.0))
 
 
-def open_friction(
+def uncertain_friction_variance(
     robot: Robot, log: Log, friction: Float[Array, "N nv"], doubt: Float[Array, "n nv"]
 ) -> Float[Array, "n nv"]:
     """Variance of the friction torque, in the band, of joints that stand still, creep or reverse.
@@ -252,8 +246,8 @@ def open_friction(
         friction: Friction torque of the model, findings included.
         doubt: Standard deviation of the friction torque near reversals, in the band.
     """
-    standing = standing_doubt(log, friction_is_open(robot, log), friction)
-    return standing**2 + doubt**2 + creeping_doubt(log, friction) ** 2
+    standing = standstill_std(log, friction_sign_unknown(robot, log), friction)
+    return standing**2 + doubt**2 + creeping_std(log, friction) ** 2
 
 
 def noise_share(noise: Array | float, friction: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.diagnosis.columns.layout import by_drives, by_place, by_scales, scales, together
+from identification.diagnosis.columns.layout import by_drives, by_place, by_scales, groups_of_joints, scales
 from identification.diagnosis.columns.prepared import prepared
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.columns.terms import merged
@@ -138,7 +138,7 @@ def scaled(lab, planar2):
 
 def test_both_joints_of_an_arm_may_have_one_scale(scaled):
     operation = merged(scaled.columns.operations)
-    assert together(scaled.session, operation) == ("shoulder+elbow",)
+    assert groups_of_joints(scaled.session, operation) == ("shoulder+elbow",)
 
 
 def test_one_number_on_two_joints_is_found(scaled):

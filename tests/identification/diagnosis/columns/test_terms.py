@@ -187,20 +187,20 @@ def test_the_transmissions_pass_what_a_payload_needs_and_not_what_a_rotor_needs(
     model.armature = np.zeros(2)
     smooth = replace(heavier, model=model, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
     expected = inverse_dynamics(smooth, operation)
-    np.testing.assert_allclose(expecting(planar, operation, (payload, rotor)).load, expected, atol=1e-9)
+    np.testing.assert_allclose(expecting(operation, (payload, rotor)).load, expected, atol=1e-9)
 
 
 def test_what_was_found_of_the_load_is_not_counted_twice(lab, planar):
     operation = Operation.of(planar, lab.motion(2))
     spring = FoundEffect(effect_named("parasitic_spring"), "elbow", (), np.array([2.0, 0.3]))
-    once = expecting(planar, operation, (spring,))
-    np.testing.assert_allclose(expecting(planar, once, (spring,)).load, once.load, atol=1e-12)
+    once = expecting(operation, (spring,))
+    np.testing.assert_allclose(expecting(once, (spring,)).load, once.load, atol=1e-12)
 
 
 def test_friction_that_was_found_is_no_load(lab, planar):
     operation = Operation.of(planar, lab.motion(2))
     rubs = FoundEffect(effect_named("coulomb_friction"), "elbow", (), np.array([0.5]))
-    np.testing.assert_array_equal(expecting(planar, operation, (rubs,)).load, operation.transmitted)
+    np.testing.assert_array_equal(expecting(operation, (rubs,)).load, operation.transmitted)
 
 
 def test_known_friction_under_load_and_torque_constants_are_those_of_the_robot_with_its_known_payload(

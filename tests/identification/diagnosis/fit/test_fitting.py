@@ -318,8 +318,8 @@ def test_a_block_without_a_sample_is_no_block_to_draw(quiet):
 def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_there(two):
     # By hand: where friction is open by twice the noise, a sample counts a fifth.
     twice = tuple(np.full(r.shape, 2.0) * two.problem.weights.floor for r in two.columns.residual)
-    standing = replace(two.problem, columns=replace(two.columns, standing=twice))
-    moving = replace(two.problem, columns=replace(two.columns, standing=tuple(0.0 * part for part in twice)))
+    standing = replace(two.problem, columns=replace(two.columns, standstill_std=twice))
+    moving = replace(two.problem, columns=replace(two.columns, standstill_std=tuple(0.0 * part for part in twice)))
     few, all_ = (sums(problem, two.columns.residual) for problem in (standing, moving))
     np.testing.assert_allclose(few.counts, 0.2 * all_.counts)
     np.testing.assert_allclose(few.squares, 0.2 * all_.squares)

@@ -16,7 +16,7 @@ PLACE = "identification.diagnosis.judge.bursts."
 def twice(quiet):
     """The problem of the same recording twice, the second time in another file and with other blocks."""
     columns, session = quiet.columns, quiet.session
-    names = ("values", "residual", "model_torque", "usable", "doubt", "standing", "operations")
+    names = ("values", "residual", "model_torque", "usable", "reversal_std", "standstill_std", "operations")
     columns = replace(columns, **{name: 2 * getattr(columns, name) for name in names})
     blocks = (Block(0, 0, 100, 0), Block(0, 100, 300, 100), Block(1, 0, 200, 0))
     logs = (session.logs[0], replace(session.logs[0], file="other.csv"))
@@ -64,7 +64,9 @@ def test_each_joint_of_each_log_is_judged_by_its_own_blocks_and_torque(twice, as
 
 
 def test_the_variance_of_friction_that_is_in_doubt_is_known_beforehand(twice, asked):
-    doubt = tuple(size * np.ones_like(part) for size, part in zip((25.0, 34.0), twice.columns.doubt, strict=True))
+    doubt = tuple(
+        size * np.ones_like(part) for size, part in zip((25.0, 34.0), twice.columns.reversal_std, strict=True)
+    )
     bursts_of(twice, twice.columns.residual, doubt)
     known = [float(np.unique(causes.known).item()) for _, causes, _, _ in asked["expected"]]
     assert known == [25.0, 25.0, 34.0, 34.0]

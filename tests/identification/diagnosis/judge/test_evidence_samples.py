@@ -14,7 +14,7 @@ from identification.diagnosis.judge.regimes import regime_split
 def evidence(quiet):
     """Two logs of one motion, the second one later and half as fast, judged as a whole; and what was put in."""
     columns, log = quiet.columns, quiet.logs[0]
-    names = ("values", "residual", "model_torque", "usable", "doubt", "standing", "operations")
+    names = ("values", "residual", "model_torque", "usable", "reversal_std", "standstill_std", "operations")
     columns = replace(columns, **{name: 2 * getattr(columns, name) for name in names})
     slow = replace(log.motion, t=3.0 + 2.0 * log.motion.t)
     other = replace(log, motion=slow, band=replace(log.band, rate_hz=0.5 * log.band.rate_hz))

@@ -300,7 +300,7 @@ def test_a_floor_hardly_counts_what_nothing_foresees_of_a_standing_joint(steady,
     stands = np.arange(len(series)) % 2 == 0
     level = 3.0 * problem.weights.floor[0]
     standing = np.column_stack([np.where(stands, level, 0.0), np.zeros(len(series))])
-    columns = replace(problem.columns, standing=(standing,))
+    columns = replace(problem.columns, standstill_std=(standing,))
     noise = np.column_stack([np.where(stands, 0.9, 0.1), series[:, 1]])
     floor = floor_of(replace(problem, columns=columns), (noise,), like(steady, 9.0, 9.0), sure(steady))
     assert floor.value[0] == pytest.approx(np.sqrt((0.1 * 0.81 + 0.01) / 1.1), rel=0.01)
@@ -311,7 +311,7 @@ def test_what_friction_in_doubt_leaves_counts_with_the_weights_of_the_figures(st
     problem, (series,) = steady
     stands = np.arange(len(series)) % 3 == 0
     standing = np.column_stack([np.where(stands, 3.0 * problem.weights.floor[0], 0.0), np.zeros(len(series))])
-    problem = replace(problem, columns=replace(problem.columns, standing=(standing,)))
+    problem = replace(problem, columns=replace(problem.columns, standstill_std=(standing,)))
     residual, doubt = (np.column_stack([np.where(stands, size, 0.0), np.zeros(len(series))]) for size in (0.5, 1.0))
     floor = np.array([0.1, 0.2])
     more = left_in_doubt(problem, (series,), (residual,), (doubt,), floor, np.array([9.0, 9.0]))

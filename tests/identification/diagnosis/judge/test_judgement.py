@@ -270,7 +270,7 @@ def test_samples_at_standstill_hardly_count_in_plain_fits_and_in_the_noise_that_
     held = np.where(still, 1e3 * rough.noise[0].std(axis=0), 0.0)
 
     def plain(residual, standing, noise):
-        changed = replace(columns, residual=(residual,), standing=(standing,))
+        changed = replace(columns, residual=(residual,), standstill_std=(standing,))
         problem = replace(rough.problem, session=session, columns=changed)
         return narrow_search(replace(rough.search, problem=problem), (noise,))
 

@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from identification.diagnosis.law import terms
 from identification.diagnosis.law.formula_search import (
-    _repeated,
+    _votes_of_replicates,
     best_size,
-    chance,
     columns_of,
+    gain_by_chance,
+    losses_without_law,
     search_formula,
-    without_law,
 )
 from identification.diagnosis.law.histories import bristle, slip
+from identification.diagnosis.law.library import library
 from identification.diagnosis.law.responses import delayed, laguerre, laguerre_gains, resonator
 from identification.diagnosis.law.smooth import hats, input_curves, input_gains
-from identification.diagnosis.law.terms import library
 from identification.engine.search.stepwise import gains
 from made_up_residual import made_up_residual
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -53,7 +52,7 @@ def test_what_an_effect_says_is_in_the_library_once(text):
 
 def test_an_effect_that_joins_the_catalogue_joins_the_library(monkeypatch):
     before = library(REST)
-    monkeypatch.setattr(terms, "EFFECTS", (*EFFECTS, Windage("windage", "v^3", 3)))
+    monkeypatch.setattr("identification.diagnosis.law.library.EFFECTS", (*EFFECTS, Windage("windage", "v^3", 3)))
     after = library(REST)
     (new,) = [term for term in after if term.kind == "windage"]
     assert (new.texts, new.inputs, new.per) == (("v^3",), frozenset({"v.j1"}), "(rad/s)^3")
@@ -63,7 +62,7 @@ def test_an_effect_that_joins_the_catalogue_joins_the_library(monkeypatch):
 
 def test_a_term_that_is_listed_is_the_effects_own_where_one_says_it(monkeypatch):
     before = library(REST)
-    monkeypatch.setattr(terms, "EFFECTS", (*EFFECTS, Windage("windage", "v*|v|", 2)))
+    monkeypatch.setattr("identification.diagnosis.law.library.EFFECTS", (*EFFECTS, Windage("windage", "v*|v|", 2)))
     after = library(REST)
     assert [term.kind for term in after if term.texts == ("v*|v|",)] == ["windage"]
     assert len(after) == len(before)
@@ -87,7 +86,7 @@ def test_the_best_term_of_the_library_gains_from_noise_what_chance_is_said_to_gi
     for seed in range(12):
         residual, columns = _noise(seed)
         products = columns.products.summed(np.ones(len(residual.folds)))
-        ratios.append(gains(columns.terms, products, ()).max() / chance(residual, columns, residual.y))
+        ratios.append(gains(columns.terms, products, ()).max() / gain_by_chance(residual, columns, residual.y))
         above += ratios[-1] > 1.0
     assert above <= 1
     assert np.median(ratios) > 0.4
@@ -96,7 +95,7 @@ def test_the_best_term_of_the_library_gains_from_noise_what_chance_is_said_to_gi
 def test_a_formula_that_held_out_blocks_like_by_chance_is_dropped(monkeypatch):
     monkeypatch.setattr("identification.diagnosis.law.formula_search.best_size", lambda loss: 2)
     residual, columns = _noise(3)
-    assert search_formula(residual, columns, without_law(residual, columns)).chosen == ()
+    assert search_formula(residual, columns, losses_without_law(residual, columns)).chosen == ()
 
 
 def test_a_longer_formula_has_to_be_surely_better():
@@ -110,7 +109,7 @@ def test_a_formula_that_is_better_on_every_block_is_taken():
 
 def test_without_a_law_the_model_moves_to_its_bound_and_no_further():
     residual = made_up_residual(lambda x: 3.0 * x["tl.j1"], noise=0.01, free=lambda x: x["tl.j1"], bound=1.0)
-    left = without_law(residual, columns_of(residual)).sum()
+    left = losses_without_law(residual, columns_of(residual)).sum()
     assert left == pytest.approx(4.0 * np.sum(residual.series("tl.j1") ** 2), rel=1e-3)
 
 
@@ -121,7 +120,7 @@ def test_replicates_that_draw_no_sample_choose_no_term():
     residual = replace(residual, logs=(replace(log, weight=(residual.blocks == 0).astype(float)),))
     columns = columns_of(residual)
     chosen = (next(k for k, term in enumerate(columns.library) if term.inputs == {"tl.j1"}),)
-    input_votes = _repeated(residual, columns, chosen)[2]
+    input_votes = _votes_of_replicates(residual, columns, chosen)[2]
     drawn = 1.0 - (1.0 - 1.0 / 16.0) ** 16
     assert max(input_votes.values()) == pytest.approx(drawn, abs=3.0 * np.sqrt(drawn * (1.0 - drawn) / 40))
 

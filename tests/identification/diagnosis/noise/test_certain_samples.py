@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.noise.certain_samples import certain_variance, certainty
+from identification.diagnosis.noise.certain_samples import certain_variance, root_weights
 
 
 def test_without_doubt_it_is_the_mean_square(rng):
@@ -43,8 +43,8 @@ def test_a_sample_has_the_weight_of_its_noise_in_noise_and_friction(quiet, rng):
     still = np.arange(len(columns.usable[0])) % 2 == 1
     noise = np.where(still, 6.0, 2.0) * np.where(np.arange(len(still)) % 4 < 2, 1.0, -1.0)
     standing = np.column_stack([np.where(still, 6.0e3, 0.0), np.zeros(len(still))])
-    made = replace(columns, standing=(standing,), usable=(np.ones_like(columns.usable[0]),))
-    (weights,) = certainty(made, [noise], 0)
+    made = replace(columns, standstill_std=(standing,), usable=(np.ones_like(columns.usable[0]),))
+    (weights,) = root_weights(made, [noise], 0)
     np.testing.assert_allclose(weights[~still], 1.0)
     np.testing.assert_allclose(weights[still] ** 2, 4.0 / (4.0 + 3.6e7), rtol=0.05)
-    np.testing.assert_array_equal(certainty(made, [noise], 1)[0], 1.0)
+    np.testing.assert_array_equal(root_weights(made, [noise], 1)[0], 1.0)

@@ -13,7 +13,7 @@ from identification.data.signals import process, process_all
 from identification.diagnosis.columns.residual_columns import columns_like
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.noise.balance_noise import Part, balance_noise, balance_parts, between
+from identification.diagnosis.noise.balance_noise import Part, balance_noise, balance_parts, band_passed
 from identification.diagnosis.noise.encoder_noise import (
     _null_problem,
     at_least_encoder_noise,
@@ -140,7 +140,7 @@ def test_a_simulated_recording_has_no_gap_but_the_noise_of_its_encoders(quiet):
     for step in (1e-12, STEP, 3 * STEP):
         simulated = simulated_recordings(quiet.session, quiet.columns, (step, step))
         left.append(rms([simulated.residual[0][:, 1][quiet.columns.usable[0][:, 1]]]))
-        columns = columns_like(simulated.session, simulated.like)
+        columns = columns_like(simulated.session, quiet.columns)
         assert columns.terms == quiet.columns.terms
         np.testing.assert_allclose(simulated.residual[0], columns.residual[0], atol=1e-12)
     assert left[0] < 0.05 * left[1]
@@ -152,7 +152,7 @@ def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(
     # gain is a square.
     simulated = simulated_recordings(quiet.session, quiet.columns, (STEP, STEP))
     found = spurious_gains(quiet.search, simulated, quiet.noise)
-    columns = columns_like(simulated.session, simulated.like)
+    columns = columns_like(simulated.session, quiet.columns)
     null = set_up(quiet.session, columns, whitened(columns, quiet.noise)[0], quiet.weights)
     base = fit(null, (), held_out=False).objective
     for joint in ("shoulder", "elbow"):
@@ -166,7 +166,7 @@ def test_products_that_are_made_log_by_log_are_those_of_all_logs_together(lab, p
     both = lab.prepared(planar2, tuple(lab.recording(planar2, lab.motion(2, seed), seed=seed) for seed in range(2)))
     simulated = simulated_recordings(both.session, both.columns, (STEP, STEP))
     found = _null_problem(both.problem, simulated, both.noise)
-    columns = columns_like(simulated.session, simulated.like)
+    columns = columns_like(simulated.session, both.columns)
     expected = set_up(both.session, columns, whitened(columns, both.noise)[0], both.weights)
     scale = np.sqrt(np.outer(*2 * (np.diag(expected.total_a),))) + 1e-12
     np.testing.assert_allclose(found.total_a / scale, expected.total_a / scale, atol=1e-12)
@@ -217,12 +217,12 @@ def parts_of(lab, planar2):
 def test_white_noise_keeps_its_power_between_two_frequencies(rng):
     # Closed form: sigma^2 / (rate / 2) for every hertz.
     x = rng.standard_normal((40000, 1))
-    assert np.mean(between(x, 500.0, 30.0, 50.0) ** 2) == pytest.approx(20.0 / 250.0, rel=0.05)
+    assert np.mean(band_passed(x, 500.0, 30.0, 50.0) ** 2) == pytest.approx(20.0 / 250.0, rel=0.05)
 
 
 def test_a_slow_motion_leaves_nothing_between_higher_frequencies():
     t = np.arange(5000) / 500.0
-    assert np.abs(between(np.sin(2.0 * np.pi * 0.7 * t)[:, None], 500.0, 30.0, 50.0)[500:-500]).max() < 1e-6
+    assert np.abs(band_passed(np.sin(2.0 * np.pi * 0.7 * t)[:, None], 500.0, 30.0, 50.0)[500:-500]).max() < 1e-6
 
 
 def test_the_density_is_that_of_the_noise_of_the_torque(parts_of):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns.motion.standstill import reversal_doubt
+from identification.diagnosis.columns.motion.standstill import reversal_std
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
 from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST, discrepancy, slow_samples
@@ -19,7 +19,6 @@ from identification.diagnosis.noise.whitening import (
     noise_filter,
     noise_variance,
     whitened,
-    whitened_series,
     whitening_of,
 )
 from identification.engine.autocorrelation import autocorrelation_time
@@ -71,7 +70,9 @@ def two_logs(quiet, **changes):
     """Columns of two logs of unequal length, thirty and ten samples, all usable."""
     shapes = ((30, 2), (10, 2))
     given = {"usable": tuple(np.ones(shape, dtype=bool) for shape in shapes)}
-    given |= {name: tuple(np.zeros(shape) for shape in shapes) for name in ("model_torque", "residual", "standing")}
+    given |= {
+        name: tuple(np.zeros(shape) for shape in shapes) for name in ("model_torque", "residual", "standstill_std")
+    }
     return replace(quiet.columns, **(given | changes))
 
 
@@ -101,7 +102,7 @@ def leaving(quiet, monkeypatch):
     def search(columns, residual=None, torque=None, weights=None):
         monkeypatch.setattr(PLACE + "residual_after", lambda *_: residual)
         monkeypatch.setattr(PLACE + "held_out_torque", lambda _, chosen, found: (torque or {}).get(chosen))
-        monkeypatch.setattr(PLACE + "whitened_series", lambda columns, series, like=None: series)
+        monkeypatch.setattr(PLACE + "whitening_of", lambda *_: SimpleNamespace(series=lambda series: series))
         problem = SimpleNamespace(columns=columns, white=columns, weights=weights)
         return SimpleNamespace(problem=problem, evaluate=lambda chosen: None)
 
@@ -217,14 +218,14 @@ def test_doubt_is_the_rate_of_modelled_coulomb_friction_times_five_milliseconds(
     # Closed form: T sign(v) jumps by 2 T at every reversal, between two samples; viscous friction does not count.
     robot = replace(pendulum, coulomb_friction=np.array([0.4]), viscous_friction=np.array([2.0]))
     motion = lab.motion(1)
-    doubt = reversal_doubt(Operation.of(robot, motion))
+    doubt = reversal_std(Operation.of(robot, motion))
     expected = 0.005 * np.gradient(0.4 * np.sign(motion.v), motion.t, axis=0)
     np.testing.assert_allclose(doubt, expected, atol=1e-9)
 
 
 def test_a_model_without_coulomb_friction_is_not_doubted(lab, pendulum):
     robot = replace(pendulum, coulomb_friction=np.zeros(1), viscous_friction=np.array([2.0]))
-    np.testing.assert_allclose(reversal_doubt(Operation.of(robot, lab.motion(1))), 0.0, atol=1e-12)
+    np.testing.assert_allclose(reversal_std(Operation.of(robot, lab.motion(1))), 0.0, atol=1e-12)
 
 
 def test_samples_in_doubt_count_as_if_their_noise_were_larger_by_it(quiet, rng):
@@ -232,8 +233,8 @@ def test_samples_in_doubt_count_as_if_their_noise_were_larger_by_it(quiet, rng):
     columns = quiet.columns
     noise = (np.where(columns.usable[0], rng.normal(size=columns.residual[0].shape), 0.0),)
     doubt = (3.0 * rng.random(columns.residual[0].shape),)
-    plain, _ = whitened(replace(columns, doubt=(np.zeros_like(doubt[0]),)), noise)
-    white, _ = whitened(replace(columns, doubt=doubt), noise)
+    plain, _ = whitened(replace(columns, reversal_std=(np.zeros_like(doubt[0]),)), noise)
+    white, _ = whitened(replace(columns, reversal_std=doubt), noise)
     for j in range(2):
         kernel, use = noise_filter([noise[0][:, j]]), columns.usable[0][:, j]
         variance = np.mean(filtered(kernel, noise[0][:, j])[use] ** 2)
@@ -247,7 +248,7 @@ def test_what_standing_joints_leave_open_counts_at_the_most_that_the_filter_make
     columns = quiet.columns
     noise = (np.where(columns.usable[0], rng.normal(size=columns.residual[0].shape), 0.0),)
     standing = (3.0 * rng.random(columns.residual[0].shape) * (rng.random(columns.residual[0].shape) < 0.2),)
-    made = replace(columns, doubt=(np.zeros_like(standing[0]),), standing=standing)
+    made = replace(columns, reversal_std=(np.zeros_like(standing[0]),), standstill_std=standing)
     white, _ = whitened(made, noise)
     for j, kernel in enumerate(whitening_of(made, noise).kernels):
         use, own = columns.usable[0][:, j], noise[0][:, j]
@@ -260,12 +261,12 @@ def test_what_standing_joints_leave_open_counts_at_the_most_that_the_filter_make
 def test_columns_and_noise_count_as_the_residual_does(quiet, rng):
     columns = quiet.columns
     noise = (np.where(columns.usable[0], rng.normal(size=columns.residual[0].shape), 0.0),)
-    doubted = replace(columns, doubt=(rng.random(columns.residual[0].shape),), residual=noise)
+    doubted = replace(columns, reversal_std=(rng.random(columns.residual[0].shape),), residual=noise)
     same = tuple(tuple(np.repeat(noise[0][:, [j]], 2, axis=1) for j in range(2)) for _ in range(1))
     white, white_noise = whitened(replace(doubted, values=same), noise)
     np.testing.assert_allclose(white.residual[0], white_noise[0])
     np.testing.assert_allclose(white.values[0][1][:, 1], white_noise[0][:, 1])
-    np.testing.assert_allclose(whitened_series(doubted, noise, like=noise)[0], white_noise[0])
+    np.testing.assert_allclose(whitening_of(doubted, noise).series(noise)[0], white_noise[0])
 
 
 def test_friction_that_passes_through_zero_two_milliseconds_late_is_no_certain_finding(lab, pendulum):

@@ -9,7 +9,7 @@ from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import usable_samples
 from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
 from identification.diagnosis.columns.session import session_of
-from identification.diagnosis.noise.sensor_floor import _smaller, sensed_noise, sensor_floor
+from identification.diagnosis.noise.sensor_floor import _smaller_density, sensed_noise, sensor_floor
 from identification.diagnosis.noise.sensor_noise import Density
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 
@@ -67,15 +67,15 @@ def test_noise_of_the_encoders_begins_the_interval_in_which_that_of_the_torque_m
 def test_what_readings_show_counts_up_to_the_limit_where_encoders_hide_the_noise_of_the_balance():
     # Closed form. On a simulated arm with 16 bits the value was a tenth of the noise that its readings have.
     hidden = Density(0.25, 0.0, 4.0, may_be_nothing=True)
-    assert _smaller(Density(3.0, 2.9, 3.1), hidden) == Density(3.0, 0.0, 4.0)
-    assert _smaller(Density(9.0, 8.9, 9.1), hidden) == Density(4.0, 0.0, 4.0)
-    assert _smaller(None, hidden) == hidden
+    assert _smaller_density(Density(3.0, 2.9, 3.1), hidden) == Density(3.0, 0.0, 4.0)
+    assert _smaller_density(Density(9.0, 8.9, 9.1), hidden) == Density(4.0, 0.0, 4.0)
+    assert _smaller_density(None, hidden) == hidden
 
 
 def test_of_two_estimates_of_noise_that_may_be_too_large_the_smaller_counts():
     loud, quiet = Density(3.0, 2.9, 3.1), Density(1.0, 0.8, 1.3)
-    assert _smaller(loud, quiet) == _smaller(quiet, loud) == quiet
-    assert _smaller(None, None) is None
+    assert _smaller_density(loud, quiet) == _smaller_density(quiet, loud) == quiet
+    assert _smaller_density(None, None) is None
 
 
 def test_an_effect_of_twenty_floors_changes_the_floor_by_a_fifth_at_most(made):

@@ -9,7 +9,7 @@ from scipy.signal import csd, lfilter, welch
 
 from identification.data.log import Band, Log
 from identification.data.signals import align_held_torque, interpolated_noise, low_pass
-from identification.diagnosis.noise.sensor_noise import _above, _alignment, torque_noise
+from identification.diagnosis.noise.sensor_noise import _alignment, _densities_above_motion, torque_noise
 from phantom_dyn.motion import Motion
 
 RATE, SIGMA = 500.0, 0.3  # [Hz], [N m]
@@ -73,7 +73,7 @@ def test_several_recordings_count_by_their_length(white):
 def test_the_band_above_has_four_parts_of_equal_ratio_up_to_two_fifths_of_the_rate(white, length, cutoff_hz):
     # SciPy's Welch spectrum, in segments of an eighth of the recording and 1024 samples at most.
     tau = white[:length] + np.sin(np.arange(length))
-    (levels, centres), weight = _above(log_of(tau, band=low_pass(cutoff_hz, RATE)), 0, held=False)
+    (levels, centres), weight = _densities_above_motion(log_of(tau, band=low_pass(cutoff_hz, RATE)), 0, held=False)
     f, power = welch(tau, RATE, nperseg=min(1024, length // 8))
     edges = np.geomspace(1.5 * cutoff_hz, 0.4 * RATE, 5)
     expected = [power[(f >= a) & (f < b)].mean() for a, b in itertools.pairwise(edges)]
@@ -87,7 +87,7 @@ def test_what_torque_and_position_share_is_left_out_but_for_what_they_share_by_c
     # SciPy: the part of the power that the other series explains; by hand: so many half overlapping segments.
     q = rng.standard_normal((length, 1))
     tau = white[:length] + 0.5 * q[:, 0]
-    (levels, _), _ = _above(log_of(tau, q), 0, held=False)
+    (levels, _), _ = _densities_above_motion(log_of(tau, q), 0, held=False)
     options = {"fs": RATE, "nperseg": min(1024, length // 8)}
     f, power = welch(tau, **options)
     shared = np.abs(csd(tau, q[:, 0], **options)[1]) ** 2 / welch(q[:, 0], **options)[1]
@@ -98,7 +98,9 @@ def test_what_torque_and_position_share_is_left_out_but_for_what_they_share_by_c
 
 
 def test_a_position_that_does_not_move_explains_nothing(white):
-    ours, theirs = (_above(log_of(white, q), 0, held=False) for q in (None, np.full((len(white), 1), 0.3)))
+    ours, theirs = (
+        _densities_above_motion(log_of(white, q), 0, held=False) for q in (None, np.full((len(white), 1), 0.3))
+    )
     np.testing.assert_array_equal(ours[0], theirs[0])
 
 
@@ -121,15 +123,15 @@ def test_the_band_above_spans_an_octave_at_least(white, cutoff_hz, seen):
 
 def test_a_short_recording_shows_too_few_lines(white):
     # By hand: segments of 64 samples, whose lines are 7.8 Hz apart: three between 30 and 48 Hz.
-    assert _above(log_of(white[:512]), 0, held=False) is None
-    assert _above(log_of(white[:16]), 0, held=False) is None
+    assert _densities_above_motion(log_of(white[:512]), 0, held=False) is None
+    assert _densities_above_motion(log_of(white[:16]), 0, held=False) is None
 
 
 @pytest.mark.parametrize(("cutoff_hz", "seen"), [(10.0, True), (9.0, False)])
 def test_each_part_of_the_band_above_holds_four_lines(white, cutoff_hz, seen):
     # By hand: lines are 500 / 128 Hz apart; from 15 Hz the lowest part ends at 28.7 Hz, from 13.5
     # Hz at 26.5 Hz.
-    found = _above(log_of(white[:1024], band=low_pass(cutoff_hz, RATE)), 0, held=False)
+    found = _densities_above_motion(log_of(white[:1024], band=low_pass(cutoff_hz, RATE)), 0, held=False)
     assert (found is not None) is seen
 
 
@@ -138,7 +140,7 @@ def test_noise_may_rise_or_fall_with_the_frequency_itself(monkeypatch, power, se
     # By hand: levels at the middles of the parts, of which the upper two count, the densities of the law.
     centres = np.array([40.0, 60.0, 90.0, 140.0])
     monkeypatch.setattr(
-        "identification.diagnosis.noise.sensor_noise._above",
+        "identification.diagnosis.noise.sensor_noise._densities_above_motion",
         lambda *_, held: (np.array([[9e9, 9e9, *(centres[2:] ** power)], centres]), 1.0),
     )
     found = torque_noise((log_of(np.zeros(9)),), 0, held=False)

@@ -13,7 +13,7 @@ from identification.diagnosis.noise.whitening import (
     longest_order,
     noise_filter,
     whitened,
-    whitened_series,
+    whitening_of,
 )
 
 
@@ -140,7 +140,7 @@ def test_noise_that_is_nothing_leaves_everything_as_it_is(quiet):
     # A noise of zero has no law and no size: samples in doubt count alike.
     columns = quiet.columns
     nothing = tuple(np.zeros_like(part) for part in columns.residual)
-    white, left = whitened(replace(columns, doubt=nothing), nothing)
+    white, left = whitened(replace(columns, reversal_std=nothing), nothing)
     np.testing.assert_allclose(white.residual[0], columns.residual[0])
     assert not left[0].any()
 
@@ -149,14 +149,15 @@ def test_another_series_is_whitened_by_the_law_of_the_noise(quiet, rng):
     # One law for both: twice the noise comes out twice as large, itself as `whitened` makes it.
     columns, noise = quiet.columns, quiet_noise(quiet)
     white = whitened(columns, (noise,))[1][0]
-    np.testing.assert_allclose(whitened_series(columns, (noise,))[0], white)
-    np.testing.assert_allclose(whitened_series(columns, (2.0 * noise,), like=(noise,))[0], 2.0 * white)
+    filters = whitening_of(columns, (noise,))
+    np.testing.assert_allclose(filters.series((noise,))[0], white)
+    np.testing.assert_allclose(filters.series((2.0 * noise,))[0], 2.0 * white)
 
 
 def test_two_recordings_are_whitened_by_one_law(quiet):
     # The same recording twice has the law that it has once.
     columns, noise = quiet.columns, quiet_noise(quiet)
-    names = ("values", "residual", "model_torque", "usable", "doubt", "standing", "operations")
+    names = ("values", "residual", "model_torque", "usable", "reversal_std", "standstill_std", "operations")
     twice = replace(columns, **{name: 2 * getattr(columns, name) for name in names})
     once, both = whitened(columns, (noise,))[0], whitened(twice, (noise, noise))[0]
     for log in range(2):

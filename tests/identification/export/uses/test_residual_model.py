@@ -12,7 +12,7 @@ import pytest
 import phantom_dyn as dyn
 from benchmarks.laws.cases import make
 from identification.diagnosis.law.find_law import law_of, residual_terms
-from identification.diagnosis.law.terms import library
+from identification.diagnosis.law.library import library
 from identification.diagnosis.residual_law import Dependence, ModelTerm, ResidualModel
 from identification.diagnosis.result import JointGap, Unexplained
 from identification.export.uses.feedforward import loaded

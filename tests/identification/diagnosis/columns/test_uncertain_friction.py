@@ -10,12 +10,12 @@ from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import (
-    creeping_doubt,
+    creeping_std,
     direction_hidden,
-    encoder_stands,
+    encoder_still,
     near_reversals,
-    open_friction,
-    standing_doubt,
+    standstill_std,
+    uncertain_friction_variance,
 )
 from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.terms import FoundEffect
@@ -46,7 +46,7 @@ def stopping() -> np.ndarray:
 
 def test_an_encoder_stands_from_stop_to_start_and_a_few_milliseconds_about(pendulum):
     # Closed form: at half a radian per second a count passes in 0.2 ms.
-    stands = encoder_stands(pendulum, log_of(stopping()))[:, 0]
+    stands = encoder_still(pendulum, log_of(stopping()))[:, 0]
     assert stands[(T >= 1.0) & (T <= 2.0)].all()
     assert not stands[(T < 0.997) | (T > 2.003)].any()
 
@@ -54,26 +54,26 @@ def test_an_encoder_stands_from_stop_to_start_and_a_few_milliseconds_about(pendu
 @pytest.mark.parametrize(("counts", "stands"), [(1.9, True), (3.1, False)])
 def test_a_joint_that_creeps_stands_up_to_two_counts_in_fifteen_milliseconds(pendulum, counts, stands):
     creep = np.where((T > 1) & (T < 2), T - 1, np.maximum(T - 2, 0.0) * 200 + (T > 1)) * counts * STEP / 0.014
-    found = encoder_stands(pendulum, log_of(creep))[:, 0]
+    found = encoder_still(pendulum, log_of(creep))[:, 0]
     assert found[(T > 1.1) & (T < 1.9)].any() == stands
 
 
 def test_an_encoder_too_coarse_to_tell_says_nothing(pendulum):
     # By hand: two counts and a swing of 0.02 rad at an eighth of a radian per second take 0.352 s.
-    assert not encoder_stands(pendulum, log_of(stopping(), step=0.02)).any()
+    assert not encoder_still(pendulum, log_of(stopping(), step=0.02)).any()
 
 
 def test_positions_without_known_counts_say_nothing(pendulum, rng):
     log = log_of(np.maximum(np.sin(3 * T), 0.3))
     unstated = replace(pendulum, actuators=(replace(pendulum.actuators[0], encoder_counts=None),))
     noisy = replace(log, raw_q=log.motion.q + 1e-5 * rng.normal(size=(len(T), 1)), reading_steps=(None,))
-    assert not encoder_stands(unstated, noisy).any()
+    assert not encoder_still(unstated, noisy).any()
 
 
 def test_a_joint_that_stands_most_of_the_time_still_has_a_usual_speed(pendulum):
     # Known truth: it travels for half a second of four, half a radian per second.
     rare = 0.5 * np.clip(T - 1.0, 0.0, 0.5)
-    stands = encoder_stands(pendulum, log_of(rare))[:, 0]
+    stands = encoder_still(pendulum, log_of(rare))[:, 0]
     assert stands[(T < 1.0) | (T > 1.5)].all()
     assert not stands[(T > 1.003) & (T < 1.497)].any()
 
@@ -84,7 +84,7 @@ def test_a_reading_that_does_not_change_stands_where_no_count_is_known(pendulum,
     moves = stopping() + 1e-5 * np.cumsum(rng.normal(size=len(T))) * ((T < 1.0) | (T > 2.0))
     moves[(T >= 1.0) & (T <= 2.0)] = 0.5
     log = log_of(stopping())
-    stands = encoder_stands(unstated, replace(log, raw_q=moves[:, None]))[:, 0]
+    stands = encoder_still(unstated, replace(log, raw_q=moves[:, None]))[:, 0]
     assert stands[(T >= 1.0) & (T <= 2.0)].all()
     assert not stands[(T < 0.99) | (T > 2.01)].any()
 
@@ -119,7 +119,7 @@ def test_standing_friction_is_evenly_anywhere_up_to_breakaway():
     # Monte Carlo of the sentence: the model says +T or -T, the truth is anything between.
     rng, log = np.random.default_rng(0), log_of(stopping())
     stands = np.ones((len(T), 1), dtype=bool)
-    doubt = standing_doubt(log, stands, 0.3 * np.sign(rng.normal(size=(len(T), 1))))
+    doubt = standstill_std(log, stands, 0.3 * np.sign(rng.normal(size=(len(T), 1))))
     apart = rng.uniform(-0.3, 0.3, 100_000) - 0.3 * rng.choice([-1, 1], 100_000)
     np.testing.assert_allclose(doubt, apart.std(), rtol=0.01)
 
@@ -127,7 +127,7 @@ def test_standing_friction_is_evenly_anywhere_up_to_breakaway():
 def test_what_standing_leaves_open_reaches_as_far_as_the_filter():
     log = log_of(stopping())
     stands = ((T >= 1.0) & (T <= 2.0))[:, None]
-    doubt = standing_doubt(log, stands, np.full((len(T), 1), 0.3))[:, 0]
+    doubt = standstill_std(log, stands, np.full((len(T), 1), 0.3))[:, 0]
     t = T[log.samples]
     np.testing.assert_allclose(doubt[(t > 1.06) & (t < 1.94)], np.sqrt(4 / 3) * 0.3, rtol=1e-9)
     assert doubt[np.argmin(np.abs(t - 1.0))] == pytest.approx(np.sqrt(4 / 3) * 0.15, rel=0.1)
@@ -137,7 +137,7 @@ def test_what_standing_leaves_open_reaches_as_far_as_the_filter():
 def test_friction_is_in_doubt_by_three_tenths_near_a_reversal_and_below_a_twentieth_of_the_top_speed():
     # By hand: cos(t) turns at pi, within asin(0.05) of it, or 50 ms where that is longer, and as far as the filter.
     log = log_of(np.cos(T * np.pi / 2.0))
-    doubt = creeping_doubt(log, np.full((len(T), 1), 0.4))[:, 0]
+    doubt = creeping_std(log, np.full((len(T), 1), 0.4))[:, 0]
     t, creeps = T[log.samples], max(np.arcsin(0.05) * 2.0 / np.pi, 0.05)
     reach = log.band.half / log.band.rate_hz
     np.testing.assert_array_equal(doubt[np.abs(t - 2.0) > creeps + reach + 0.01][20:-20] == 0.0, True)
@@ -148,9 +148,9 @@ def test_friction_is_in_doubt_by_three_tenths_near_a_reversal_and_below_a_twenti
 def test_doubts_about_friction_add_as_variances(pendulum):
     log, friction = log_of(stopping()), np.full((len(T), 1), 0.3)
     doubt = np.full((len(log.samples), 1), 0.02)
-    stands = standing_doubt(log, encoder_stands(pendulum, log), friction)
-    expected = stands**2 + 0.02**2 + creeping_doubt(log, friction) ** 2
-    np.testing.assert_allclose(open_friction(pendulum, log, friction, doubt), expected)
+    stands = standstill_std(log, encoder_still(pendulum, log), friction)
+    expected = stands**2 + 0.02**2 + creeping_std(log, friction) ** 2
+    np.testing.assert_allclose(uncertain_friction_variance(pendulum, log, friction, doubt), expected)
 
 
 def test_friction_counts_findings_that_rub_and_nothing_else(pendulum):
@@ -175,7 +175,7 @@ def test_a_reversal_is_near_for_fifty_milliseconds():
 
 def test_a_coarse_encoder_stands_where_it_stays_for_longer(pendulum):
     # By hand: 2.2 steps of 5 mrad at an eighth of a radian per second take 88 ms; the joint stands for a second.
-    stands = encoder_stands(pendulum, log_of(stopping(), step=0.005))[:, 0]
+    stands = encoder_still(pendulum, log_of(stopping(), step=0.005))[:, 0]
     assert stands[(T >= 1.05) & (T <= 1.95)].all()
     assert not stands[(T < 0.9) | (T > 2.1)].any()
 
@@ -188,7 +188,7 @@ def test_readings_at_uneven_times_stand_where_they_stood_before_they_were_made_e
     read = np.round(q / STEP) * STEP
     torque = np.sin(7.0 * t) + 0.01 * rng.normal(size=len(t))
     log = process(Recording("a.csv", ("pin",), t, read[:, None], torque[:, None]), pendulum, cutoff_hz=20.0)
-    stands = encoder_stands(pendulum, log)[:, 0]
+    stands = encoder_still(pendulum, log)[:, 0]
     assert log.reading_steps == pytest.approx((STEP,), rel=1e-2)
     assert stands[(log.motion.t >= 1.02) & (log.motion.t <= 1.98)].mean() > 0.95
     assert not stands[(log.motion.t < 0.99) | (log.motion.t > 2.01)].any()
