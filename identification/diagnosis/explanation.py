@@ -41,14 +41,14 @@ from identification.diagnosis.search.claims import gate_results, passes_gates
 from identification.diagnosis.search.fits import SearchWithoutEnd
 from identification.diagnosis.search.refinement import (
     found_effects,
+    matching_terms,
     needs_refinement,
     runners_up,
-    same_effects,
-    unchanged,
+    same_points,
 )
 from identification.diagnosis.search.rival_sets import with_leading_rivals
 from identification.diagnosis.search.search import Search, Threshold, most_fits, set_up_search
-from identification.diagnosis.search.stepwise import best_short, explain
+from identification.diagnosis.search.stepwise import best_below_threshold, stepwise_search
 from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Float
@@ -133,11 +133,11 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     for _ in range(0 if allowed is None else _REFINEMENTS):
         noise, ratio = _noise_left(last, columns, sensed)
         last = replace(last, noise=noise)
-        fitted = last.search.evaluate(last.chosen)
+        fitted = last.search.held_out_fit(last.chosen)
         found = found_effects(fitted, last.chosen)
         near = runners_up(last.search, last.chosen)
         points = (*found, *near)
-        same = unchanged(found, before) and tried.issuperset(point.effect_joint for point in near)
+        same = same_points(found, before) and tried.issuperset(point.effect_joint for point in near)
         if ratio >= rules.LOWER_NOISE and (same or not needs_refinement(points)):
             break
         before = found
@@ -152,7 +152,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         simulated = replace(_set_up(session, columns, noise, allowed), record=record)
         search = _with_thresholds(simulated, noise, spurious, progress)
         del simulated
-        last = _searched(search, noise, progress, same_effects(search, found))
+        last = _searched(search, noise, progress, matching_terms(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
@@ -210,7 +210,7 @@ def _with_thresholds(
     problem = search.problem
     filters = whitening_of(problem.columns, noise)
     threshold = null_threshold(search, filters, filters.series(noise), above_chance.LEAST_GAIN)
-    rows = row_gaps(problem, search.evaluate(frozenset()))
+    rows = row_gaps(problem, search.held_out_fit(frozenset()))
     return set_up_search(problem, threshold, rows, spurious, search.record, search.fits.allowed)
 
 
@@ -228,9 +228,9 @@ def _searched(
     everything is set up again for the noise without the part that the effect explains. Where there is no such effect,
     fitting one changes the noise too little to matter, and held-out fits find no part of it.
     """
-    chosen, left = explain(search, progress, start), noise
+    chosen, left = stepwise_search(search, progress, start), noise
     for _ in range(_PROBATIONS):
-        tried = best_short(search, chosen)
+        tried = best_below_threshold(search, chosen)
         if tried is None:
             break
         quiet, ratio = smaller_noise(search, tried, left)
@@ -241,7 +241,7 @@ def _searched(
             lower = replace(search, threshold=search.threshold.lowered(least))
             if passes_gates(lower, tried, chosen):
                 lower.record.add_passed(tried - chosen, *gate_results(lower, tried, chosen))
-                search, chosen, left = lower, explain(lower, progress, tried), quiet
+                search, chosen, left = lower, stepwise_search(lower, progress, tried), quiet
                 continue
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < rules.LEAST_TRACE:
@@ -252,5 +252,5 @@ def _searched(
         if not passes_gates(quieter, tried, chosen):
             break
         quieter.record.add_passed(tried - chosen, *gate_results(quieter, tried, chosen))
-        search, chosen, noise, left = quieter, explain(quieter, progress, tried), quiet, quiet
+        search, chosen, noise, left = quieter, stepwise_search(quieter, progress, tried), quiet, quiet
     return Explanation(search, chosen, noise)

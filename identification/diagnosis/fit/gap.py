@@ -19,7 +19,7 @@ from phantom_dyn.motion import Motion
 
 
 @dataclass(frozen=True)
-class Sums:
+class ResidualSums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
     Blocks without a sample are left out, as a bootstrap replicate of such blocks alone would be empty. Samples at
@@ -61,7 +61,7 @@ def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) ->
     return tuple(out)
 
 
-def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
+def residual_sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> ResidualSums:
     """Squares and counts of residuals over the judged blocks."""
     judged = judged_blocks(problem)
     rows = len(problem.columns.rows)
@@ -73,7 +73,7 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
         squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
         counts[i] = use.sum(axis=0)
     held = counts.any(axis=1) | ~counts.any()
-    return Sums(squares[held], counts[held])
+    return ResidualSums(squares[held], counts[held])
 
 
 def sample_weights(problem: Problem, log: int, part: slice = slice(None)) -> Float[Array, "n nv"]:

@@ -1,6 +1,6 @@
 """The nonlinear model with all its parameters (tolerances, coefficients, shapes): its torque and Jacobian at a point.
 
-`joint_fit` takes its Gauss-Newton steps from here. `lay_out` says where each parameter stands in the vector, and
+`full_fit` takes its Gauss-Newton steps from here. `lay_out` says where each parameter stands in the vector, and
 `linearised` gives torque and slopes of every recording.
 """
 
@@ -77,7 +77,7 @@ class ModelLayout:
         return (columns.operations if held else self.operations)[log]
 
     @property
-    def of_model(self) -> bool:
+    def depends_on_model(self) -> bool:
         """True if any column depends on the torque of the model."""
         return any(slices.term.effect.follows_model for slices in self.term_slices)
 
@@ -127,10 +127,10 @@ class Linearised:
 
 def linearised(layout: ModelLayout, x: Float[Array, " p"]) -> Linearised:
     """Expand the model to first order about a parameter vector."""
-    return Linearised(*zip(*(_one_log(layout, x, log) for log in range(len(layout.operations))), strict=True))
+    return Linearised(*zip(*(_linearised_log(layout, x, log) for log in range(len(layout.operations))), strict=True))
 
 
-def change_by_model(
+def torque_change(
     layout: ModelLayout, adjusted: ModelLayout, x: Float[Array, " p"]
 ) -> tuple[Float[Array, "_ nv"], ...]:
     """Change of the terms' torque when their columns come from another model, for each log ``(n, nv)``."""
@@ -139,18 +139,21 @@ def change_by_model(
         for slices in layout.term_slices:
             if slices.term.effect.follows_model:
                 own, shape = x[slices.coefficients], x[slices.shape]
-                change += _law(adjusted, slices, own, shape, log) - _law(layout, slices, own, shape, log)
+                change += _torque_at(adjusted, slices, own, shape, log) - _torque_at(layout, slices, own, shape, log)
     return tuple(out)
 
 
-def law_of(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+def term_torque(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
     """Torque of one term, for each log."""
     return tuple(
-        _law(layout, slices, x[slices.coefficients], x[slices.shape], log) for log in range(len(layout.operations))
+        _torque_at(layout, slices, x[slices.coefficients], x[slices.shape], log)
+        for log in range(len(layout.operations))
     )
 
 
-def by_other_law(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
+def other_law_torque(
+    layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw
+) -> tuple[Array, ...]:
     """Torque of a term by another law of the same parameters, for each log ``(n, nv)``."""
     own, shape = x[slices.coefficients], x[slices.shape]
     return tuple(
@@ -159,7 +162,7 @@ def by_other_law(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"],
     )
 
 
-def _one_log(
+def _linearised_log(
     layout: ModelLayout, x: Float[Array, " p"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
     problem = layout.problem
@@ -201,18 +204,18 @@ def _with_slopes(
         step = np.zeros(len(numbers))
         step[k] = _STEP * max(float(np.abs(mine).max()), 1e-9)
         above, below = (
-            _law(layout, slices, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
+            _torque_at(layout, slices, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
         )
         return (above - below) / (2.0 * step[k])
 
     if effect.shape_is_estimate or effect.first_order:
-        return _law(layout, slices, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
-    columns = _at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
+        return _torque_at(layout, slices, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
+    columns = _columns_at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
     more = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
     return columns @ own, np.concatenate([columns, *more], axis=2)
 
 
-def _law(
+def _torque_at(
     layout: ModelLayout, slices: TermSlices, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
 ) -> Float[Array, "n nv"]:
     """Torque of one term, in the judged band."""
@@ -227,7 +230,7 @@ def _law(
     if term.effect.shape_is_estimate:
         # A law whose shape is its own coefficient is exact where the two agree.
         at = term.effect.at_estimate(own, term.shape)
-    return _at_shape(layout, slices, at, log) @ own
+    return _columns_at_shape(layout, slices, at, log) @ own
 
 
 def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
@@ -242,7 +245,7 @@ def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Arr
     return out
 
 
-def _at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log: int) -> Float[Array, "n nv k"]:
+def _columns_at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log: int) -> Float[Array, "n nv k"]:
     """Columns of an effect at a shape, in the judged band."""
     term = slices.term
     if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):

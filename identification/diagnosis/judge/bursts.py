@@ -17,7 +17,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import counted_step, near_reversals
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.floors import answers_above, sensors_of
+from identification.diagnosis.judge.floors import reading_noise, torque_above_band
 from identification.diagnosis.result import Burst, JointGap
 from identification.engine import contract_levels
 from identification.notes import Code, Note
@@ -48,7 +48,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         doubt: Variance of each log's residual where joints stand, creep or reverse, in the band.
     """
     session, columns, out = problem.session, problem.columns, []
-    answers = np.sqrt(answers_above(problem, sensors_of(session)))
+    answers = np.sqrt(torque_above_band(problem, reading_noise(session)))
     for k, log in enumerate(session.logs):
         fold = np.zeros(len(log.samples), dtype=int)
         for block, number in zip(session.blocks, session.folds, strict=True):
@@ -108,7 +108,7 @@ def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float)
     return float(8.0 * np.pi / seconds**2 * np.linalg.norm(inertia * errors))
 
 
-def from_quiet(
+def distinct_bursts(
     bursts: tuple[Burst, ...], problem: Problem, residual: Series, floor: Float[Array, " nv"]
 ) -> tuple[Burst, ...]:
     """Bursts that stand out of what is left of their joint, and are larger than the residual of any other loud joint.
@@ -168,7 +168,7 @@ def bursts_in(
             continue
         centred = np.where(use, left[:, j] - np.median(left[use, j]), 0.0)
         relative, events = np.where(use, centred / expected[:, j], 0.0), []
-        for first, last, ratio in _events(relative, use, float(np.median(np.diff(t))), len(joints)):
+        for first, last, ratio in _events_in(relative, use, float(np.median(np.diff(t))), len(joints)):
             peak = first + int(np.argmax(np.abs(centred[first : last + 1])))
             events.append((joint, float(t[first]), float(t[last]), float(centred[peak]), ratio))
         most = max((abs(event[3]) for event in events), default=0.0)
@@ -181,7 +181,7 @@ def bursts_in(
     return tuple(sorted(out, key=lambda burst: burst[1]))
 
 
-def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
+def _events_in(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
     """First and last sample of each event, and its mean over a window in units of the expected deviation.
 
     The largest is removed with its flanks before the next one is looked for, as a window beside it holds part of it. An
@@ -203,7 +203,7 @@ def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple
             break
         # An event lasts as long as its torque keeps its sign.
         inside = free & (levels[0] * levels[0][peak] > rules.BURST_FLANK * levels[0][peak] ** 2)
-        first, last = _run(inside, peak)
+        first, last = _run_about(inside, peak)
         free[max(first - reach, 0) : last + reach + 1] = False
         ratio = float(np.abs([level[peak] for level in levels]).max())
         found.append((float(excess[peak]), (first, last, ratio)))
@@ -234,7 +234,7 @@ def _threshold(level: Array, seconds: float, step: float, joints: int) -> float:
     return max(rules.BURST_RATIO, spread * -float(ndtri(0.5 * rules.BURST_LEVEL / looks)))
 
 
-def _run(inside: Array, at: int) -> tuple[int, int]:
+def _run_about(inside: Array, at: int) -> tuple[int, int]:
     """First and last sample of the run of true samples about one."""
     outside = np.flatnonzero(~inside)
     before, after = outside[outside < at], outside[outside > at]
@@ -323,11 +323,11 @@ def _variance(residual: Array, causes: Causes, use: Array) -> Array:
     more = np.maximum(causes.torque - usual, 0.0)
     parts = np.column_stack([more, noise * causes.reversals, events])
     least = np.array([rules.MODEL_SHARE**2, 0.0, 0.0])
-    grown = _grown(residual[use], known[use], parts[use], least)
+    grown = _variance_coefficients(residual[use], known[use], parts[use], least)
     return known + parts[:, :2] @ grown[:2]
 
 
-def _grown(
+def _variance_coefficients(
     residual: Float[Array, " n"], known: Float[Array, " n"], parts: Float[Array, "n k"], least: Float[Array, " k"]
 ) -> Float[Array, " k"]:
     """Coefficients of variances beside a known one: the likeliest by Student's law, by multiplicative steps."""

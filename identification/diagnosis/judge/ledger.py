@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import Sums
-from identification.diagnosis.judge.coarse_encoders import Rounded
+from identification.diagnosis.fit.gap import ResidualSums
+from identification.diagnosis.judge.coarse_encoders import CoarseRounding
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import gap_of
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.claims import gate_results
-from identification.diagnosis.search.containment import possible, with_term
+from identification.diagnosis.search.containment import can_join, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
-from identification.diagnosis.search.squares_left import squares_left
-from identification.diagnosis.search.swaps import replaced
+from identification.diagnosis.search.subset_residuals import subset_residuals
+from identification.diagnosis.search.swaps import with_replacement
 from identification.engine.claims import NEVER_CLAIMED, Claim, GateResult, Outcome, could_stand_for, until_failed
 from identification.gates import ORDER, gate_name
 from identification.gates.exchange import explains_more_than_others
@@ -119,7 +119,7 @@ def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _Be
     out: dict[EffectJoint, _BestGains] = {}
     for other in (None, *ordered(found)[:_MOST_FINDINGS]):
         remaining = found - {other}
-        rivals = tuple(term for term in named if search.possible(remaining, term))
+        rivals = tuple(term for term in named if search.can_join(remaining, term))
         gains = search.fits.gains(remaining, rivals if other is None else (*rivals, other))
         for term in rivals:
             known = out.setdefault(term.effect_joint, _BestGains(term))
@@ -140,15 +140,15 @@ def _results_beside(
     gain beside the whole set, and a fair part of the other one's gain (`could_stand_for`).
     """
     term, other = near.term, near.other
-    if possible(found, term):
+    if can_join(found, term):
         together = with_term(found, term)
         results = gate_results(search, together, found)
         if results[-1].passed:
             results = (*results, explains_more_than_others(search.score(found) - search.score(together)))
     else:
         # A special case of a law in the set is replaced by that law.
-        rich = next(one for one in ordered(found) if not possible(frozenset([one]), term))
-        margin = search.score(found) - search.score(replaced(found, rich, frozenset([term])))
+        rich = next(one for one in ordered(found) if not can_join(frozenset([one]), term))
+        margin = search.score(found) - search.score(with_replacement(found, rich, frozenset([term])))
         return (explains_more_than_others(margin),), (rich.effect_joint,)
     if other is None or results[-1].passed:
         return results, ()
@@ -167,7 +167,7 @@ def _figures(
     instead.
     """
     measured = dict(list(terms.items())[:_MOST_MEASURED])
-    left = _left(shown, frozenset(measured.values()))
+    left = _subset_residuals(shown, frozenset(measured.values()))
     within, after = left(frozenset()), left(shown.named)
     once = np.ones((1, len(within.counts)))
     gap = float(gap_of(judge, within, after, once)[0])
@@ -183,14 +183,14 @@ def _figures(
     return out
 
 
-def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
+def _subset_residuals(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], ResidualSums]:
     """Function that gives squared residuals of any subset of named and other effects; linear ones are kept apart."""
     linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
-    of_linear, of_others = (squares_left(shown.plain, shown.named | some) for some in (linear, terms - linear))
+    of_linear, of_others = (subset_residuals(shown.plain, shown.named | some) for some in (linear, terms - linear))
     return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_others(chosen)
 
 
-def coarse_claims(search: Search, rounding: Rounded) -> tuple[Claim[EffectAt], ...]:
+def coarse_claims(search: Search, rounding: CoarseRounding) -> tuple[Claim[EffectAt], ...]:
     """Entries of encoders whose readings lie on a coarser lattice than expected."""
     robot, out = search.problem.session.robot, []
     for one, matters in rounding.results:

@@ -10,7 +10,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.columns.tolerance_parameters import ToleranceParameter
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
-from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, residual_sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
@@ -49,7 +49,7 @@ def verdict(
         # A joint that the given model explains has no gap, whatever changes that other joints ask for leave on it.
         if not clean or any(_least_left(joint) > joint.allowed for joint in joints):
             return "unknown"
-        known = all(joint.noise_is_known and not is_open(joint) for joint in joints if joint.hold_out_samples)
+        known = all(joint.noise_is_known and not may_hide_gap(joint) for joint in joints if joint.hold_out_samples)
         return "no_gap" if known and not hides else "not_testable"
     little = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
     if little and not left.times and all(nearly_closed(joint) for joint in joints):
@@ -64,12 +64,12 @@ def torques_may_be_noise(joints: tuple[JointGap, ...]) -> bool:
     return bool(judged) and all(joint.rms_torque is not None and joint.allowed >= joint.rms_torque for joint in judged)
 
 
-def not_explained(said: str) -> str:
+def without_explained(said: str) -> str:
     """The verdict where a finding has an implausible size: its cause may be another one."""
     return "partly_explained" if said == "explained" else said
 
 
-def is_open(joint: JointGap) -> bool:
+def may_hide_gap(joint: JointGap) -> bool:
     """True if so much is left on a joint, within a wide interval of its noise, that it may be a gap as well.
 
     Mostly friction in doubt makes it wide: where a joint stands, creeps or turns about, friction may hold any torque.
@@ -130,9 +130,9 @@ def unexplained(
     floor, problem, nameless = judge.floor, plain.problem, frozenset(term for term in chosen if not term.named)
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
     predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
-    within = held_out_torque(problem, frozenset(), plain.evaluate(frozenset()))
+    within = held_out_torque(problem, frozenset(), plain.held_out_fit(frozenset()))
     within, after, smooth = (
-        sums(problem, series) for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
+        residual_sums(problem, series) for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
     )
     once = np.ones((1, len(after.counts)))
     allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
@@ -180,12 +180,12 @@ def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
         parameter, change = problem.columns.tolerance_parameters[k], found.theta[k]
         at_limit = bool(abs(change) > rules.AT_LIMIT * parameter.bound)
         if parameter.relative and (at_limit or abs(change) > 2 * deviation):
-            hides = hidden_by(problem.session.robot, parameter) if at_limit else None
+            hides = hidden_change(problem.session.robot, parameter) if at_limit else None
             out.append(Adjusted(parameter.name, float(change), parameter.sigma, at_limit, hides))
     return tuple(out)
 
 
-def hidden_by(robot: Robot, parameter: ToleranceParameter) -> Hidden:
+def hidden_change(robot: Robot, parameter: ToleranceParameter) -> Hidden:
     """The larger departure that may hide behind a change at its limit."""
     masses = {body_name(robot, k): robot.model.inertias[k].mass for k in range(1, robot.model.njoints)}
     body, _, quantity = parameter.name.rpartition(" ")

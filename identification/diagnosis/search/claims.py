@@ -72,7 +72,7 @@ def gate_results(search: Search, chosen: frozenset[Term], without: frozenset[Ter
 
 def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
     yield possible_size(int(search.score(chosen) >= IMPOSSIBLE))
-    rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
+    rich, plain, new = search.held_out_fit(chosen), search.held_out_fit(without), chosen - without
     if any(term.effect.inertial == "free" for term in new):
         possible = plain.objective - rich.objective
         yield bodies_can_exist(possible, possible + rich.denied_gain, search.threshold.of(*new))
@@ -83,7 +83,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     extra = search.price_of(chosen) - search.price_of(without)
     by_row = plain.row_losses - rich.row_losses
     needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
-    if _made_beside_twins(new, without, rich) > needed:
+    if _torque_beside_twins(new, without, rich) > needed:
         needed = min(needed, search.threshold.of(*new))
     yield fair_part_of_the_gap(gain, needed)
     yield in_enough_blocks(
@@ -96,7 +96,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     )
 
 
-def _made_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
+def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
     """Squared torque of new effects that have a near twin in the set; zero without twins.
 
     The gain of one near twin beside the other is small even if its own torque is large: the other has explained nearly
@@ -119,7 +119,7 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
     return np.where(share > 1e-12, share, 0.0).max(axis=1, initial=0.0) if len(columns) else np.ones(len(energy))
 
 
-def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+def backward_elimination(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Backward elimination: remove, one by one, effects that are no longer needed.
 
     Of many effects only those are tried whose removal raises the loss least. On a robot of many joints several may be
@@ -127,8 +127,8 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """
     while chosen:
         whole, touched = chosen, frozenset[int]()
-        for term in sorted(least_missed(search, whole), key=lambda term: search.score(whole - {term})):
-            rows = rows_of(search.problem, term)
+        for term in sorted(least_needed(search, whole), key=lambda term: search.score(whole - {term})):
+            rows = rows_touched_by(search.problem, term)
             if rows.isdisjoint(touched):
                 results = gate_results(search, chosen, chosen - {term})
                 if not results[-1].passed:
@@ -141,12 +141,12 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     return chosen
 
 
-def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
+def least_needed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
     """The effects whose removal raises the in-sample loss least, to second order; all effects of a small set."""
     terms = ordered(chosen)
     if len(terms) <= _MOST_TRIED:
         return terms
-    found = search.evaluate(chosen)
+    found = search.held_out_fit(chosen)
     cov, missed = found.cov, {}
     for term in terms:
         own = np.searchsorted(found.active, term.columns)
@@ -155,6 +155,6 @@ def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
     return tuple(sorted(terms, key=lambda term: missed[term])[:_MOST_TRIED])
 
 
-def rows_of(problem: Problem, term: Term) -> frozenset[int]:
+def rows_touched_by(problem: Problem, term: Term) -> frozenset[int]:
     """Joints whose torque a term touches."""
     return problem.touched[term.columns[0]]

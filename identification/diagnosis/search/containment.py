@@ -67,7 +67,7 @@ def scales_all_bodies(scale: Term, bodies: Term) -> bool:
     return len(bodies.columns) <= BODY * len(joints_of(scale))
 
 
-def possible(chosen: frozenset[Term], term: Term) -> bool:
+def can_join(chosen: frozenset[Term], term: Term) -> bool:
     """False if ``term`` is in the set already, or is a special case of one of its effects."""
     return term not in chosen and not any(contains(other, term) for other in chosen)
 

@@ -17,8 +17,8 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.claims import rows_of
-from identification.diagnosis.search.containment import contains, possible
+from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.containment import can_join, contains
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search
 from identification.engine.numerics.bounded import solve
@@ -33,18 +33,18 @@ _UNCERTAIN = 0.85
 _OF_A_MODEL = 0.5
 
 
-def along_lines(session: Session) -> frozenset[int]:
+def joints_on_lines(session: Session) -> frozenset[int]:
     """Joints that move along one line with others in all recordings, by their indices."""
     velocities = [log.motion.v[log.valid] for log in session.logs]
     return frozenset(row for line in lines_of(np.concatenate(velocities)) for row in line)
 
 
-def of_every_motion(term: Term) -> bool:
+def is_inertial_or_scale(term: Term) -> bool:
     """True for loads, links and torque scales, whose columns contain all parts of the modelled torque."""
     return term.effect.inertial is not None or term.effect.scales_joint
 
 
-def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
+def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
     """A few effects that imitate one to a tenth of its amplitude, while the others of a set may have any size.
 
     None if there are no such effects; an empty tuple where the others of the set do so by themselves.
@@ -56,28 +56,28 @@ def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Te
     """
     a, precision = search.problem.total_a, search.problem.precision
     columns = np.array(term.columns)
-    theta = search.evaluate(chosen).theta[columns]
+    theta = search.held_out_fit(chosen).theta[columns]
     energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
     if energy <= 0.0:
         return None
     others = [column for other in ordered(chosen) if other is not term for column in other.columns]
-    rows = rows_of(search.problem, term)
+    rows = rows_touched_by(search.problem, term)
     pool = [
         other
         for other in search.terms
         if other.named
         and not other.shape
-        and possible(chosen - {term}, other)
+        and can_join(chosen - {term}, other)
         and other.effect_joint != term.effect_joint
         and not contains(other, term)
         # Sums with parts of a law are no rivals of that law; but free bodies may stand for a load and other causes.
         and (term.effect.inertial == "free" or not contains(term, other))
-        and not rows.isdisjoint(rows_of(search.problem, other))
+        and not rows.isdisjoint(rows_touched_by(search.problem, other))
     ]
     taken: tuple[Term, ...] = ()
     for _ in range(_MOST + 1):
         by = np.array(sorted({*others, *(column for one in taken for column in one.columns)}), dtype=int)
-        left, across = _left(a, precision, columns, theta, by)
+        left, across = _unexplained(a, precision, columns, theta, by)
         if left < rules.SAME_CAUSE * energy:
             return taken
         if len(taken) == _MOST or not pool:
@@ -116,7 +116,7 @@ def of_a_model(comparison: RivalComparison, term: Term) -> RivalComparison:
     return _at_most(comparison, term, _OF_A_MODEL)
 
 
-def of_weights(session: Session) -> frozenset[int]:
+def joints_with_computed_torque(session: Session) -> frozenset[int]:
     """Joints whose torque was computed from a weight in all recordings, by their indices."""
     if session.robot.floating:  # under which gravity turns
         return frozenset()
@@ -131,12 +131,12 @@ def of_weights(session: Session) -> frozenset[int]:
 
 def _at_most(comparison: RivalComparison, term: Term, most: float) -> RivalComparison:
     """A comparison with a probability of at most ``most`` if the finding is a load, links or a torque scale."""
-    if not of_every_motion(term):
+    if not is_inertial_or_scale(term):
         return comparison
     return replace(comparison, probability=min(comparison.probability, most))
 
 
-def _left(
+def _unexplained(
     a: Float[Array, "K K"],
     precision: Float[Array, " K"],
     columns: Int[Array, " k"],

@@ -58,7 +58,7 @@ RANGES: tuple[Range, ...] = (
 )
 
 
-def implausible(
+def implausible_size(
     session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"] | None = None
 ) -> tuple[Parameter, float] | None:
     """The first parameter of a fitted effect that no sound robot has, and its value; None if a robot may have all.

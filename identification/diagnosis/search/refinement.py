@@ -16,7 +16,7 @@ _SAME_SHAPE = 0.03
 
 def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
     """Found effects as points about which nonlinear laws are linearised."""
-    return tuple(_point(fitted, term) for term in ordered(chosen))
+    return tuple(_found_effect(fitted, term) for term in ordered(chosen))
 
 
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
@@ -31,7 +31,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]
-        rivals = tuple(term for term in shaped if search.possible(remaining, term))
+        rivals = tuple(term for term in shaped if search.can_join(remaining, term))
         least = 0.0 if won is None else rules.RUNNER_UP * won
         gains = search.gains(remaining, rivals, above=least, instead_of=finding)
         best: dict[tuple[str, str | None], Term] = {}
@@ -42,7 +42,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
             ):
                 best.setdefault(term.effect_joint, term)
         for cause, term in best.items():
-            out.setdefault(cause, _point(search.evaluate(with_term(remaining, term)), term))
+            out.setdefault(cause, _found_effect(search.held_out_fit(with_term(remaining, term)), term))
     return tuple(out.values())
 
 
@@ -52,7 +52,7 @@ def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
     return any(point.shape or point.effect.follows_torque or (loaded and point.effect.follows_load) for point in found)
 
 
-def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
+def same_points(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
     """True if nonlinear laws would be linearised about the same points again."""
     names = [[(*point.effect_joint, len(point.shape)) for point in points] for points in (found, before)]
     if names[0] != names[1]:
@@ -64,20 +64,22 @@ def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -
     )
 
 
-def same_effects(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
+def matching_terms(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
     """Terms of a new search for the effects that an earlier one has found, each with the nearest shape."""
     out = []
     for point in found:
         here = [term for term in search.terms if term.effect_joint == (point.effect.name, point.joint)]
         if here:
-            out.append(min(here, key=lambda term: (abs(len(term.shape) - len(point.shape)), _apart(term, point))))
+            out.append(
+                min(here, key=lambda term: (abs(len(term.shape) - len(point.shape)), _shape_distance(term, point)))
+            )
     return frozenset(out)
 
 
-def _point(fitted: Fitted, term: Term) -> FoundEffect:
+def _found_effect(fitted: Fitted, term: Term) -> FoundEffect:
     return FoundEffect(term.effect, term.joint, term.shape, fitted.theta[list(term.columns)])
 
 
-def _apart(term: Term, point: FoundEffect) -> float:
+def _shape_distance(term: Term, point: FoundEffect) -> float:
     """Distance of two shapes of one effect."""
     return sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))

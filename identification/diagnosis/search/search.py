@@ -20,7 +20,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.containment import relations
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.record import Record
-from identification.diagnosis.search.special_cases import ends_on_nothing
+from identification.diagnosis.search.special_cases import vanishes_at_bound
 from identification.gates import above_chance
 
 # Number of joints from which on effects on different ones are added, swapped and dropped in one step, to save time.
@@ -111,11 +111,11 @@ class Search:
         fits = self.fits.of(chosen)
         return self if fits is self.fits else replace(self, problem=fits.problem, fits=fits)
 
-    def evaluate(self, chosen: frozenset[Term]) -> Fitted:
+    def held_out_fit(self, chosen: frozenset[Term]) -> Fitted:
         """Fit of a set with its held-out losses."""
         return self.fits.held_out(chosen)
 
-    def quick(self, chosen: frozenset[Term]) -> float:
+    def in_sample_loss(self, chosen: frozenset[Term]) -> float:
         """Loss of a set in sample."""
         return self.fits.in_sample(chosen)
 
@@ -135,12 +135,12 @@ class Search:
 
     @cached_property
     def near(self) -> dict[Term, tuple[frozenset[Term], ...]]:
-        """Cached alternatives of an effect that touch a joint that it touches, see `swaps.relevant`."""
+        """Cached alternatives of an effect that touch a joint that it touches, see `swaps.relevant_alternatives`."""
         return {}
 
     def _score(self, chosen: frozenset[Term]) -> float:
-        found = self.evaluate(chosen)
-        if any(ends_on_nothing(self.problem.session.robot, term, found.theta[list(term.columns)]) for term in chosen):
+        found = self.held_out_fit(chosen)
+        if any(vanishes_at_bound(self.problem.session.robot, term, found.theta[list(term.columns)]) for term in chosen):
             return IMPOSSIBLE
         return found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
@@ -179,16 +179,18 @@ class Search:
             worth = released * (out[term] + costs[term]) - costs[term] > above
             promising = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
             if worth and (promising or term in gone):
-                out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
+                out[term] = (
+                    self.in_sample_loss(chosen) - self.in_sample_loss((chosen - gone[term]) | {term}) - costs[term]
+                )
         return out
 
     def _hidden_by_bounds(self, chosen: frozenset[Term], term: Term) -> float:
         """Gain of a term beside a set over its estimate with the binding bounds of the set held, at least one."""
         estimate = max(self.fits.gains(chosen, (term,))[term], 1e-12)
-        return max((self.quick(chosen) - self.quick(chosen | {term})) / estimate, 1.0)
+        return max((self.in_sample_loss(chosen) - self.in_sample_loss(chosen | {term})) / estimate, 1.0)
 
-    def possible(self, chosen: frozenset[Term], term: Term) -> bool:
-        """As `containment.possible`, with the cached relations of this search."""
+    def can_join(self, chosen: frozenset[Term], term: Term) -> bool:
+        """As `containment.can_join`, with the cached relations of this search."""
         return term not in chosen and chosen.isdisjoint(self.covering(term))
 
     def price_of(self, chosen: frozenset[Term]) -> float:

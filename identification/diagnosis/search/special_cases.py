@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.fit.full_fit import FullFit
 from identification.gates.special_case import differs_from_simpler
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.rival import SpecialCase
@@ -20,7 +20,7 @@ _RANK = 1e-9
 _END = 1e-12
 
 
-def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
+def certainty_of_difference(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
     """Probability that estimates of zeros would be nearer to zero than these numbers are (Wald's test)."""
     from scipy.special import chdtr
 
@@ -32,7 +32,7 @@ def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
     return float(chdtr(len(numbers), scaled @ inverse @ scaled))
 
 
-def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
+def nearest_case(robot: Robot, term: Term, fitted: FullFit) -> tuple[float, tuple[str, ...]] | None:
     """Certainty that an effect differs from its nearest special case in a joint fit, and that case.
 
     None for an effect without special cases. The nearest is the first that it does not differ from, if there is one.
@@ -52,8 +52,8 @@ def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tup
         shape = tuple(x[count:].tolist()) or term.shape
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
-    of_other_shape = _of_other_shape(robot, term, x) if len(x) == count else frozenset()
-    return _nearest(cases, x, fitted.shown_by(term), excluded=of_other_shape)
+    of_other_shape = _cases_of_other_shape(robot, term, x) if len(x) == count else frozenset()
+    return _nearest(cases, x, fitted.presence_covariance(term), excluded=of_other_shape)
 
 
 def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
@@ -61,13 +61,13 @@ def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[st
 
     None if the fit does not differ from no effect at all, or has an impossible size. A held shape counts as known.
     """
-    nearest = nearest_case_of(robot, term, fitted)
+    nearest = nearest_case_at_shape(robot, term, fitted)
     if nearest is None or differs_from_simpler(nearest[0]).passed:
         return (term.effect_joint,)
     return tuple((name, term.joint) for name in nearest[1]) or None
 
 
-def nearest_case_of(
+def nearest_case_at_shape(
     robot: Robot, term: Term, fitted: Fitted, names: tuple[str, ...] | None = None
 ) -> tuple[float, tuple[str, ...]] | None:
     """As `nearest_case`, for a fit with held shapes; of the special case with these names alone if they are given."""
@@ -80,11 +80,11 @@ def nearest_case_of(
         return term.effect.special_cases(robot, term.joint, x, term.shape)
 
     theta = fitted.theta[columns]
-    of_other_shape = _of_other_shape(robot, term, theta)
+    of_other_shape = _cases_of_other_shape(robot, term, theta)
     return _nearest(cases, theta, fitted.cov[np.ix_(at, at)], names, of_other_shape)
 
 
-def _of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
+def _cases_of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
     """Simpler laws that an effect becomes at another shape: a fit that holds its shape says nothing about these."""
     at, near = (
         term.effect.special_cases(robot, term.joint, theta, tuple(scale * one for one in term.shape))
@@ -95,7 +95,7 @@ def _of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> froz
     )
 
 
-def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
+def vanishes_at_bound(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
     """True if a fit has come to the end of an effect's possible range.
 
     Args:
@@ -122,7 +122,7 @@ def _nearest(
         if case.names in excluded or names not in (None, case.names):
             continue
         slope = np.stack([(other[k].numbers - case.numbers) / s for other, s in zip(moved, step, strict=True)], axis=1)
-        certain = certainty(case.numbers, slope @ cov @ slope.T)
+        certain = certainty_of_difference(case.numbers, slope @ cov @ slope.T)
         if not differs_from_simpler(certain).passed:
             return certain, case.names
         if nearest is None or certain < nearest[0]:

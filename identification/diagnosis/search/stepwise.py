@@ -10,11 +10,17 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.search.claims import dropped, gate_results, least_missed, passes_gates, rows_of
-from identification.diagnosis.search.containment import is_beside_parts, is_of_many_joints, possible, with_term
+from identification.diagnosis.search.claims import (
+    backward_elimination,
+    gate_results,
+    least_needed,
+    passes_gates,
+    rows_touched_by,
+)
+from identification.diagnosis.search.containment import can_join, is_beside_parts, is_of_many_joints, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
-from identification.diagnosis.search.swaps import parts_of, simplified, swapped
+from identification.diagnosis.search.swaps import parts_of, with_simpler_laws, with_swaps
 from identification.engine.claims import GateResult
 from identification.gates import above_chance, exchange
 from identification.gates.above_chance import more_than_chance
@@ -32,7 +38,7 @@ _MOST_JOINTS_BEGUN = 3
 _MOST_NAMELESS = 4
 
 
-def explain(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
+def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
     """The set of effects that explains the recordings with the fewest parameters.
 
     Free inertial parameters of all links explain a little of any missing effect. So they are tested last, beside the
@@ -44,14 +50,16 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
         progress: Takes the stages.
         start: Result of an earlier search.
     """
-    chosen = dropped(search, frozenset(term for term in start if term.named))
+    chosen = backward_elimination(search, frozenset(term for term in start if term.named))
     whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
     gains = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
     if whole is not None or gains:
         chosen = _improved_without(search, gains | {whole}, chosen, progress)
     if whole is not None and whole not in chosen:
         alone = search.alone[whole]
-        if search.quick(alone) + search.price_of(alone) < search.quick(chosen) + search.price_of(chosen):
+        if search.in_sample_loss(alone) + search.price_of(alone) < search.in_sample_loss(chosen) + search.price_of(
+            chosen
+        ):
             stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
             if not stays.passed:
                 search.record.add_failed(chosen, stays, replaced_by=[whole])
@@ -59,7 +67,7 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
                 chosen = alone
     if whole is not None and gains:
         chosen = _improved_without(search, gains, chosen, progress)
-    chosen = _from_other_beginnings(search, _improved(search, chosen, progress), progress)
+    chosen = _with_other_starts(search, _improved(search, chosen, progress), progress)
     return with_nameless(search, chosen, progress)
 
 
@@ -76,16 +84,16 @@ def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> fr
     """The set to which additions, removals and swaps lead."""
     for _ in range(4):
         before = chosen
-        chosen = forward(search, chosen, progress)
+        chosen = forward_selection(search, chosen, progress)
         progress(Announcement(Stage.ALTERNATIVES))
-        chosen = simplified(search, swapped(search, dropped(search, chosen)))
+        chosen = with_simpler_laws(search, with_swaps(search, backward_elimination(search, chosen)))
         chosen = _by_single_effects(search, chosen, progress)
         if chosen == before:
             break
     return chosen
 
 
-def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
+def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set, or a better one from a search that begins with another effect, where a joint moves in one sine.
 
     There torque is two numbers, in phase and out of phase. An effect that makes part of both gains most alone, and
@@ -94,7 +102,9 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
     sines = search.problem.session.in_one_sine
     if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
         return chosen
-    named = tuple(term for term in search.terms if term.named and not sines.isdisjoint(rows_of(search.problem, term)))
+    named = tuple(
+        term for term in search.terms if term.named and not sines.isdisjoint(rows_touched_by(search.problem, term))
+    )
     gains = search.gains(frozenset(), named)
     first: dict[EffectJoint, Term] = {}
     for term in sorted(named, key=lambda term: -gains[term]):
@@ -104,7 +114,7 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
         if term in chosen:
             continue
         trial = replace(search, record=search.record.copy_for_trial())
-        tried = dropped(trial, forward(trial, search.alone[term], progress))
+        tried = backward_elimination(trial, forward_selection(trial, search.alone[term], progress))
         stays = explains_more_than_others(search.score(tried) - search.score(best), -exchange.ROUNDING)
         if not stays.passed:
             search.record.take_over(trial.record)
@@ -113,9 +123,9 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
     return best
 
 
-def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
+def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
     """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
-    rivals = tuple(term for term in search.terms if term.named and search.possible(chosen, term))
+    rivals = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
     promised = search.gains(chosen, rivals, above=0.0)
     best = sorted(rivals, key=lambda term: -promised[term])[:_FEW_JUDGED]
     worth = [with_term(chosen, term) for term in best if _beats_small_parts(search, chosen, term)]
@@ -123,7 +133,7 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
     return tried if tried is not None and search.score(tried) < search.score(chosen) else None
 
 
-def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
+def forward_selection(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
     A gain in sample is larger than on held-out data. So rivals are tested on held-out data in the order of their gains
@@ -134,7 +144,7 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
     while True:
         progress(Announcement(Stage.RIVALS_TRIED, detail={"found": len(chosen)}))
         base = search.score(chosen)
-        rivals = [term for term in search.terms if term.named and search.possible(chosen, term)]
+        rivals = [term for term in search.terms if term.named and search.can_join(chosen, term)]
         promised = search.gains(chosen, tuple(rivals), above=0.0)
         best, most = None, 0.0
         ranked = sorted(rivals, key=lambda term: -promised[term])
@@ -151,10 +161,10 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
                 best, most = term, gain
         if best is None:
             return chosen
-        chosen = _added(search, chosen, best)
+        chosen = _with_claimed(search, chosen, best)
         if search.many_joints:
             chosen = _with_other_joints(search, chosen, best, ranked)
-        chosen = dropped(search, chosen)
+        chosen = backward_elimination(search, chosen)
         if chosen in seen:
             return min(seen[seen.index(chosen) :], key=search.score)
         seen.append(chosen)
@@ -177,12 +187,12 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
         if term.joint is None or term.joint in taken or term.effect.inertial == "free" or term.effect.scales_joint:
             continue
         taken.add(term.joint)
-        if possible(chosen, term) and passes_gates(search, with_term(chosen, term), chosen):
-            chosen = _added(search, chosen, term)
+        if can_join(chosen, term) and passes_gates(search, with_term(chosen, term), chosen):
+            chosen = _with_claimed(search, chosen, term)
     return chosen
 
 
-def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
+def _with_claimed(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
     """The set with a claimed effect, without those that it replaces; both are recorded."""
     together = with_term(chosen, term)
     margin = search.score(chosen) - search.score(together)
@@ -206,7 +216,9 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
         without = replace(search, terms=others, record=search.record.copy_for_trial())
-        tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
+        tried = with_swaps(
+            without, backward_elimination(without, forward_selection(without, chosen - {term}, progress))
+        )
         several = [tried] if search.sizes[term] > len(rows) else [tried, _with_small_parts(without, tried, term)]
         margin = min(search.score(one) for one in several) - search.score(chosen)
         # Many sets were tried, so that a small margin is chance.
@@ -237,7 +249,7 @@ def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> b
 def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
     """The set with each effect that, with others, makes much the same torque as a law, on each joint of the law."""
     for part in parts_of(search, term):
-        if part.joint is not None and possible(chosen, part):
+        if part.joint is not None and can_join(chosen, part):
             chosen = with_term(chosen, part)
     return chosen
 
@@ -258,12 +270,12 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
         for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
             promised = search.gains(base, nameless, above=search.threshold.overall)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_FEW_JUDGED]:
-                if not more_than_chance(promised[term], search.threshold.overall).passed or not possible(base, term):
+                if not more_than_chance(promised[term], search.threshold.overall).passed or not can_join(base, term):
                     continue
-                tried = _only_needed(search, term, base, chosen)
+                tried = _with_needed_only(search, term, base, chosen)
                 # The set stays if it explains more than the one with the structure, by the margin of that gate.
-                in_one_sine = not sines.isdisjoint(rows_of(search.problem, term))
-                needed = _asked_of_nameless(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
+                in_one_sine = not sines.isdisjoint(rows_touched_by(search.problem, term))
+                needed = _least_nameless_gain(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
                 stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
                 if not stays.passed and passes_gates(search, tried, tried - {term}):
                     better[tried] = stays
@@ -279,7 +291,7 @@ def _count_of_causes(effects: frozenset[Term]) -> int:
     return min(len({term.effect for term in effects}), len({term.joint for term in effects}))
 
 
-def _asked_of_nameless(
+def _least_nameless_gain(
     search: Search, structure: Term, replaced: frozenset[Term], accuracy: float, *, in_one_sine: bool
 ) -> float:
     """Least gain in score of a set with a nameless structure that makes some effects unnecessary.
@@ -300,22 +312,26 @@ def _asked_of_nameless(
     return exchange.NAMELESS_MARGIN[gone] * search.threshold.overall + (accuracy if gone in (1, 2) else 0.0)
 
 
-def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
+def _with_needed_only(
+    search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]
+) -> frozenset[Term]:
     """A set with a structure and those named effects that are still needed.
 
     Effects on other joints than the structure's are still needed. Of many others only those are tested whose removal
     raises the loss least.
     """
-    rows = rows_of(search.problem, structure)
+    rows = rows_touched_by(search.problem, structure)
     whole = with_term(chosen, structure)
-    missed = whole.difference(least_missed(search, whole))
-    beside = [t for t in ordered(chosen) if t.named and (t in missed or rows.isdisjoint(rows_of(search.problem, t)))]
+    missed = whole.difference(least_needed(search, whole))
+    beside = [
+        t for t in ordered(chosen) if t.named and (t in missed or rows.isdisjoint(rows_touched_by(search.problem, t)))
+    ]
     tried = with_term(base, structure)
     for term in beside:
-        if possible(tried, term):
+        if can_join(tried, term):
             tried = with_term(tried, term)
     for term in ordered(chosen.difference(beside)):
-        if term.named and possible(tried, term) and passes_gates(search, with_term(tried, term), tried):
+        if term.named and can_join(tried, term) and passes_gates(search, with_term(tried, term), tried):
             tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
     while True:
         left = ordered(tried.difference(beside))

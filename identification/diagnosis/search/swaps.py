@@ -8,14 +8,14 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.search.claims import dropped, passes_gates, rows_of
+from identification.diagnosis.search.claims import backward_elimination, passes_gates, rows_touched_by
 from identification.diagnosis.search.containment import (
     are_near_twins,
     are_parts,
+    can_join,
     contains,
     is_of_many_joints,
     joints_of,
-    possible,
     with_term,
 )
 from identification.diagnosis.search.search import Search, price
@@ -31,20 +31,22 @@ _WORTH_TRYING = 8
 _TRIED_EACH = 3
 
 
-def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Replace single effects by better or simpler ones until no swap lowers the score."""
     for _ in range(20):
-        quick = search.quick(chosen) + search.price_of(chosen)
+        quick = search.in_sample_loss(chosen) + search.price_of(chosen)
         tried = {
-            replaced(chosen, term, others)
+            with_replacement(chosen, term, others)
             for term in ordered(chosen)
-            for others in relevant(search, chosen, term, 2 * above_chance.PARAMETER_PRICE)
+            for others in relevant_alternatives(search, chosen, term, 2 * above_chance.PARAMETER_PRICE)
         }
-        ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
+        ranked = sorted(
+            tried - {chosen}, key=lambda other: (search.in_sample_loss(other) + search.price_of(other), _key(other))
+        )
         worth = [
             other
             for other in ranked
-            if search.quick(other) + search.price_of(other) < quick + above_chance.PARAMETER_PRICE
+            if search.in_sample_loss(other) + search.price_of(other) < quick + above_chance.PARAMETER_PRICE
         ]
         if search.many_joints:
             best = _swapped_everywhere(search, chosen, worth)
@@ -54,7 +56,7 @@ def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         if best == chosen:
             return chosen
         _record_swap(search, chosen, best)
-        chosen = dropped(search, best)
+        chosen = backward_elimination(search, best)
     return chosen
 
 
@@ -90,7 +92,7 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
     now, touched, tried = chosen, frozenset[int](), Counter[frozenset[int]]()
     for other in ranked:
         changed = chosen ^ other
-        rows = frozenset[int]().union(*(rows_of(search.problem, term) for term in changed))
+        rows = frozenset[int]().union(*(rows_touched_by(search.problem, term) for term in changed))
         if rows.isdisjoint(touched) and tried[rows] < _TRIED_EACH:
             tried[rows] += 1
             if _is_better(search, now ^ changed, now):
@@ -98,16 +100,16 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
     return now
 
 
-def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Replace single effects by special cases that explain as much, within the accuracy of the method.
 
     Where noise is small beside the torque of an effect, further parameters of its law explain errors of filters and of
     the linearised tolerances.
     """
     for term in ordered(chosen):
-        accuracy = fair_part.ACCURACY * explained(search, chosen, term)
+        accuracy = fair_part.ACCURACY * explained_loss(search, chosen, term)
         simpler = [
-            replaced(chosen, term, others)
+            with_replacement(chosen, term, others)
             for others in alternatives(search, term)
             if all(contains(term, other) for other in others)
         ]
@@ -129,7 +131,7 @@ def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]
         if len(own) < 2 or len(own) < len(joints_of(term)) or not chosen.issuperset(own):
             continue
         other = with_term(chosen, term)
-        allowed = fair_part.ACCURACY * sum(explained(search, chosen, one) for one in own)
+        allowed = fair_part.ACCURACY * sum(explained_loss(search, chosen, one) for one in own)
         worth = worth_its_numbers(search.score(other) - search.score(chosen), allowed)
         if not worth.passed:
             search.record.add_failed(chosen - other, worth, replaced_by=[term])
@@ -138,9 +140,9 @@ def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]
     return chosen
 
 
-def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
+def explained_loss(search: Search, chosen: frozenset[Term], term: Term) -> float:
     """In-sample loss that one of several effects explains."""
-    return search.quick(chosen - {term}) - search.quick(chosen)
+    return search.in_sample_loss(chosen - {term}) - search.in_sample_loss(chosen)
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
@@ -217,10 +219,10 @@ def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
     passive = search.problem.session.robot.passive_names
     if term.effect.scope != "pair" or other.joint not in passive or other.shape:
         return False
-    return spanned(search, list(other.columns), np.ones(len(other.columns)), list(term.columns))
+    return can_make_torque(search, list(other.columns), np.ones(len(other.columns)), list(term.columns))
 
 
-def spanned(
+def can_make_torque(
     search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = fair_part.ACCURACY
 ) -> bool:
     """True if other columns can make the torque of some columns, within the accuracy of the method.
@@ -238,7 +240,9 @@ def spanned(
     return energy - float(cross @ solve(a[np.ix_(by, by)], cross)) < left * energy
 
 
-def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:
+def relevant_alternatives(
+    search: Search, chosen: frozenset[Term], term: Term, slack: float
+) -> tuple[frozenset[Term], ...]:
     """Alternatives of ``term`` that act on one of its joints and could gain as much in sample.
 
     Args:
@@ -249,28 +253,28 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
     """
     remaining = chosen - {term}
     if term not in search.near:
-        rows = rows_of(search.problem, term)
+        rows = rows_touched_by(search.problem, term)
         search.near[term] = tuple(
             others
             for others in alternatives(search, term)
-            if any(rows & rows_of(search.problem, other) for other in others)
+            if any(rows & rows_touched_by(search.problem, other) for other in others)
         )
     near = [
         others for others in search.near[term] if all(remaining.isdisjoint(search.covering(other)) for other in others)
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
-    lost = explained(search, chosen, term)
+    lost = explained_loss(search, chosen, term)
     # Estimated gains are to second order, and may be off by a few per cent where a law is nonlinear.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
     promised = search.gains(remaining, singles, above=least, instead_of=term)
     return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
 
 
-def replaced(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
+def with_replacement(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
     """``chosen`` with ``others`` in place of ``term``."""
     out = chosen - {term}
     for other in ordered(others):
-        if possible(out, other):
+        if can_join(out, other):
             out = with_term(out, other)
     return out
 

@@ -14,22 +14,26 @@ from functools import partial
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import sums
+from identification.diagnosis.fit.gap import residual_sums
 from identification.diagnosis.judge.findings.bench import Bench, Shown, State
-from identification.diagnosis.judge.findings.missing_parts import missing_shares, named_as_part, payload_of
+from identification.diagnosis.judge.findings.missing_parts import (
+    bodies_expressing_part,
+    missing_part_shares,
+    payload_of,
+)
 from identification.diagnosis.judge.moved_by_noise import (
-    accelerates,
+    depends_on_acceleration,
     motion_results,
     noise_may_make,
 )
-from identification.diagnosis.judge.shares import least_closed, left_by
-from identification.diagnosis.search.containment import are_parts, possible, with_term
+from identification.diagnosis.judge.shares import least_shares_closed, residual_sums_with
+from identification.diagnosis.search.containment import are_parts, can_join, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.rival_sets import RivalComparison, compare_with_rivals
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, simplest_effects
-from identification.diagnosis.search.stepwise import forward
-from identification.diagnosis.search.swaps import replaced
+from identification.diagnosis.search.special_cases import nearest_case, nearest_case_at_shape, simplest_effects
+from identification.diagnosis.search.stepwise import forward_selection
+from identification.diagnosis.search.swaps import with_replacement
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
 from identification.gates.in_band import closes_for_sure
@@ -44,7 +48,7 @@ _MOST_LEADERS = 8
 Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 
-def in_band(bench: Bench, state: State) -> State:
+def after_motion_gate(bench: Bench, state: State) -> State:
     """The state after the gates of the judged band, those of rivals apart."""
     return _until_all_pass(bench, state, (_motion_gate,))
 
@@ -94,7 +98,7 @@ def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
             continue
         found = after.found - rivals
         for term in ordered(gone):
-            found = with_term(found, term) if possible(found, term) else found
+            found = with_term(found, term) if can_join(found, term) else found
         causes = frozenset(term.effect_joint for term in rivals & fallen)
         for term in ordered(rivals & fallen) if rivals - fallen else ():
             bench.record.add_failed(rivals - fallen, *bench.record.results_of(term.effect_joint)[-1:], replaced_by=gone)
@@ -139,7 +143,7 @@ def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
 
 def _motion_gate(bench: Bench, state: State) -> State:
     """The state without the effect that shows least where the motion is far above the noise."""
-    if not any(accelerates(term) for term in state.shown):
+    if not any(depends_on_acceleration(term) for term in state.shown):
         return state
     search, terms = bench.with_strong_motion(state.found | state.shown)
     return _without_worst(bench, state, motion_results(search, terms, state.shown), _hide)
@@ -149,13 +153,13 @@ def _closing_gate(bench: Bench, state: State) -> State:
     """The state without the effect that closes the gap least surely; a rival that closes it for sure replaces it."""
     if not state.shown:
         return state
-    squares_of, sound = bench.left(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
-    least_shares = least_closed(squares_of, state.shown, sound)
+    squares_of, sound = bench.subset_residuals(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
+    least_shares = least_shares_closed(squares_of, state.shown, sound)
     named = frozenset(term for term in state.shown if term.named)
     if named != state.shown:
         # Structures without a name are not in the corrected model. An effect that closes the gap only beside such a
         # structure would enlarge the gap of the corrected model.
-        beside_named = least_closed(squares_of, named, sound)
+        beside_named = least_shares_closed(squares_of, named, sound)
         least_shares = {term: min(share, beside_named.get(term, share)) for term, share in least_shares.items()}
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
@@ -182,7 +186,7 @@ def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term
         if not state.displaced.isdisjoint(rival.effect_joint for rival in rivals):
             continue
         sound = bench.residuals.judge_of(found).sound
-        least_shares = least_closed(bench.left(found), found, sound)
+        least_shares = least_shares_closed(bench.subset_residuals(found), found, sound)
         if all(closes_for_sure(least_shares.get(rival, 0.0)).passed for rival in rivals):
             return found
     return None
@@ -195,10 +199,10 @@ def _noise_gate(bench: Bench, state: State) -> State:
     if not imitable:
         return state
     judge, results = bench.residuals.judge_of(state.shown), dict[Term, GateResult]()
-    residual = np.maximum(left_by(judge, bench.plain, state.shown).rms(), 1e-300)
+    residual = np.maximum(residual_sums_with(judge, bench.plain, state.shown).rms(), 1e-300)
     for term in imitable:
         others = state.shown - {term}
-        growth = (left_by(judge, bench.plain, others).rms() / residual) ** 2 - 1.0
+        growth = (residual_sums_with(judge, bench.plain, others).rms() / residual) ** 2 - 1.0
         over_allowed = partial(bench.residuals.over_allowed, others)
         has_structure = partial(bench.residuals.has_structure, others)
         in_highest_noise = partial(_gain_in_highest_noise, bench, state.shown, term)
@@ -213,9 +217,9 @@ def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> 
     which may be too small.
     """
     fits, problem, others = bench.search.fits, bench.search.problem, shown - {term}
-    weighted = sums(problem, problem.session.in_judged_band(bench.noise)).rms()
+    weighted = residual_sums(problem, problem.session.in_judged_band(bench.noise)).rms()
     judge = bench.residuals.judge_of(others)
-    gap = left_by(judge, bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
+    gap = residual_sums_with(judge, bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
     gains = np.where(gap, fits.row_losses(others) - fits.row_losses(shown), 0.0)
     quieter = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
     return float(gains @ quieter**2), bench.search.threshold.of(term)
@@ -230,7 +234,7 @@ def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
 def _simpler_law_gate(bench: Bench, state: State) -> State:
     """The state with an effect replaced by its special case, or removed, where neither fit distinguishes the two."""
     robot, fitted = bench.plain.problem.session.robot, bench.fit(state.shown)
-    white = bench.search.evaluate(state.found)
+    white = bench.search.held_out_fit(state.found)
     cases = {term: nearest_case(robot, term, fitted) for term in ordered(state.shown) if term.named}
     results: dict[Term, GateResult] = {}
     for term, case in cases.items():
@@ -244,7 +248,7 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
             and simplest_effects(robot, term, white) == (term.effect_joint,)
         )
         if not results[term].passed and differs:
-            nearest = nearest_case_of(robot, term, white, case[1])
+            nearest = nearest_case_at_shape(robot, term, white, case[1])
             # None if the simpler law has another shape: the shape is constant in this fit, which says nothing about it.
             if nearest is not None:
                 results[term] = differs_from_simpler(nearest[0])
@@ -256,9 +260,9 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
         if not case[1]:
             return replace(state, shown=shown, near_zero=state.near_zero | {term}), ()
         simpler = [other for other in bench.plain.terms if other.effect.name in case[1] and other.joint == term.joint]
-        found = replaced(state.found, term, frozenset(simpler))
+        found = with_replacement(state.found, term, frozenset(simpler))
         for other in simpler:
-            shown = with_term(shown, other) if possible(shown, other) else shown
+            shown = with_term(shown, other) if can_join(shown, other) else shown
         return replace(state, found=found, shown=shown, barred=state.barred | {term.effect_joint}), shown - state.shown
 
     return _without_worst(bench, state, results, without)
@@ -266,13 +270,13 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
 
 def _missing_part_gate(bench: Bench, state: State) -> State:
     """The state with inertial parameters replaced by a payload, where they express the absence of a part."""
-    shares = missing_shares(bench.plain, state.shown, bench.fit(state.shown))
+    shares = missing_part_shares(bench.plain, state.shown, bench.fit(state.shown))
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         payload = payload_of(bench.plain)
         assert payload is not None
-        shown, found = (replaced(terms, term, frozenset([payload])) for terms in (state.shown, state.found))
-        barred = state.barred | {term.effect_joint} | named_as_part(bench.search, found, payload)
+        shown, found = (with_replacement(terms, term, frozenset([payload])) for terms in (state.shown, state.found))
+        barred = state.barred | {term.effect_joint} | bodies_expressing_part(bench.search, found, payload)
         return replace(state, found=found, shown=shown, barred=barred), [payload]
 
     results = {term: more_than_a_missing_part(share) for term, share in shares.items()}
@@ -284,14 +288,14 @@ def _with_replacements_found(bench: Bench, state: State) -> State:
     uncertain = state.near_zero & state.found
     if state.searched_again or not uncertain:
         return state
-    found = replacements_of(bench.plain, uncertain, state.shown, state.barred)
+    found = effects_in_place_of(bench.plain, uncertain, state.shown, state.barred)
     if not found:
         return state
     barred = state.barred | {term.effect_joint for term in uncertain}
     return replace(state.with_others((state.found - uncertain) | found), barred=barred, searched_again=True)
 
 
-def replacements_of(
+def effects_in_place_of(
     plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[EffectJoint]
 ) -> frozenset[Term]:
     """Effects that a search finds once those whose size does not differ from zero are left out; empty if none is."""
@@ -299,7 +303,7 @@ def replacements_of(
         return frozenset()
     gone = barred | {term.effect_joint for term in uncertain}
     others = replace(plain, terms=tuple(term for term in plain.terms if term.effect_joint not in gone))
-    return forward(others, kept, lambda _: None) - kept
+    return forward_selection(others, kept, lambda _: None) - kept
 
 
 def _rival_gate(bench: Bench, state: State) -> State:

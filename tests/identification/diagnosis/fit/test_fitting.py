@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from identification.diagnosis.fit.fitting import active_columns, fit, predict
-from identification.diagnosis.fit.gap import Sums, held_out_torque, judged_blocks, residual_after, sums
+from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, judged_blocks, residual_after, residual_sums
 from identification.diagnosis.fit.point_mass import point_mass_map
 from identification.diagnosis.fit.problem import set_up
 from identification.engine.numerics.bounded import bounded_solve
@@ -268,19 +268,19 @@ def test_a_residual_of_the_size_of_the_noise_has_loss_one():
     # Contract: mean over joints of mean square over squared noise floor.
     floor = np.array([0.1, 2.0])
     counts = np.array([[50.0, 40.0], [30.0, 20.0]])
-    given = Sums(counts * floor**2, counts)
+    given = ResidualSums(counts * floor**2, counts)
     assert given.loss(floor, np.ones((1, 2)))[0] == pytest.approx(1.0)
     np.testing.assert_allclose(given.rms(), floor)
 
 
 def test_the_loss_is_the_mean_over_joints():
-    given = Sums(np.array([[100 * 0.09, 50 * 16.0]]), np.array([[100.0, 50.0]]))
+    given = ResidualSums(np.array([[100 * 0.09, 50 * 16.0]]), np.array([[100.0, 50.0]]))
     # Joint 1: rms 0.3 over 0.1; joint 2: rms 4 over 2.
     assert given.loss(np.array([0.1, 2.0]), np.ones((1, 1)))[0] == pytest.approx((9 + 4) / 2)
 
 
 def test_a_block_drawn_twice_counts_twice():
-    given = Sums(np.array([[1.0], [9.0]]), np.array([[1.0], [1.0]]))
+    given = ResidualSums(np.array([[1.0], [9.0]]), np.array([[1.0], [1.0]]))
     loss = given.loss(np.ones(1), np.array([[1.0, 1.0], [2.0, 0.0], [1.0, 3.0]]))
     np.testing.assert_allclose(loss, [5.0, 1.0, 7.0])
 
@@ -298,7 +298,7 @@ def test_held_out_recordings_are_judged_alone(two, quiet):
 
 def test_sums_are_those_of_usable_samples_of_cores(two):
     # Brute force over the judged blocks.
-    found = sums(two.problem, two.columns.residual)
+    found = residual_sums(two.problem, two.columns.residual)
     judged = [block for block in two.blocks if block.log == 1]
     for i, block in enumerate(judged):
         use = two.columns.usable[1][block.core : block.stop]
@@ -312,7 +312,7 @@ def test_a_block_without_a_sample_is_no_block_to_draw(quiet):
     usable = quiet.columns.usable[0].copy()
     usable[quiet.blocks[0].start : quiet.blocks[0].stop] = False
     problem = replace(quiet.problem, columns=replace(quiet.columns, usable=(usable,)))
-    assert len(sums(problem, quiet.columns.residual).counts) == len(quiet.blocks) - 1
+    assert len(residual_sums(problem, quiet.columns.residual).counts) == len(quiet.blocks) - 1
 
 
 def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_there(two):
@@ -320,7 +320,7 @@ def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_
     twice = tuple(np.full(r.shape, 2.0) * two.problem.weights.floor for r in two.columns.residual)
     standing = replace(two.problem, columns=replace(two.columns, standing=twice))
     moving = replace(two.problem, columns=replace(two.columns, standing=tuple(0.0 * part for part in twice)))
-    few, all_ = (sums(problem, two.columns.residual) for problem in (standing, moving))
+    few, all_ = (residual_sums(problem, two.columns.residual) for problem in (standing, moving))
     np.testing.assert_allclose(few.counts, 0.2 * all_.counts)
     np.testing.assert_allclose(few.squares, 0.2 * all_.squares)
     np.testing.assert_allclose(few.rms(), all_.rms())
@@ -328,7 +328,7 @@ def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_
 
 def test_each_block_is_predicted_by_the_fit_without_its_fold(two):
     term = two.term("viscous_friction", "elbow")
-    found = two.search.evaluate(frozenset([term]))
+    found = two.search.held_out_fit(frozenset([term]))
     torque = held_out_torque(two.problem, frozenset([term]), found)
     for block, fold in zip(two.blocks, two.folds, strict=True):
         theta = found.theta if fold < 0 else found.fold_theta[fold]

@@ -5,10 +5,10 @@ import pytest
 
 from identification.diagnosis.judge.verdict import (
     nearly_closed,
-    not_explained,
     ordinary_effects_hide,
     torques_may_be_noise,
     verdict,
+    without_explained,
 )
 from identification.diagnosis.result import Bound, JointGap, Unexplained
 
@@ -180,4 +180,4 @@ def test_losses_are_means_over_joints_in_floors_of_their_own(made_up, after, exp
     ("before", "after"), [("explained", "partly_explained"), ("unknown", "unknown"), ("no_gap", "no_gap")]
 )
 def test_a_size_that_no_sound_robot_has_does_not_explain(before, after):
-    assert not_explained(before) == after
+    assert without_explained(before) == after

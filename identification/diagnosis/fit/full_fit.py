@@ -23,13 +23,13 @@ from identification.diagnosis.fit.whole_model import (
     Linearised,
     ModelLayout,
     TermSlices,
-    by_other_law,
-    change_by_model,
     columns_of,
     in_band,
-    law_of,
     lay_out,
     linearised,
+    other_law_torque,
+    term_torque,
+    torque_change,
 )
 from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Array, Float, Int
@@ -61,26 +61,26 @@ _EXCHANGED = 0.1
 
 
 @dataclass(frozen=True)
-class JointFit:
+class FullFit:
     """Parameters and covariance of a Gauss-Newton fit over all parameters.
 
     Attributes:
         term_slices: Slices of each term's parameters in the vector.
         x: All parameters.
         cov: Their covariance.
-        by_law: For each term the part of the covariance from other laws that fit the definition of its effect as well.
+        law_covariances: For each term the part of the covariance from other laws that fit the definition of its effect.
     """
 
     term_slices: tuple[TermSlices, ...]
     x: Float[Array, " p"]
     cov: Float[Array, "p p"]
-    by_law: tuple[Float[Array, "p p"], ...]
+    law_covariances: tuple[Float[Array, "p p"], ...]
 
     def slices_of(self, term: Term) -> TermSlices:
         """Slices of the parameters of one term."""
         return next(slices for slices in self.term_slices if slices.term is term)
 
-    def shown_by(self, term: Term) -> Float[Array, "k k"]:
+    def presence_covariance(self, term: Term) -> Float[Array, "k k"]:
         """Covariance of the coefficients and the shape of one term, for the test whether the term is there.
 
         The doubt which of its own laws the effect follows is left out: it does not bear on that. The doubt which law
@@ -88,14 +88,14 @@ class JointFit:
         """
         slices = self.slices_of(term)
         at = slices.indices
-        return (self.cov - self.by_law[self.term_slices.index(slices)])[np.ix_(at, at)]
+        return (self.cov - self.law_covariances[self.term_slices.index(slices)])[np.ix_(at, at)]
 
     def coefficients(self, term: Term) -> Float[Array, " k"]:
         """Coefficients of one term."""
         return self.x[self.slices_of(term).coefficients]
 
 
-def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> JointFit:
+def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFit:
     """Fit tolerance parameters, coefficients and shapes together, starting from a fit with fixed shapes.
 
     Args:
@@ -104,32 +104,32 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
         found: Their fit.
     """
     layout, x = lay_out(problem, terms, found)
-    precision, lower, upper = _limits(layout, x)
+    precision, lower, upper = _priors_and_bounds(layout, x)
     nuisances = slice(0, problem.nuisance_count)
     start = x[nuisances]
-    layout = layout.adjusted(start) if layout.of_model else layout
-    x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
-    if layout.of_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL**2):
+    layout = layout.adjusted(start) if layout.depends_on_model else layout
+    x, model, (a, b, _) = _gauss_newton(layout, x, precision, lower, upper)
+    if layout.depends_on_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL**2):
         layout = layout.adjusted(x[nuisances])
-        x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
+        x, model, (a, b, _) = _gauss_newton(layout, x, precision, lower, upper)
     # Unobservable parameters (an inertia of a link that never turns about that axis) stay where they are.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
     free = free_parameters(b, precision, x, (lower, upper))
     cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
-    if layout.of_model:
-        cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
+    if layout.depends_on_model:
+        cov = cov + _model_covariance(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
     cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)
-    by_law, rotors = [], by_rotors(layout, model, a.sum(axis=0) + np.diag(precision))
+    by_law, rotors = [], rotor_covariance(layout, model, a.sum(axis=0) + np.diag(precision))
     for slices in layout.term_slices:
         laws = (
-            _by_law(layout, model, x, slices, law, a.sum(axis=0) + np.diag(precision))
+            _other_law_shift(layout, model, x, slices, law, a.sum(axis=0) + np.diag(precision))
             for law in slices.term.effect.other_laws
         )
-        by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(slices, x), *laws)))
+        by_law.append(sum(np.outer(shift, shift) for shift in (_share_shift(slices, x), *laws)))
         if slices.term.effect.inertial == "point mass":
-            shift = by_extent(layout, model, x, slices, a.sum(axis=0) + np.diag(precision))
+            shift = load_extent_shift(layout, model, x, slices, a.sum(axis=0) + np.diag(precision))
             by_law[-1] = by_law[-1] + only_at(slices.coefficients, np.outer(shift, shift) + rotors)
-    return JointFit(layout.term_slices, x, cov + sum(by_law), tuple(by_law))
+    return FullFit(layout.term_slices, x, cov + sum(by_law), tuple(by_law))
 
 
 def within_tolerances(
@@ -165,7 +165,7 @@ def within_tolerances(
     return cov * np.outer(less, less)
 
 
-def _by_share(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
+def _share_shift(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
     """First-order error of a shape, from the deviation of its share from one.
 
     A backlash gap or a limit has no other coefficient than a share of one. Where another share fits, the shape is
@@ -177,7 +177,7 @@ def _by_share(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
     return shift
 
 
-def _by_law(
+def _other_law_shift(
     layout: ModelLayout,
     model: Linearised,
     x: Float[Array, " p"],
@@ -191,12 +191,12 @@ def _by_law(
     meaning.
     """
     at = slices.indices
-    own = tuple(law_of(layout, slices, x))
+    own = tuple(term_torque(layout, slices, x))
     shift = np.zeros(len(x))
     for _ in range(_STEPS):
         candidate = x + shift
         candidate[slices.shape] = np.clip(candidate[slices.shape], 0.5 * x[slices.shape], 2.0 * x[slices.shape])
-        other = by_other_law(layout, slices, candidate, law)
+        other = other_law_torque(layout, slices, candidate, law)
         # How much less torque it gives than the linearised law of the term.
         less = tuple(
             o + slopes[:, :, at] @ (candidate - x)[at] - t
@@ -206,7 +206,7 @@ def _by_law(
     return shift
 
 
-def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
+def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
     """Covariance that rotors which the model does not state add to all parameters: a load has an inertia as well.
 
     Models often lack the rotor, whose inertia behind a gear is as large as that of the links. Parameters of a load that
@@ -235,7 +235,7 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
     return solve(beside, identity) - solve(total, identity)
 
 
-def by_extent(
+def load_extent_shift(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], slices: TermSlices, total: Float[Array, "p p"]
 ) -> Float[Array, " p"]:
     """Shift of all parameters if a load is no point mass, but has an inertia about its own centre, as real loads do."""
@@ -255,7 +255,7 @@ def only_at(at: slice, cov: Float[Array, "p p"]) -> Float[Array, "p p"]:
     return out
 
 
-def _descended(
+def _gauss_newton(
     layout: ModelLayout,
     x: Float[Array, " p"],
     precision: Float[Array, " p"],
@@ -270,7 +270,7 @@ def _descended(
         a, b, c = products
         total, gradient = a.sum(axis=0) + np.diag(precision), b.sum(axis=0) - precision * x
         step = bounded_solve(total, gradient, lower - x, upper - x)
-        if not all(body.exists((x + step)[at]) for body, at in bodies):
+        if not all(body.is_possible((x + step)[at]) for body, at in bodies):
             shown = np.where(np.diag(total) < _NO_TRACE, 1.0, 0.0)
             held = total + np.diag(shown)
             best, _ = possible_minimum(held, gradient + held @ x, (lower, upper), x + step, bodies)
@@ -302,7 +302,7 @@ def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
     return [(body, np.array([where[column] for column in body.columns])) for body in layout.problem.bodies_of(terms)]
 
 
-def _by_model(
+def _model_covariance(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], cov: Float[Array, "p p"], total: Float[Array, "p p"]
 ) -> Float[Array, "p p"]:
     """Covariance that the uncertain model adds through the columns that depend on it.
@@ -314,12 +314,12 @@ def _by_model(
     shifts = []
     for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
         adjusted = layout.adjusted(x[:count] + draw)
-        _, b, _ = _products(layout, model, change_by_model(layout, adjusted, x))
+        _, b, _ = _products(layout, model, torque_change(layout, adjusted, x))
         shifts.append(solve(total, b.sum(axis=0)))
     return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _DRAWS
 
 
-def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
+def _priors_and_bounds(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
     """Prior precision and bounds of all parameters; a shape stays within a factor of two of its value in the search."""
     problem = layout.problem
     precision, lower, upper = np.zeros(layout.size), np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
