@@ -26,11 +26,11 @@ _MOST_TRIED = 12
 
 
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
-    """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap on its joints.
+    """Held-out gain that a claim needs: more than chance gives, and a fair part of the gap on the joints of the claim.
 
     An effect may have columns on a joint with a large gap and gain on another joint. Its gain counts only on joints
-    where it is a fair part of the gap. If the set contains errors of bodies, the gap is computed after these, because
-    their columns are exact.
+    where it is a fair part of the gap. If the set contains wrong inertial parameters, the gap is computed after these,
+    because their columns are exact.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
@@ -109,18 +109,17 @@ def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: F
 
 
 def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
-    """Energy of the columns of effects in each block, divided by the largest over blocks; ones if there are no columns.
+    """Energy of the columns of effects in each block, as a share of that in the block with the largest energy.
 
-    It is set to zero in blocks where only rounding errors are left of the columns.
+    It is set to zero in blocks where the columns are only rounding errors.
     """
-    columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
-    energy = problem.grams.core_a.diagonal(columns)
-    share = energy / np.maximum(energy.max(axis=0, initial=0.0), 1e-300)
-    return np.where(share > 1e-12, share, 0.0).max(axis=1, initial=0.0) if len(columns) else np.ones(len(energy))
+    energy = problem.grams.core_a.diagonal(np.array(sorted({column for term in terms for column in term.columns})))
+    share = energy / np.maximum(energy.max(axis=0), 1e-300)
+    return np.where(share > 1e-12, share, 0.0).max(axis=1)
 
 
 def backward_elimination(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Backward elimination: remove, one by one, effects that are no longer needed.
+    """The set without effects that fail the gates of a claim, removed one by one.
 
     Of many effects only those are tried whose removal raises the loss least. On a robot of many joints several may be
     removed in one step, if no two of them touch the same joint.
@@ -142,7 +141,7 @@ def backward_elimination(search: Search, chosen: frozenset[Term]) -> frozenset[T
 
 
 def least_needed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
-    """The effects whose removal raises the in-sample loss least, to second order; all effects of a small set."""
+    """The effects whose removal raises the in-sample loss least, to second order; all effects if there are few."""
     terms = ordered(chosen)
     if len(terms) <= _MOST_TRIED:
         return terms
@@ -156,5 +155,5 @@ def least_needed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
 
 
 def rows_touched_by(problem: Problem, term: Term) -> frozenset[int]:
-    """Joints whose torque a term touches."""
+    """Indices of the joints on which a term makes a torque."""
     return problem.touched[term.columns[0]]

@@ -1,8 +1,9 @@
 """Sums of a few effects that imitate a finding, where joints move along one line or in one sine.
 
-There the torque of every joint is a function of one variable, and sums of laws imitate others, which a comparison with
-single effects does not show. So a few effects are searched for that make the torque of a finding, while the sizes of
-the other findings may change. In one sine this concerns loads, links and torque scales; friction shows there.
+There the torque of every joint is a function of one variable, and a sum of laws may imitate another law. A comparison
+with single effects does not show this. So a search looks for a few effects that together make the torque of a finding,
+while the sizes of the other findings may change. In one sine this concerns loads, links and torque scales: friction can
+be identified there.
 """
 
 from __future__ import annotations
@@ -22,15 +23,14 @@ from identification.diagnosis.search.containment import can_join, contains
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.motion import Motion
 
 # Most effects in a sum.
 _MOST = 3
 # Largest probability of a load, of links and of torque scales: sums of more laws than are tried may imitate them.
-_UNCERTAIN = 0.85
+UNCERTAIN = 0.85
 # The same where the torque was computed and not measured: perhaps with the model of another robot.
-_OF_A_MODEL = 0.5
+OF_A_MODEL = 0.5
 
 
 def joints_on_lines(session: Session) -> frozenset[int]:
@@ -40,14 +40,14 @@ def joints_on_lines(session: Session) -> frozenset[int]:
 
 
 def is_inertial_or_scale(term: Term) -> bool:
-    """True for loads, links and torque scales, whose columns contain all parts of the modelled torque."""
+    """True for a load, wrong links or a torque scale: their columns contain all parts of the modelled torque."""
     return term.effect.inertial is not None or term.effect.scales_joint
 
 
 def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
     """A few effects that imitate one to a tenth of its amplitude, while the others of a set may have any size.
 
-    None if there are no such effects; an empty tuple where the others of the set do so by themselves.
+    None if there are no such effects; an empty tuple if the others of the set imitate it without further effects.
 
     Args:
         search: Rivals, and their products.
@@ -55,9 +55,10 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
         term: One of it.
     """
     a, precision = search.problem.total_a, search.problem.precision
-    columns = np.array(term.columns)
+    columns = list(term.columns)
     theta = search.held_out_fit(chosen).theta[columns]
-    energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
+    target = a[:, columns] @ theta
+    energy = float(theta @ target[columns])
     if energy <= 0.0:
         return None
     others = [column for other in ordered(chosen) if other is not term for column in other.columns]
@@ -77,28 +78,31 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
     taken: tuple[Term, ...] = ()
     for _ in range(_MOST + 1):
         by = np.array(sorted({*others, *(column for one in taken for column in one.columns)}), dtype=int)
-        left, across = _unexplained(a, precision, columns, theta, by)
-        if left < rules.SAME_CAUSE * energy:
+        inner = a[np.ix_(by, by)] + np.diag(precision[by])
+        x = solve(inner, target[by])
+        if energy - float(target[by] @ x) < rules.SAME_CAUSE * energy:
             return taken
         if len(taken) == _MOST or not pool:
-            return None
-        gains = [_gain(a, precision, np.array(one.columns), by, across) for one in pool]
+            break
+        # Products of all columns with the torque that is not yet imitated, and the part of it that each rival explains.
+        left, gains = target - a[:, by] @ x, []
+        for own in (np.array(one.columns) for one in pool):
+            cross = a[np.ix_(by, own)]
+            square = a[np.ix_(own, own)] + np.diag(precision[own]) - cross.T @ solve(inner, cross)
+            gains.append(float(left[own] @ solve(square, left[own])))
         taken = (*taken, pool.pop(int(np.argmax(gains))))
     return None
 
 
 def beside_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | None) -> RivalComparison:
-    """The comparison of a finding, with a sum of effects as a rival, both equally probable.
+    """The comparison of a finding, with a sum of effects as an equally probable rival.
 
     Args:
-        comparison: From the comparison with single rivals.
+        comparison: Comparison with single rivals.
         imitation: Effects that make the same torque together; None if there are none.
     """
-    if imitation is None:
-        return comparison
-    known = {frozenset(rival.effects) for rival in comparison.rivals}
-    effects = tuple(EffectAt(one.effect.name, one.joint) for one in imitation)
-    if frozenset(effects) in known:
+    effects = tuple(EffectAt(one.effect.name, one.joint) for one in imitation or ())
+    if imitation is None or frozenset(effects) in {frozenset(rival.effects) for rival in comparison.rivals}:
         return comparison
     half = 0.5 * comparison.probability
     rivals = (*comparison.rivals, Rival(effects, half)) if effects else comparison.rivals
@@ -106,14 +110,10 @@ def beside_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | 
     return replace(comparison, probability=half, rivals=ranked)
 
 
-def on_a_line(comparison: RivalComparison, term: Term) -> RivalComparison:
-    """The comparison where joints move along one line: loads, links and torque scales are never certain."""
-    return _at_most(comparison, term, _UNCERTAIN)
-
-
-def of_a_model(comparison: RivalComparison, term: Term) -> RivalComparison:
-    """The comparison of a finding where the torque was computed from a weight by an unknown model."""
-    return _at_most(comparison, term, _OF_A_MODEL)
+def with_limit(comparison: RivalComparison, term: Term, most: float) -> RivalComparison:
+    """The comparison, with a probability of at most ``most`` for a load, wrong links or a torque scale."""
+    limit = most if is_inertial_or_scale(term) else np.inf
+    return replace(comparison, probability=min(comparison.probability, limit))
 
 
 def joints_with_computed_torque(session: Session) -> frozenset[int]:
@@ -127,38 +127,3 @@ def joints_with_computed_torque(session: Session) -> frozenset[int]:
         t, q, v, a, tau = (log.band(x)[use] for x in (m.t, m.q, m.v, m.a, log.tau))
         from_weight &= computed_from_weight(session.robot, Motion(t, q, v, a), tau)
     return frozenset(np.flatnonzero(from_weight).tolist())
-
-
-def _at_most(comparison: RivalComparison, term: Term, most: float) -> RivalComparison:
-    """A comparison with a probability of at most ``most`` if the finding is a load, links or a torque scale."""
-    if not is_inertial_or_scale(term):
-        return comparison
-    return replace(comparison, probability=min(comparison.probability, most))
-
-
-def _unexplained(
-    a: Float[Array, "K K"],
-    precision: Float[Array, " K"],
-    columns: Int[Array, " k"],
-    theta: Float[Array, " k"],
-    by: Int[Array, " m"],
-) -> tuple[float, Float[Array, " K"]]:
-    """Squared torque of some columns that others leave, and the products of all columns with that residual."""
-    target = a[:, columns] @ theta
-    x = solve(a[np.ix_(by, by)] + np.diag(precision[by]), target[by])
-    energy = float(theta @ target[columns])
-    return energy - float(target[by] @ x), target - a[:, by] @ x
-
-
-def _gain(
-    a: Float[Array, "K K"],
-    precision: Float[Array, " K"],
-    columns: Int[Array, " k"],
-    by: Int[Array, " m"],
-    across: Float[Array, " K"],
-) -> float:
-    """Squared torque that further columns would explain of that residual."""
-    inner = a[np.ix_(by, by)] + np.diag(precision[by])
-    cross = a[np.ix_(by, columns)]
-    own = a[np.ix_(columns, columns)] + np.diag(precision[columns]) - cross.T @ solve(inner, cross)
-    return float(across[columns] @ solve(own, across[columns]))

@@ -1,4 +1,4 @@
-"""Odds of laws with more parameters against a finding that is their special case, and whether sizes are plausible."""
+"""Odds of laws with more parameters against a finding that is their special case; test of a set for plausible sizes."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ def odds_of_richer_laws(
 ) -> dict[tuple[EffectJoint, ...], float]:
     """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
 
-    A fit that does not differ from the special case does not exclude the law: friction that falls at the lowest speeds
-    shows only where a joint is so slow. It is as little excluded as the part of its shapes that a recording hardly
-    shows. Nor is an implausible size simpler than a plausible one of the law: no load weighs less than nothing.
+    A fit that does not differ from the special case does not rule out the law: friction that falls at the lowest speeds
+    can be identified only where a joint is so slow. So odds are averaged over the shapes of a law, those included that
+    the recording hardly shows. A law of plausible size has odds of one against a finding of implausible size: no load
+    weighs less than nothing.
 
     Args:
         search: Rivals.
@@ -58,7 +59,8 @@ def odds_of_richer_laws(
             sets[one.effect_joint,].append(with_replacement(chosen, term, frozenset([one])))
     for others in richer_laws:
         if len(others) > 1:
-            sets[_causes(others)] = [with_replacement(chosen, term, others)]
+            causes = tuple(dict.fromkeys(other.effect_joint for other in ordered(others)))
+            sets[causes] = [with_replacement(chosen, term, others)]
     return {causes: float(np.mean([odds(one) for one in each])) for causes, each in sets.items()}
 
 
@@ -75,11 +77,6 @@ def _bounded_odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
     worse = search.held_out_fit(rich).loss - search.held_out_fit(chosen).loss
     error = float(np.sqrt(len(worse)) * worse.std())
     return min(odds, 2.0 * float(ndtr(-worse.sum() / error))) if error > 0.0 else odds
-
-
-def _causes(others: Chosen) -> tuple[EffectJoint, ...]:
-    """Effects and joints of a set."""
-    return tuple(dict.fromkeys(other.effect_joint for other in ordered(others)))
 
 
 def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:

@@ -1,7 +1,7 @@
-"""Forward selection of effects with backward elimination and swaps, generic structures included.
+"""Stepwise search: forward selection of effects with backward elimination and swaps, generic structures included.
 
 Effects are added by their held-out gain, removed once they are needless, and swapped for simpler or better ones.
-Structures outside the catalogue then join the set, or take the place of effects that only resemble them.
+Structures outside the catalogue are then added to the set, or replace effects that only resemble them.
 """
 
 from __future__ import annotations
@@ -57,9 +57,8 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
         chosen = _improved_without(search, gains | {whole}, chosen, progress)
     if whole is not None and whole not in chosen:
         alone = search.alone[whole]
-        if search.in_sample_loss(alone) + search.price_of(alone) < search.in_sample_loss(chosen) + search.price_of(
-            chosen
-        ):
+        priced, others = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
+        if priced < others:
             stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
             if not stays.passed:
                 search.record.add_failed(chosen, stays, replaced_by=[whole])
@@ -74,14 +73,14 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
 def _improved_without(
     search: Search, late: Collection[Term | None], chosen: frozenset[Term], progress: Progress
 ) -> frozenset[Term]:
-    """The set to which steps of all but some effects lead; the same set if it has one of these effects."""
+    """The set that `_improved` finds without some effects; the same set if it contains one of these effects."""
     if not chosen.isdisjoint(late):
         return chosen
     return _improved(replace(search, terms=tuple(term for term in search.terms if term not in late)), chosen, progress)
 
 
 def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The set to which additions, removals and swaps lead."""
+    """The set after additions, removals and swaps of effects, repeated until they change nothing."""
     for _ in range(4):
         before = chosen
         chosen = forward_selection(search, chosen, progress)
@@ -96,8 +95,8 @@ def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> fr
 def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set, or a better one from a search that begins with another effect, where a joint moves in one sine.
 
-    There torque is two numbers, in phase and out of phase. An effect that makes part of both gains most alone, and
-    beside it the two true effects, which make one each, gain nothing more.
+    There the torque of a joint is determined by two numbers, in phase and out of phase with the motion. An effect that
+    contributes to both gains most alone, and the two true effects, which contribute to one each, then gain nothing.
     """
     sines = search.problem.session.in_one_sine
     if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
@@ -124,7 +123,7 @@ def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progre
 
 
 def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
-    """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
+    """The set with one more named effect, the one that gains most, if it gains more than its price; else None."""
     rivals = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
     promised = search.gains(chosen, rivals, above=0.0)
     best = sorted(rivals, key=lambda term: -promised[term])[:_FEW_JUDGED]
@@ -138,7 +137,7 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
 
     A gain in sample is larger than on held-out data. So rivals are tested on held-out data in the order of their gains
     in sample, until no further one can be better than the best so far. An added effect can make earlier ones
-    unnecessary, and without them it can be unnecessary itself: where sets repeat, the best of the cycle is the result.
+    unnecessary, and without them it can be unnecessary itself: if sets repeat, the best set of the cycle is returned.
     """
     seen = [chosen]
     while True:
@@ -171,7 +170,7 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
 
 
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
-    """The set with the most promising effect of each other joint, too, without those that prove unnecessary.
+    """The set with the most promising effect of each further joint that passes the gates of a claim.
 
     Free inertial parameters explain a little of any missing effect, so they are added alone, where they gain most. So
     are gains of torque constants, as a fit with one takes many times as long.
@@ -235,9 +234,9 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
 
 
 def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> bool:
-    """False for one number of several joints that gains no more than what is left to find of its parts.
+    """False for an effect with one parameter for several joints that gains no more than its parts on these joints.
 
-    It explains a little on each joint, and so much of what friction leaves that is below chance on each of them.
+    Such an effect explains a little on each joint, and so the remaining friction that is below chance on each of them.
     """
     if not is_beside_parts(chosen, term):
         return True
@@ -247,7 +246,7 @@ def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> b
 
 
 def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set with each effect that, with others, makes much the same torque as a law, on each joint of the law."""
+    """The set with all effects on the joints of a law that together make much the same torque as the law."""
     for part in parts_of(search, term):
         if part.joint is not None and can_join(chosen, part):
             chosen = with_term(chosen, part)
@@ -255,11 +254,11 @@ def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> fr
 
 
 def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """Add structures outside the catalogue to the set, or put them in the place of named effects.
+    """The set with structures outside the catalogue, added to named effects or in place of them.
 
     A structure has to gain as much as any claim beyond the best set of named effects; effects that it makes unnecessary
-    are then removed. One that replaces several effects at a lower price does so, but not where a joint moves in one
-    sine: there every torque is two numbers, and a structure with two numbers makes any.
+    are then removed. A structure may replace several effects at a lower price, but not where a joint moves in one sine:
+    there two numbers determine every torque, and a structure with two parameters makes any.
     """
     sines = search.problem.session.in_one_sine
     progress(Announcement(Stage.NAMELESS))
@@ -294,16 +293,16 @@ def _count_of_causes(effects: frozenset[Term]) -> int:
 def _least_nameless_gain(
     search: Search, structure: Term, replaced: frozenset[Term], accuracy: float, *, in_one_sine: bool
 ) -> float:
-    """Least gain in score of a set with a nameless structure that makes some effects unnecessary.
+    """Least gain in score that a set with a nameless structure needs if the structure makes some effects unnecessary.
 
-    None is asked of one law that has fewer numbers than several effects together: they imitate it.
+    It is zero for a structure with fewer parameters than several effects together: they imitate it.
 
     Args:
         search: Rivals.
-        structure: Has no name in the catalogue.
+        structure: A structure outside the catalogue.
         replaced: Effects that it makes unnecessary.
-        accuracy: What a structure with many shapes gains from inaccuracies of the laws that it replaces.
-        in_one_sine: True if its joint moves in one sine, where two numbers make any torque.
+        accuracy: Gain of a structure with many shapes from inaccuracies of the laws that it replaces.
+        in_one_sine: True if its joint moves in one sine, where two parameters make any torque.
     """
     simpler = not structure.shape and search.sizes[structure] < search.sizes_of(replaced)
     if simpler and len(replaced) > 1 and not in_one_sine:
@@ -317,7 +316,7 @@ def _with_needed_only(
 ) -> frozenset[Term]:
     """A set with a structure and those named effects that are still needed.
 
-    Effects on other joints than the structure's are still needed. Of many others only those are tested whose removal
+    Effects on other joints than the structure's count as needed. Of many others only those are tested whose removal
     raises the loss least.
     """
     rows = rows_touched_by(search.problem, structure)
@@ -331,8 +330,9 @@ def _with_needed_only(
         if can_join(tried, term):
             tried = with_term(tried, term)
     for term in ordered(chosen.difference(beside)):
-        if term.named and can_join(tried, term) and passes_gates(search, with_term(tried, term), tried):
-            tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
+        more = with_term(tried, term)
+        if term.named and can_join(tried, term) and passes_gates(search, more, tried) and more >= tried:
+            tried = more
     while True:
         left = ordered(tried.difference(beside))
         needless = [term for term in left if term.named and not passes_gates(search, tried, tried - {term})]

@@ -32,7 +32,7 @@ _TRIED_EACH = 3
 
 
 def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Replace single effects by better or simpler ones until no swap lowers the score."""
+    """The set after swaps of single effects for better or simpler ones, until no swap lowers the score."""
     for _ in range(20):
         quick = search.in_sample_loss(chosen) + search.price_of(chosen)
         tried = {
@@ -55,7 +55,8 @@ def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             best = min(better, key=lambda other: (search.score(other), _key(other)), default=chosen)
         if best == chosen:
             return chosen
-        _record_swap(search, chosen, best)
+        search.record.add_failed(chosen - best, _exchange(search, best, chosen), replaced_by=best - chosen)
+        search.record.add_passed(best - chosen, _exchange(search, chosen, best))
         chosen = backward_elimination(search, best)
     return chosen
 
@@ -65,9 +66,8 @@ def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) 
 
     Otherwise the next elimination would undo the swap.
     """
-    if not _exchange(search, chosen, other).passed:
-        return False
-    return search.price_of(other) <= search.price_of(chosen) or passes_gates(search, other, chosen)
+    cheaper = search.price_of(other) <= search.price_of(chosen)
+    return _exchange(search, chosen, other).passed and (cheaper or passes_gates(search, other, chosen))
 
 
 def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:
@@ -75,14 +75,8 @@ def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -
     return explains_more_than_others(search.score(before) - search.score(after), exchange.ROUNDING)
 
 
-def _record_swap(search: Search, before: frozenset[Term], after: frozenset[Term]) -> None:
-    """Record the effects that a swap has removed and those that replaced them."""
-    search.record.add_failed(before - after, _exchange(search, after, before), replaced_by=after - before)
-    search.record.add_passed(after - before, _exchange(search, before, after))
-
-
 def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
-    """Swap effects on all joints in one step where it lowers the score, the most promising swap of each joint first.
+    """The set after swaps on all joints in one step, the most promising swap of each joint first.
 
     Args:
         search: Fits and scores of sets.
@@ -101,7 +95,7 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
 
 
 def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Replace single effects by special cases that explain as much, within the accuracy of the method.
+    """The set with special cases in place of effects where they explain as much, within the accuracy of the method.
 
     Where noise is small beside the torque of an effect, further parameters of its law explain errors of filters and of
     the linearised tolerances.
@@ -124,7 +118,7 @@ def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term
 
 
 def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set with one shared coefficient for several joints in place of one for each, where it explains as much."""
+    """The set with one parameter for several joints in place of one for each, where it explains as much."""
     single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
     for term in search.terms:
         own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
@@ -141,16 +135,16 @@ def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]
 
 
 def explained_loss(search: Search, chosen: frozenset[Term], term: Term) -> float:
-    """In-sample loss that one of several effects explains."""
+    """Increase of the in-sample loss of a set if one of its effects is removed."""
     return search.in_sample_loss(chosen - {term}) - search.in_sample_loss(chosen)
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
-    """Sets of effects that may replace ``term``: single effects, special cases, friction of each of its two joints.
+    """Sets of effects that may replace ``term``: single effects, special cases, and sums of effects.
 
-    An effect between two joints has a lower price than friction of both, and the same torque if both move alike, so
-    that it is compared with all sets of such friction. A torque constant scales all that a drive works against, and is
-    compared with sums of its parts.
+    An effect between two joints has a lower price than friction of both, and the same torque if both move alike: it is
+    compared with all sets of such friction. A torque constant scales all torques of its drive, and is compared with
+    sums of its parts.
     """
     single = [
         search.alone[other]
@@ -164,8 +158,9 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
         for other in search.terms
         if (contains(term, other) and other.joint == term.joint) or _of_passive_joint(search, term, other)
     ]
-    several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
-    several += [frozenset(group) for group in (*_on_each_joint(search, term), *_of_near_twins(search, term))]
+    each, joints = term.effect.on_each_joint, joints_of(term) if term.effect.scope == "pair" else ()
+    on_each_joint = [other for other in search.terms if other.joint in joints and other.effect.name in each]
+    several = [*_groups(parts, most=3), *_groups(on_each_joint), *_of_near_twins(search, term)]
     several += _sums_of_parts(search, term)
     same = [
         search.alone[other] for other in search.terms if other.effect_joint == term.effect_joint and other is not term
@@ -173,22 +168,21 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     return (*single, *several, *same)
 
 
-def _on_each_joint(search: Search, term: Term) -> list[tuple[Term, ...]]:
-    """Sets of effects of single joints that may make the same torque as one between two joints."""
-    joints = (term.joint or "").split("+") if term.effect.scope == "pair" else []
-    own = [other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint]
-    return [group for size in range(2, len(own) + 1) for group in combinations(own, size)]
+def _groups(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]:
+    """All sets of two or more of some effects; with ``most`` no larger ones."""
+    sizes = range(2, (len(terms) if most is None else most) + 1)
+    return [frozenset(group) for size in sizes for group in combinations(terms, size)]
 
 
 def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
     """Sets of two or more effects that together may make the torque of one, where none does alone.
 
-    What replaces one number of several joints acts on all of them.
+    An effect with one parameter for several joints is replaced by parts on all of these joints.
     """
     parts = parts_of(search, term)
     if len(joints_of(term)) > 1:
         return [frozenset(part for part in parts if part.joint is not None)]
-    return [frozenset(group) for size in range(2, len(parts) + 1) for group in combinations(parts, size)]
+    return _groups(parts)
 
 
 def parts_of(search: Search, term: Term) -> list[Term]:
@@ -197,21 +191,19 @@ def parts_of(search: Search, term: Term) -> list[Term]:
     return [other for other in search.terms if other.effect.name in names and other.joint in joints]
 
 
-def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:
-    """Sets with a near twin of ``term``, alone or with a further effect that a law with more parameters contains.
+def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
+    """Pairs of a near twin of an effect with a further part of a law that contains either, or with the effect itself.
 
-    Without that further effect the twin would seem worse; and beside each other near twins gain little.
+    Without the further part the twin would seem worse; and beside each other near twins gain little.
     """
     own = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]
-    if not twins:
-        return []
     # Either twin may be part of a law with more parameters; the other parts are added to the other twin.
     names = {term.effect.name, *(twin.effect.name for twin in twins)}
     richer = [other.effect for other in own if names & set(other.effect.contains)]
     beside = {name for effect in richer for name in effect.contains} - names
-    richer_laws = [(twin, other) for twin in twins for other in own if other.effect.name in beside]
-    return [*richer_laws, *((term, twin) for twin in twins)]
+    pairs = [(twin, other) for twin in twins for other in own if other.effect.name in beside]
+    return [frozenset(pair) for pair in (*pairs, *((term, twin) for twin in twins))]
 
 
 def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
@@ -243,7 +235,7 @@ def can_make_torque(
 def relevant_alternatives(
     search: Search, chosen: frozenset[Term], term: Term, slack: float
 ) -> tuple[frozenset[Term], ...]:
-    """Alternatives of ``term`` that act on one of its joints and could gain as much in sample.
+    """Alternatives of an effect that act on one of its joints and could gain as much in sample.
 
     Args:
         search: Fits and scores of sets.

@@ -35,13 +35,14 @@ from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_o
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_touched_by
 from identification.diagnosis.search.imitation import (
+    OF_A_MODEL,
+    UNCERTAIN,
     beside_imitation,
     imitation_of,
     is_inertial_or_scale,
     joints_on_lines,
     joints_with_computed_torque,
-    of_a_model,
-    on_a_line,
+    with_limit,
 )
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
@@ -126,9 +127,10 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
         comparison = shown.comparisons[term]
         rows = rows_touched_by(problem, term)
         if not lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not sines.isdisjoint(rows)):
-            comparison = on_a_line(beside_imitation(comparison, imitation_of(plain, chosen, term)), term)
+            imitation = imitation_of(plain, chosen, term)
+            comparison = with_limit(beside_imitation(comparison, imitation), term, UNCERTAIN)
         if not compensated.isdisjoint(rows):
-            comparison = of_a_model(comparison, term)
+            comparison = with_limit(comparison, term, OF_A_MODEL)
         low, high = np.percentile(gap_share(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
