@@ -57,7 +57,7 @@ class Fitted:
         return float(self.loss.sum()) + self.penalty
 
     def coefficients_of(self, term: Term) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-        """Coefficients of an effect and their covariance."""
+        """Coefficients of an effect, ``(n,)``, and their covariance."""
         own = np.searchsorted(self.active, term.columns)
         return self.theta[list(term.columns)], self.cov[np.ix_(own, own)]
 
@@ -84,7 +84,7 @@ class Fitted:
 
     @property
     def expand(self) -> Float[Array, "k n"] | None:
-        """Derivative of the active coefficients by the fitted numbers; None where both are the same (no payload)."""
+        """Derivative of the active coefficients by the fitted parameters; None if both are the same (no payload)."""
         return None if self._folded is None else self._folded.expand
 
     @cached_property
@@ -129,13 +129,13 @@ class LinearisationPoint:
 
     @property
     def iterated(self) -> bool:
-        """True if some law is nonlinear, so that this estimate comes from an iteration."""
+        """True if a law is nonlinear, so that this estimate comes from an iteration."""
         return bool(self.scalings) or self.payload is not None
 
 
 @dataclass(frozen=True)
 class WarmStart:
-    """Coefficients of a similar fit, from which the next one starts.
+    """Coefficients of a similar fit, from which the next fit starts.
 
     Attributes:
         theta: All coefficients, NaN where that fit has no such column, ``(K,)``.
@@ -147,11 +147,11 @@ class WarmStart:
 
     @staticmethod
     def nothing(problem: Problem) -> WarmStart:
-        """The start of a fit without a similar one."""
+        """The start of a fit if no similar fit is known."""
         return WarmStart(np.full(len(problem.precision), np.nan))
 
     def after(self, found: Fitted, terms: tuple[Term, ...]) -> WarmStart:
-        """The start of the next fit after a fit of these terms; the payload is that of the last fit that had one."""
+        """The start of the next fit after a fit of these terms; the payload is that of the last fit with a payload."""
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
@@ -161,7 +161,7 @@ class WarmStart:
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
-    """Ascending indices of the columns of a fit: the nuisances that all fits contain, and those of the terms."""
+    """Indices of the columns of a fit, ascending: those of the nuisances that all fits contain, and of the terms."""
     chosen = sorted({column for term in terms for column in term.columns})
     return np.array([*problem.fitted_nuisances, *chosen], dtype=int)
 
@@ -331,21 +331,19 @@ def _fit_linear(
     if load is not None:
         mass = len(kept) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
-    found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
-    denied_gain = -found.objective
+    any_bodies = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     places = places_among(kept, bodies)
-    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places)
-    denied_gain += found.objective
+    found = among_possible_bodies(any_bodies, square, line, precision, (lower, upper), folds, places)
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
     nuisances = slice(0, problem.nuisance_count)
     penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
-    if held_out is None:
-        none = np.zeros((0, len(active)))
-        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied_gain)
-    fold_x = found.without if folded is None else folded.unfolded(found.without)
-    fold = problem.grams.fold
-    loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
+    loss, fold_x = np.zeros(0), np.zeros((0, len(active)))
+    if held_out is not None:
+        fold_x = found.without if folded is None else folded.unfolded(found.without)
+        fold = problem.grams.fold
+        loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
+    denied_gain = found.objective - any_bodies.objective
     return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied_gain)
 
 

@@ -151,13 +151,15 @@ def test_an_empty_fit_predicts_the_given_model_where_it_is_trusted(lab, planar2,
 @pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0], [-0.5, 0.1, 0.2, 0.0]])
 def test_the_map_of_a_point_mass_is_exact_at_its_start(start):
     start = np.array(start)
-    np.testing.assert_allclose(point_mass_map(start) @ start, point_mass_parameters(start[0], start[1:] / start[0]))
+    np.testing.assert_allclose(
+        point_mass_map(start, np.zeros(6)) @ start, point_mass_parameters(start[0], start[1:] / start[0])
+    )
 
 
 @pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0]])
 def test_the_slope_of_a_point_mass_is_that_of_finite_differences(start):
     start, step = np.array(start), 1e-6
-    jacobian = point_mass_map(start)
+    jacobian = point_mass_map(start, np.zeros(6))
     for k, unit in enumerate(np.eye(4)):
         more, less = start + step * unit, start - step * unit
         slope = point_mass_parameters(more[0], more[1:] / more[0]) - point_mass_parameters(less[0], less[1:] / less[0])
@@ -165,7 +167,7 @@ def test_the_slope_of_a_point_mass_is_that_of_finite_differences(start):
 
 
 def test_a_point_mass_without_mass_has_no_inertia():
-    np.testing.assert_array_equal(point_mass_map(np.zeros(4)), np.vstack([np.eye(4), np.zeros((6, 4))]))
+    np.testing.assert_array_equal(point_mass_map(np.zeros(4), np.zeros(6)), np.vstack([np.eye(4), np.zeros((6, 4))]))
 
 
 @pytest.mark.parametrize(
