@@ -44,14 +44,13 @@ from identification.diagnosis.judge.floors import (
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import largest_predictable_noise, predictable_noise
-from identification.diagnosis.judge.regimes import regime_shares
+from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.shares import closed_together, residual_sums_with
 from identification.diagnosis.judge.verdict import (
     adjusted,
     ordinary_effects_hide,
     unexplained,
     verdict,
-    without_explained,
 )
 from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, slow_samples
 from identification.diagnosis.result import Adjusted, Burst, Hidden, JointGap, Judgement, Unexplained
@@ -78,7 +77,8 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     within = residual_sums_with(left.judge, shown.plain, frozenset())
     as_given = not shown.chosen and _fits_as_given(left, residual_sums(problem, given), within)
     if as_given:
-        left, within = _of_given_model(problem, left, given), residual_sums(problem, given)
+        torque = problem.columns.model_torque
+        left, within = replace(left, torque=torque, residual=given, whole=given), residual_sums(problem, given)
     rounding, judge, torque, residual, whole = left.rounding, left.judge, left.torque, left.residual, left.whole
     claims = [
         *findings_without(shown, judge, within),
@@ -104,10 +104,10 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     minor_effects = frozenset((finding.effect, finding.joint) for finding in minor)
     named = {(finding.effect, finding.joint) for finding in findings}
     moved = any(bool(use.any()) for use in problem.columns.usable)
-    notes = size_remarks(shown)
-    said = verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds))
+    notes, hides = size_remarks(shown), ordinary_effects_hide(bounds)
+    plausible = all_plausible(findings, notes)
     judgement = Judgement(
-        verdict=said if all_plausible(findings, notes) else without_explained(said),
+        verdict=verdict(joints, findings, left_over, moved=moved, hides=hides, plausible=plausible),
         joints=joints,
         findings=findings,
         adjusted=() if as_given else with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
@@ -127,7 +127,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
 
 
 @dataclass(frozen=True)
-class _Remaining:
+class _Residuals:
     """Residual of each log's torque after a set of effects, and the noise floor that it is compared with.
 
     Attributes:
@@ -149,16 +149,16 @@ class _Remaining:
     judge: Judge
 
 
-def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Remaining]:
+def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Residuals]:
     """The effects of an explanation that pass all gates of the judge, and their residual."""
     sensed = sensor_floors(plain.problem)
 
     @cache
-    def without_predictable(chosen: frozenset[Term]) -> _Remaining:
+    def without_predictable(chosen: frozenset[Term]) -> _Residuals:
         return _residual_of(explanation, plain, chosen, noise, sensed)
 
     @cache
-    def left_by_all(chosen: frozenset[Term]) -> _Remaining:
+    def left_by_all(chosen: frozenset[Term]) -> _Residuals:
         return _with_predictable_noise(without_predictable(chosen), plain, chosen, noise)
 
     def over_allowed(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> Float[Array, " nv"]:
@@ -193,34 +193,28 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     return shown, left_by_all(shown.chosen)
 
 
-def _fits_as_given(left: _Remaining, given: ResidualSums, within: ResidualSums) -> bool:
+def _fits_as_given(left: _Residuals, given: ResidualSums, within: ResidualSums) -> bool:
     """True if the given model leaves noise, and less than the model adjusted within tolerance on held-out blocks."""
     once, floor = np.ones((1, len(given.counts))), left.floor
     less = given.loss(floor.value, once)[0] < within.loss(floor.value, once)[0]
     return bool(less and np.all(given.rms() <= floor.allowed))
 
 
-def _of_given_model(problem: Problem, left: _Remaining, given: Series) -> _Remaining:
-    """The residual of the given model, without changes within its tolerances."""
-    torque = problem.columns.model_torque
-    return replace(left, torque=torque, residual=given, whole=given)
-
-
-def _torque_over_noise(left: _Remaining) -> float:
+def _torque_over_noise(left: _Residuals) -> float:
     """The largest measured torque of a tested joint, over the upper end of its noise floor."""
     torque = residual_sums(left.judge.problem, measured_torque(left.judge.problem))
     judged = torque.counts.any(axis=0)
     return float(np.max((torque.rms() / left.floor.high)[judged])) if judged.any() else np.inf
 
 
-def _above_noise(left: _Remaining) -> bool:
+def _above_noise(left: _Residuals) -> bool:
     """True if the residual of any joint is above its noise floor."""
     return bool(np.any(residual_sums(left.judge.problem, left.whole).rms() > left.floor.high))
 
 
 def _residual_of(
     explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: SensorFloors
-) -> _Remaining:
+) -> _Residuals:
     """Residual of a set of effects, and the noise floor without the noise that a flexible model can predict."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
     torque = held_out_torque(problem, named, plain.held_out_fit(named))
@@ -234,14 +228,14 @@ def _residual_of(
     floor = floor_by_sensors(floor, sensed, problem, noise, whole, doubt)
     rounding = coarse_rounding(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
-    return _Remaining(
+    return _Residuals(
         torque, residual, whole, doubt, rounding, floor, Judge(problem, floor.value, floor.high, floor.discrepancy)
     )
 
 
 def _with_predictable_noise(
-    left: _Remaining, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
-) -> _Remaining:
+    left: _Residuals, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
+) -> _Residuals:
     """The same with a noise floor that includes noise that a flexible model can predict, of all joints or of some."""
     size = residual_sums(plain.problem, left.whole).rms()
     size = size if joints is None else np.where(joints, size, 0.0)
@@ -270,10 +264,10 @@ def _with_joint(left: Unexplained, problem: Problem, residual: Series, joints: t
     if left.joint is not None or max(above) <= 1.0:
         return left
     row = int(np.argmax(above))
-    return replace(left, joint=joints[row].joint, regime=regime_shares(problem, residual, row)[1])
+    return replace(left, joint=joints[row].joint, regime=regime_split(problem, residual, row).best)
 
 
-def _distinct_events(problem: Problem, left: _Remaining) -> tuple[Burst, ...]:
+def _distinct_events(problem: Problem, left: _Residuals) -> tuple[Burst, ...]:
     """Events: short times with a residual far above that of other times."""
     return distinct_bursts(bursts_of(problem, left.whole, left.doubt), problem, left.whole, left.floor.allowed)
 
@@ -286,7 +280,7 @@ def _with_times(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
     return replace(left, joint=joint, times=tuple((burst.start, burst.stop) for burst in bursts))
 
 
-def _by_regime(problem: Problem, left: _Remaining) -> tuple[tuple[float, float], ...]:
+def _by_regime(problem: Problem, left: _Residuals) -> tuple[tuple[float, float], ...]:
     """Residual of each joint beyond noise where it creeps or reverses, and elsewhere, root mean square."""
     session = problem.session
     slow = tuple(slow_samples(session, k)[log.samples] for k, log in enumerate(session.logs))
