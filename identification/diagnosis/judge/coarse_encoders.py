@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def coarse_rounding(
     noise: Series,
 ) -> CoarseRounding:
     """Coarse joints whose rounding makes much of the noise on some joint, in the judged band or above it."""
-    kept, energy, results = [], [], []
+    results, energy = [], []
     for one in coarse:
         squares, plain = (
             residual_sums(problem, problem.session.in_judged_band(torque)).rms() ** 2
@@ -57,10 +57,9 @@ def coarse_rounding(
         )
         result = rounding_matters(float(np.max([plain / floor**2, wide])))
         results.append((one, result))
-        if result.passed:
-            kept.append(one)
-            energy.append(squares)
-    return CoarseRounding(tuple(kept), np.array(energy).reshape(len(kept), len(floor)), tuple(results))
+        energy += [squares] if result.passed else []
+    kept = tuple(one for one, result in results if result.passed)
+    return CoarseRounding(kept, np.array(energy).reshape(len(kept), len(floor)), tuple(results))
 
 
 def coarse_findings(
@@ -79,6 +78,8 @@ def coarse_findings(
         # Distances of levels are exact up to rounding of numbers; a hundredth of a step is a safe deviation.
         step = Value(one.step, 0.01 * one.step, unit)
         interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
-        finding = Finding(effect.name, joint, effect.regime, {"step": step}, closed, interval, 1.0, (), "supported")
-        out.append(replace(finding, share=closed))
+        parameters, verdict = {"step": step}, "supported"
+        out.append(
+            Finding(effect.name, joint, effect.regime, parameters, closed, interval, 1.0, (), verdict, share=closed)
+        )
     return tuple(out)

@@ -167,19 +167,17 @@ def _usual_size(problem: Problem, noise: Series) -> Float[Array, " nv"]:
     """
     from scipy.special import chdtri
 
-    out = []
-    for j, part in enumerate(zip(*(log.T for log in problem.session.in_judged_band(noise)), strict=True)):
-        used = [own[use[:, j]] for own, use in zip(part, problem.columns.usable, strict=True)]
-        squares = np.concatenate(used) ** 2
-        out.append(np.sqrt(np.median(squares) / chdtri(1, 0.5)) if len(squares) else 0.0)
+    usable, out = np.concatenate(problem.columns.usable), []
+    for series, use in zip(np.concatenate(problem.session.in_judged_band(noise)).T, usable.T, strict=True):
+        out.append(np.sqrt(np.median(series[use] ** 2) / chdtri(1, 0.5)) if use.any() else 0.0)
     return np.array(out)
 
 
 def torque_above_band(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
-    """Mean square of each joint's torque above the filter's band in motion, beyond the noise of its sensors.
+    """Mean square of each joint's torque above the filter's band in motion, less the noise of its sensors, ``(nv,)``.
 
     A controller answers the steps of its encoder at its own rate, and only in motion. In a log with a lower rate that
-    reads torque at instants, this torque is aliased to any frequency, and does not show in the motion. A torque that is
+    reads torque at instants, this torque is aliased to any frequency, and has no effect on the motion. A torque that is
     held between readings is read as often as it changes: all of it acts, and nothing is aliased.
 
     Args:
@@ -187,11 +185,10 @@ def torque_above_band(problem: Problem, sensors: list[Density | None]) -> Float[
         sensors: White noise of the torque readings of each joint, see `reading_noise`.
     """
     session = problem.session
-    squares = np.zeros(session.robot.nv)
+    squares, counts = np.zeros((2, session.robot.nv))
     if session.robot.torque_hold == "zoh":
         return squares
     white = np.array([0.0 if seen is None else seen.value for seen in sensors])
-    counts = np.zeros(len(squares))
     for log, use in zip(session.logs, problem.columns.usable, strict=True):
         above = log.tau[log.samples] - log.band(log.tau)
         squares += np.sum(np.where(use, above**2 - white * _width_above_band(log.band), 0.0), axis=0)
@@ -218,10 +215,10 @@ def uncertain_squares(
     floor: Float[Array, " nv"],
     wide: Float[Array, " nv"],
 ) -> Float[Array, " nv"]:
-    """Mean square of the residual where friction is uncertain by more than the floor, up to two deviations of it.
+    """Mean square of the residual where friction is uncertain by more than the floor, limited to two deviations of it.
 
-    Samples have the weights of the figures of a gap. Zero on a joint whose residual elsewhere is above ``wide``, too:
-    then friction is not the reason.
+    Samples have the weights of the figures of a gap. It is zero on a joint whose other residual is above ``wide``, too:
+    then friction is not the cause.
     """
     out = np.zeros(len(floor))
     weights = tuple(sample_weights(problem, k) for k in range(len(residual)))
@@ -230,20 +227,19 @@ def uncertain_squares(
         left, own, variance, weight = (
             np.concatenate([part[:, j] for part in series])[use] for series in (residual, noise, doubt, weights)
         )
-        open_ = variance > floor[j] ** 2
-        sure = ~open_
+        sure = variance <= floor[j] ** 2
         enough = np.count_nonzero(sure) >= max(rules.SURE_SHARE * len(sure), 1.0)
         if enough and np.mean(left[sure] ** 2) > wide[j] ** 2 * max(np.mean(own[sure] ** 2), floor[j] ** 2):
             continue
-        in_doubt = weight[open_] @ np.minimum(left[open_] ** 2, 4.0 * variance[open_])
-        out[j] = in_doubt / max(weight.sum(), 1e-300)
+        uncertain = weight[~sure] @ np.minimum(left[~sure] ** 2, 4.0 * variance[~sure])
+        out[j] = uncertain / max(weight.sum(), 1e-300)
     return out
 
 
 def reading_noise(session: Session) -> list[Density | None]:
-    """White noise of each joint's torque readings above the band; None for all joints where less than half show it.
+    """White noise of each joint's torque readings above the band; None for all joints if fewer than half have it.
 
-    A drive or a recorder smooths all joints alike: where the noise of most is not white, that of one is by chance.
+    A drive or a recorder smooths all joints alike: if the noise of most is not white, that of one is by chance.
     """
     robot = session.robot
     shown = [torque_noise(session.logs, j, held=robot.torque_hold == "zoh") for j in range(robot.nv)]

@@ -24,7 +24,7 @@ _LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
 
 
 def residual_sums_with(judge: Judge, plain: Search, chosen: frozenset[Term]) -> ResidualSums:
-    """Squared residuals in the judged band of the model with some effects, on blocks held out of their fit."""
+    """Squared residuals in the judged band of the corrected model with some effects, on blocks held out of its fit."""
     torque = held_out_torque(plain.problem, chosen, plain.held_out_fit(chosen))
     return residual_sums(plain.problem, judge.narrow(residual_after(plain.problem, torque)))
 
@@ -56,9 +56,9 @@ def least_shares_closed(
 ) -> dict[Term, float]:
     """Lower end of the bootstrap interval of the gap that each effect closes, over the gap that it closes.
 
-    Each joint counts in what a sound model leaves of it, or in what all effects leave where that is a gap: else a joint
-    on which much is unexplained would hide what an effect closes on another. Minus one for an effect that closes
-    nothing. Near twins are left out, as each closes the gap of the other.
+    The residual of each joint is divided by that of a sound model, or by the residual with all effects if that is a
+    gap: else a joint with a large unexplained residual would hide the gap that an effect closes on another joint. It is
+    minus one for an effect that closes nothing. Near twins are left out, as each closes the gap of the other.
 
     Args:
         left: Squared residuals of a set of them in the judged band.
@@ -85,16 +85,14 @@ def closed_together(judge: Judge, within: ResidualSums, after: ResidualSums) -> 
         within: Residual of the best changes within the tolerances.
         after: Residual of the corrected model.
     """
-    once = np.ones((1, len(within.counts)))
     if not exceeds_floor(judge, within):
         return Gap()
-
-    def closed(weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        base = within.loss(judge.floor, weights)
-        return (base - after.loss(judge.floor, weights)) / gap_of(judge, within, after, weights)
-
-    low, high = np.percentile(closed(drawn_blocks(within)), [2.5, 97.5])
-    return Gap(float(closed(once)[0]), (float(low), float(high)))
+    once, drawn = (
+        (within.loss(judge.floor, weights) - after.loss(judge.floor, weights)) / gap_of(judge, within, after, weights)
+        for weights in (np.ones((1, len(within.counts))), drawn_blocks(within))
+    )
+    low, high = np.percentile(drawn, [2.5, 97.5])
+    return Gap(float(once[0]), (float(low), float(high)))
 
 
 def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term, float]:

@@ -49,7 +49,7 @@ Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 
 def after_motion_gate(bench: Bench, state: State) -> State:
-    """The state after the gates of the judged band, those of rivals apart."""
+    """The state without effects that fail the gate of the motion, the first gate of the judge."""
     return _until_all_pass(bench, state, (_motion_gate,))
 
 
@@ -82,12 +82,12 @@ def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, St
 
 
 def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
-    """The state with an exchange undone whose rivals have failed a gate: the effects that they replaced come back.
+    """The state with an exchange undone if one of its rivals has failed a gate: the effects that they replaced return.
 
-    Where several rivals replaced an effect, one of them has failed: the others alone may explain less than the effect.
-    The effect comes back, and the failed rival is barred. Where a single rival replaced it, the failed rival may exist
-    and be too small to be shown. The effect then comes back only if no other rival was more probable, and the failed
-    one remains its rival with the same probability. Rivals that are parts of the effect count as a single rival.
+    If several rivals replaced an effect and one of them has failed, the others alone may explain less than the effect.
+    The effect returns, and the failed rival is barred. If a single rival replaced it, the failed rival may exist and be
+    too small to be shown. The effect then returns only if no other rival was more probable, and the failed rival
+    remains its rival with the same probability. Rivals that are parts of the effect count as a single rival.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
@@ -116,11 +116,11 @@ def _no_other_rival_likelier(rivals: frozenset[Term], gone: frozenset[Term], com
     """True if no rival other than these was more probable than an effect that they replaced."""
     causes = {term.effect_joint for term in rivals}
     comparisons = next((shown.comparisons for shown in reversed(compared_sets) if gone & shown.comparisons.keys()), {})
-    for comparison in (comparisons[term] for term in gone & comparisons.keys()):
-        others = [rival for rival in comparison.rivals if {(e.effect, e.joint) for e in rival.effects} != causes]
-        if any(rival.probability > comparison.probability for rival in others):
-            return False
-    return True
+    return not any(
+        rival.probability > comparison.probability and {(e.effect, e.joint) for e in rival.effects} != causes
+        for comparison in (comparisons[term] for term in gone & comparisons.keys())
+        for rival in comparison.rivals
+    )
 
 
 def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
@@ -137,12 +137,12 @@ def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], 
 
 
 def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-    """The state without an effect that is too small to be shown; rivals are still compared beside it."""
+    """The state without an effect that is too small to be shown; rivals are still compared with it in the set."""
     return replace(state, shown=state.shown - {term}), ()
 
 
 def _motion_gate(bench: Bench, state: State) -> State:
-    """The state without the effect that shows least where the motion is far above the noise."""
+    """The state without the effect that gains least where the motion is far above the noise."""
     if not any(depends_on_acceleration(term) for term in state.shown):
         return state
     search, terms = bench.with_strong_motion(state.found | state.shown)
@@ -193,7 +193,7 @@ def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term
 
 
 def _noise_gate(bench: Bench, state: State) -> State:
-    """The state without an effect that noise may imitate, where there would be no gap without the effect."""
+    """The state without the effect that noise may imitate and without which there would be no gap."""
     # A barred effect is in the set only as the special case of another law, and it has failed a gate before.
     imitable = [term for term in ordered(state.shown) if noise_may_make(term) and term.effect_joint not in state.barred]
     if not imitable:
@@ -221,8 +221,8 @@ def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> 
     judge = bench.residuals.judge_of(others)
     gap = residual_sums_with(judge, bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
     gains = np.where(gap, fits.row_losses(others) - fits.row_losses(shown), 0.0)
-    quieter = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
-    return float(gains @ quieter**2), bench.search.threshold.of(term)
+    noise_ratio = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
+    return float(gains @ noise_ratio**2), bench.search.threshold.of(term)
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
@@ -241,13 +241,8 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
         if case is None:
             continue
         results[term] = differs_from_simpler(case[0])
-        differs = (
-            case[1]
-            and case[0] > 0.0
-            and term in state.found
-            and simplest_effects(robot, term, white) == (term.effect_joint,)
-        )
-        if not results[term].passed and differs:
+        uncertain = not results[term].passed and case[1] and case[0] > 0.0 and term in state.found
+        if uncertain and simplest_effects(robot, term, white) == (term.effect_joint,):
             nearest = nearest_case_at_shape(robot, term, white, case[1])
             # None if the simpler law has another shape: the shape is constant in this fit, which says nothing about it.
             if nearest is not None:
@@ -298,9 +293,7 @@ def _with_replacements_found(bench: Bench, state: State) -> State:
 def effects_in_place_of(
     plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[EffectJoint]
 ) -> frozenset[Term]:
-    """Effects that a search finds once those whose size does not differ from zero are left out; empty if none is."""
-    if not uncertain:
-        return frozenset()
+    """Effects that forward selection finds if those whose size does not differ from zero are excluded."""
     gone = barred | {term.effect_joint for term in uncertain}
     others = replace(plain, terms=tuple(term for term in plain.terms if term.effect_joint not in gone))
     return forward_selection(others, kept, lambda _: None) - kept
@@ -315,21 +308,15 @@ def _rival_gate(bench: Bench, state: State) -> State:
     }
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), comparisons, state.found)
     compared_sets = (*state.compared_sets, shown)
-    replacements = {term: each.leading_set for term, each in comparisons.items() if each.leading_set is not None}
-    found = (
-        with_replacements(state.found, list(replacements.values()), set(state.displaced))
-        if replacements
-        else state.found
-    )
+    replacements = [each.leading_set for each in comparisons.values() if each.leading_set is not None]
+    found = with_replacements(state.found, replacements, set(state.displaced))
     finished = not replacements or found == state.found or len(compared_sets) == _MOST_LEADERS
     if finished and replacements:
         least = min(compared_sets, key=lambda each: max(map(_lead_of_rival, each.comparisons.values()), default=0.0))
-        for term in ordered(state.shown - least.chosen):
-            if term.named:
-                of_finding, rivals = comparisons[term].probability, comparisons[term].rivals
-                of_best_rival = max((rival.probability for rival in rivals), default=0.0)
-                result = likelier_than_rivals(of_finding, of_best_rival, leads=False)
-                bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
+        for term in (one for one in named if one not in least.chosen):
+            best_rival = max((rival.probability for rival in comparisons[term].rivals), default=0.0)
+            result = likelier_than_rivals(comparisons[term].probability, best_rival, leads=False)
+            bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
         comparisons, compared_sets = least.comparisons, (*compared_sets, least)
     if finished:
         comparisons = {term: with_equal_probabilities(each) for term, each in comparisons.items()}
@@ -379,9 +366,7 @@ def with_equal_probabilities(comparison: RivalComparison) -> RivalComparison:
         if rival.probability > np.mean(shares):
             shares.append(rival.probability)
     even, above = float(np.mean(shares)), len(shares) - 1
-    rivals = (
-        *(replace(rival, probability=even) for rival in comparison.rivals[:above]),
-        *comparison.rivals[above:],
-    )
+    likelier = (replace(rival, probability=even) for rival in comparison.rivals[:above])
     gates = (likelier_than_rivals(even, even, leads=True),)
+    rivals = (*likelier, *comparison.rivals[above:])
     return replace(comparison, probability=even, rivals=rivals, leading_set=None, gates=gates)

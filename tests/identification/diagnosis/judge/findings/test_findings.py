@@ -83,7 +83,6 @@ def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     plain = narrow_search(rubbing.search, rubbing.noise)
     friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
     assert effects_in_place_of(plain, offset, frozenset(), frozenset()) == {friction}
-    assert effects_in_place_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
     assert friction not in effects_in_place_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
 
 
