@@ -8,6 +8,9 @@ from functools import cache
 
 from identification.diagnosis.columns.terms import Term
 
+# Inertial parameters of one body.
+BODY = 10
+
 
 def joints_of(term: Term) -> tuple[str, ...]:
     """The joints that a term is on; none for an effect of the whole robot."""
@@ -53,7 +56,7 @@ def is_of_many_joints(term: Term) -> bool:
 def scales_all_bodies(scale: Term, bodies: Term) -> bool:
     """True for a common torque scale of all joints together with the parameters of all their bodies."""
     are_all = bodies.effect.inertial == "free" and bodies.joint is None
-    return scale.effect.shared and are_all and len(bodies.columns) <= 10 * len(joints_of(scale))
+    return scale.effect.shared and are_all and len(bodies.columns) <= BODY * len(joints_of(scale))
 
 
 def can_join(chosen: frozenset[Term], term: Term) -> bool:
