@@ -53,7 +53,7 @@ MOST_IN_A_GROUP = 32  # half of these rarely contain a number that decides, so h
 PACKAGES = ("identification", "phantom_dyn")
 # NumPy and deques accept only integers for these counts
 UNFOLLOWED = {
-    "identification.diagnosis.fit.joint_fit:_DRAWS",
+    "identification.diagnosis.fit.full_fit:_DRAWS",
     "identification.diagnosis.judge.moved_by_noise:_SEGMENT",
     "identification.diagnosis.noise.sensor_noise:_SEGMENTS",
     "identification.diagnosis.search.fits:_RECENT",

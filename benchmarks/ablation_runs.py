@@ -234,7 +234,7 @@ class Met:
 
 # Gates that only report the decision of another function; without that function they refuse nothing.
 DECIDED_BY: Mapping[str, tuple[str, str, object]] = {
-    "plausible size": ("identification.diagnosis.search.rival_sets", "implausible", lambda *_: None),
+    "plausible size": ("identification.diagnosis.search.rival_sets", "implausible_size", lambda *_: None),
     "likelier than rivals": ("identification.diagnosis.search.rival_sets", "_leader", lambda *_: (None, ())),
 }
 

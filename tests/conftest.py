@@ -21,7 +21,7 @@ SHAPES = "PHANTOM_DYN_SHAPES" in os.environ
 CHECKED = [
     "identification.data",
     "identification.degrade",
-    "identification.diagnosis.fit.joint_fit",
+    "identification.diagnosis.fit.full_fit",
     "identification.diagnosis.fit.whole_model",
     "identification.diagnosis.columns.operations",
     "identification.diagnosis.result",

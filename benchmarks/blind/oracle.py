@@ -45,7 +45,7 @@ def oracle(robot_file: Path, log_file: Path, truth: frozenset[Place], json_file:
     """Write the diagnosis of a case whose search gets the true causes."""
     robot = load_robot(robot_file)
     # This process replaces a part of the diagnosis and does nothing else.
-    pieces.explain = true_set(truth)
+    pieces.stepwise_search = true_set(truth)
     pieces.with_leading_rivals = lambda _, chosen: chosen
     diagnosis = diagnose(robot, (read_recording(log_file, robot),))
     write_outputs(diagnosis, robot, out=None, json_file=json_file)

@@ -42,14 +42,14 @@ from identification.diagnosis.search.fits import SearchWithoutEnd
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.refinement import (
     found_effects,
+    matching_terms,
     needs_refinement,
     runners_up,
-    same_effects,
-    unchanged,
+    same_points,
 )
 from identification.diagnosis.search.rival_sets import with_leading_rivals
 from identification.diagnosis.search.search import Search, Threshold, most_fits, set_up_search
-from identification.diagnosis.search.stepwise import best_short, explain
+from identification.diagnosis.search.stepwise import best_below_threshold, stepwise_search
 from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Float
@@ -139,11 +139,11 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     for _ in range(0 if allowed is None else _REFINEMENTS):
         noise, ratio = _noise_after(last, columns, sensed)
         last = replace(last, noise=noise)
-        fitted = last.search.evaluate(last.chosen)
+        fitted = last.search.held_out_fit(last.chosen)
         found = found_effects(fitted, last.chosen)
         near = runners_up(last.search, last.chosen)
         points = (*found, *near)
-        same = unchanged(found, before) and tried.issuperset(point.effect_joint for point in near)
+        same = same_points(found, before) and tried.issuperset(point.effect_joint for point in near)
         if ratio >= rules.LOWER_NOISE and (same or not needs_refinement(points)):
             break
         before = found
@@ -156,7 +156,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
         search = _with_thresholds(_set_up(session, columns, noise, allowed, record), noise, spurious, progress)
-        last = _searched(search, noise, progress, same_effects(search, found))
+        last = _searched(search, noise, progress, matching_terms(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, judged_noise, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
@@ -220,7 +220,7 @@ def _with_thresholds(
     problem = search.problem
     filters = whitening_of(problem.columns, noise)
     threshold = null_threshold(search, filters, filters.series(noise), above_chance.LEAST_GAIN)
-    rows = row_gaps(problem, search.evaluate(frozenset()))
+    rows = row_gaps(problem, search.held_out_fit(frozenset()))
     return set_up_search(problem, threshold, rows, spurious, search.record, search.fits.allowed)
 
 
@@ -238,9 +238,9 @@ def _searched(
     everything is set up again for the noise without the part that the effect explains. Where there is no such effect,
     fitting one changes the noise too little to matter, and held-out fits find no part of it.
     """
-    chosen, left = explain(search, progress, start), noise
+    chosen, left = stepwise_search(search, progress, start), noise
     for _ in range(_PROBATIONS):
-        tried = best_short(search, chosen)
+        tried = best_below_threshold(search, chosen)
         if tried is None:
             break
         quiet, ratio = smaller_noise(search, tried, left)
@@ -251,7 +251,7 @@ def _searched(
             lower = replace(search, threshold=search.threshold.lowered(least))
             if passes_gates(lower, tried, chosen):
                 lower.record.add_passed(tried - chosen, *gate_results(lower, tried, chosen))
-                search, chosen, left = lower, explain(lower, progress, tried), quiet
+                search, chosen, left = lower, stepwise_search(lower, progress, tried), quiet
                 continue
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < rules.LEAST_TRACE:
@@ -261,5 +261,5 @@ def _searched(
         if not passes_gates(quieter, tried, chosen):
             break
         quieter.record.add_passed(tried - chosen, *gate_results(quieter, tried, chosen))
-        search, chosen, noise, left = quieter, explain(quieter, progress, tried), quiet, quiet
+        search, chosen, noise, left = quieter, stepwise_search(quieter, progress, tried), quiet, quiet
     return Explanation(search, chosen, noise)

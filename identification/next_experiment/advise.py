@@ -292,7 +292,7 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
     groups = groups[:_FINDINGS]
     if not groups:
         return Proposal()
-    found = found_effects(search.evaluate(chosen), chosen)
+    found = found_effects(search.held_out_fit(chosen), chosen)
     union = union_of(tuple(one for group in groups for one in group))
     recording = planned_recording(search.problem, explanation.noise, union, found)
     try:

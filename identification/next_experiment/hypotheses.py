@@ -12,7 +12,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.result import EffectAt, Finding
 from identification.diagnosis.search.containment import contains, with_term
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.swaps import replaced
+from identification.diagnosis.search.swaps import with_replacement
 from phantom_dyn.array_types import Array, Float, Int
 
 # Number of shapes of one law that are kept: a rival may need another shape to fit the torque of the true effect.
@@ -141,7 +141,7 @@ def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[F
             if term.effect_joint not in found_causes
             and (term.effect_joint in rivals or any(contains(term, shape) for shape in shapes))
         )
-        chosen = min((with_term(chosen - gone, shape) for shape in shapes), key=search.quick)
+        chosen = min((with_term(chosen - gone, shape) for shape in shapes), key=search.in_sample_loss)
     return chosen
 
 
@@ -193,10 +193,10 @@ def _variants(
     sets = {}
     for group in islice(product(*options), _COMBINATIONS):
         others = frozenset(group)
-        swapped = replaced(chosen, term, others)
+        swapped = with_replacement(chosen, term, others)
         if others <= swapped:
-            sets[swapped] = search.quick(swapped) + search.price_of(swapped)
+            sets[swapped] = search.in_sample_loss(swapped) + search.price_of(swapped)
     ranked = sorted(sets, key=lambda one: (sets[one], sorted(other.columns for other in one)))[:_VARIANTS]
     return tuple(
-        Variant(one, search.evaluate(one), sets[one]) for one in ranked if sets[one] <= sets[ranked[0]] + _CLOSE
+        Variant(one, search.held_out_fit(one), sets[one]) for one in ranked if sets[one] <= sets[ranked[0]] + _CLOSE
     )

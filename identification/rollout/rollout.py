@@ -18,7 +18,7 @@ from identification.diagnosis.columns.motion.one_sine import moving
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after, sums
+from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after, residual_sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.result import Judgement
 from identification.notes import Code, Note
@@ -202,7 +202,7 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
 
     left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))
     # A fit also explains a part of the noise: its residual is scaled up to the noise floor.
-    size = np.maximum(explained.floor / np.maximum(sums(problem, left).rms(), 1e-300), 1.0)
+    size = np.maximum(explained.floor / np.maximum(residual_sums(problem, left).rms(), 1e-300), 1.0)
     noise = tuple(
         size
         * np.column_stack(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
-from identification.diagnosis.judge.verdict import is_open, ordinary_effects_hide, torques_may_be_noise
+from identification.diagnosis.judge.verdict import may_hide_gap, ordinary_effects_hide, torques_may_be_noise
 from identification.diagnosis.result import (
     Adjusted,
     Diagnosis,
@@ -242,7 +242,7 @@ def _not_judged(diagnosis: Diagnosis) -> list[str]:
 
 def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
     """Joints on which much is left that may be noise, friction or a gap."""
-    return [gap for gap in diagnosis.joints if is_open(gap) and gap.noise_is_known]
+    return [gap for gap in diagnosis.joints if may_hide_gap(gap) and gap.noise_is_known]
 
 
 def _of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:

@@ -42,7 +42,7 @@ class Fitted:
     """
 
     problem: Problem
-    point: Point
+    point: LinearisationPoint
     theta: Float[Array, " K"]
     active: Int[Array, " k"]
     penalty: float
@@ -56,8 +56,8 @@ class Fitted:
         """Held-out loss over all blocks plus the penalty."""
         return float(self.loss.sum()) + self.penalty
 
-    def size(self, term: Term) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-        """Coefficients of an effect and their covariance."""
+    def coefficients_of(self, term: Term) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+        """Coefficients of an effect, ``(n,)``, and their covariance."""
         own = np.searchsorted(self.active, term.columns)
         return self.theta[list(term.columns)], self.cov[np.ix_(own, own)]
 
@@ -84,7 +84,7 @@ class Fitted:
 
     @property
     def expand(self) -> Float[Array, "k n"] | None:
-        """Derivative of the active coefficients by the fitted numbers; None where both are the same (no payload)."""
+        """Derivative of the active coefficients by the fitted parameters; None if both are the same (no payload)."""
         return None if self._folded is None else self._folded.expand
 
     @cached_property
@@ -103,7 +103,7 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class Load:
+class LoadEstimate:
     """A payload and the estimate about which it is linearised.
 
     Attributes:
@@ -116,7 +116,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Point:
+class LinearisationPoint:
     """The estimate about which nonlinear laws are linearised.
 
     Attributes:
@@ -125,17 +125,17 @@ class Point:
     """
 
     scalings: tuple[Scaling, ...] = ()
-    payload: Load | None = None
+    payload: LoadEstimate | None = None
 
     @property
     def iterated(self) -> bool:
-        """True if some law is nonlinear, so that this estimate comes from an iteration."""
+        """True if a law is nonlinear, so that this estimate comes from an iteration."""
         return bool(self.scalings) or self.payload is not None
 
 
 @dataclass(frozen=True)
-class Near:
-    """Coefficients of a similar fit, from which the next one starts.
+class WarmStart:
+    """Coefficients of a similar fit, from which the next fit starts.
 
     Attributes:
         theta: All coefficients, NaN where that fit has no such column, ``(K,)``.
@@ -146,22 +146,22 @@ class Near:
     payload: Float[Array, " 4"] | None = None
 
     @staticmethod
-    def nothing(problem: Problem) -> Near:
-        """The start of a fit without a similar one."""
-        return Near(np.full(len(problem.precision), np.nan))
+    def nothing(problem: Problem) -> WarmStart:
+        """The start of a fit if no similar fit is known."""
+        return WarmStart(np.full(len(problem.precision), np.nan))
 
-    def after(self, found: Fitted, terms: tuple[Term, ...]) -> Near:
-        """The start of the next fit after a fit of these terms; the payload is that of the last fit that had one."""
+    def after(self, found: Fitted, terms: tuple[Term, ...]) -> WarmStart:
+        """The start of the next fit after a fit of these terms; the payload is that of the last fit with a payload."""
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
             if term.effect.inertial == "point mass":
                 payload = found.theta[list(term.columns[:4])]
-        return Near(theta, payload)
+        return WarmStart(theta, payload)
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
-    """Ascending indices of the columns of a fit: the nuisances that all fits contain, and those of the terms."""
+    """Indices of the columns of a fit, ascending: those of the nuisances that all fits contain, and of the terms."""
     chosen = sorted({column for term in terms for column in term.columns})
     return np.array([*problem.fitted_nuisances, *chosen], dtype=int)
 
@@ -171,8 +171,8 @@ def fit(
     terms: tuple[Term, ...],
     *,
     held_out: bool = True,
-    near: Near | None = None,
-    point: Point | None = None,
+    near: WarmStart | None = None,
+    point: LinearisationPoint | None = None,
 ) -> Fitted:
     """Fit nuisances and terms together, on all blocks and once without each fold.
 
@@ -183,7 +183,7 @@ def fit(
         near: A similar fit, to start from.
         point: The estimate about which to linearise, if it is known.
     """
-    near = Near.nothing(problem) if near is None else near
+    near = WarmStart.nothing(problem) if near is None else near
     scaled = [term for term in terms if term.effect.scales_joint]
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
@@ -255,16 +255,16 @@ def _fit_at_point(
     terms: tuple[Term, ...],
     scalings: tuple[Scaling, ...],
     held_out: bool,
-    near: Near,
-    load: Load | None,
+    near: WarmStart,
+    load: LoadEstimate | None,
 ) -> Fitted:
     """Fit at given gains of the torque constants; a payload is linearised about ``load`` or its best estimate."""
     payload = next((term for term in terms if term.effect.inertial == "point mass"), None)
     active = active_columns(problem, terms)
     products = products_of(problem, active, scalings, held_out)
     if payload is not None and load is None:
-        load = Load(payload, _point_mass(problem, active, replace(products, held_out=None), payload, near))
-    return _fit_linear(problem, active, products, Point(scalings, load), near, problem.bodies_of(terms))
+        load = LoadEstimate(payload, _point_mass(problem, active, replace(products, held_out=None), payload, near))
+    return _fit_linear(problem, active, products, LinearisationPoint(scalings, load), near, problem.bodies_of(terms))
 
 
 def _point_mass(
@@ -272,7 +272,7 @@ def _point_mass(
     active: Int[Array, " k"],
     products: Products,
     payload: Term,
-    near: Near,
+    near: WarmStart,
 ) -> Float[Array, " 4"]:
     """Mass [kg] and first moments [kg m] of the best point mass.
 
@@ -281,13 +281,13 @@ def _point_mass(
     fit without inertia; and the first moments of the latter with the mass that belongs to distances of 3 cm to 1.5 m.
     All starts are iterated with the other columns eliminated; the best one is then iterated with all bounds.
     """
-    first = _fit_linear(problem, active, products, Point(payload=Load(payload, np.zeros(4))), near)
+    first = _fit_linear(problem, active, products, LinearisationPoint(payload=LoadEstimate(payload, np.zeros(4))), near)
     near = near.after(first, ())
     moments = first.theta[list(payload.columns[1:4])]
     far = max(float(np.linalg.norm(moments)), 1e-9)
     # The fit without inertia.
     starts = [first.theta[list(payload.columns[:4])]]
-    whole = _fit_linear(problem, active, products, Point(), near)
+    whole = _fit_linear(problem, active, products, LinearisationPoint(), near)
     free = whole.theta[list(payload.columns)]
     inertia = float(free[[4, 6, 9]].sum())
     least = payload.effect.lightest(problem.session.robot)
@@ -305,7 +305,7 @@ def _point_mass(
     start = min((reduced.iterated(start) for start in starts), key=reduced.loss)
     for _ in range(STEPS):
         last = start
-        found = _fit_linear(problem, active, products, Point(payload=Load(payload, last)), near)
+        found = _fit_linear(problem, active, products, LinearisationPoint(payload=LoadEstimate(payload, last)), near)
         near, start = near.after(found, ()), found.theta[list(payload.columns[:4])]
         if converged(start, last):
             break
@@ -316,8 +316,8 @@ def _fit_linear(
     problem: Problem,
     active: Int[Array, " k"],
     products: Products,
-    point: Point,
-    near: Near,
+    point: LinearisationPoint,
+    near: WarmStart,
     bodies: tuple[Body, ...] = (),
 ) -> Fitted:
     """Linear fit of all coefficients: a payload is linearised about its estimate, and ``bodies`` must be possible."""
@@ -331,25 +331,23 @@ def _fit_linear(
     if load is not None:
         mass = len(kept) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
-    found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
-    denied_gain = -found.objective
+    any_bodies = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     places = places_among(kept, bodies)
-    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places)
-    denied_gain += found.objective
+    found = among_possible_bodies(any_bodies, square, line, precision, (lower, upper), folds, places)
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
     nuisances = slice(0, problem.nuisance_count)
     penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
-    if held_out is None:
-        none = np.zeros((0, len(active)))
-        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied_gain)
-    fold_x = found.without if folded is None else folded.unfolded(found.without)
-    fold = problem.grams.fold
-    loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
+    loss, fold_x = np.zeros(0), np.zeros((0, len(active)))
+    if held_out is not None:
+        fold_x = found.without if folded is None else folded.unfolded(found.without)
+        fold = problem.grams.fold
+        loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
+    denied_gain = found.objective - any_bodies.objective
     return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied_gain)
 
 
-def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:
+def _folded_at(problem: Problem, active: Int[Array, " k"], load: LoadEstimate) -> FoldedLoad:
     """Map that reduces the ten columns of a payload among the active ones to four, linearised about its estimate."""
     jacobian = load_map(problem.session.robot, load.term, load.start)
     return FoldedLoad(np.searchsorted(active, load.term.columns), len(active), jacobian)

@@ -81,7 +81,7 @@ def ridge_predictions(
     total = max(sum(int(m.sum()) for m in use), 1)
     scale = np.where(size > 0, size / np.sqrt(total), 1.0)
     scaled = [a / scale for a in x]
-    seen = _seen(scaled, y, use, blocks, folds)
+    seen = _training_data(scaled, y, use, blocks, folds)
     ridges = [ridge * total * 1e-2 for ridge in _RIDGES]
     # Coefficients for each number of features and each ridge: of the fits without each fold, then of the fit to all.
     which = np.unique(folds)
@@ -108,7 +108,7 @@ def ridge_predictions(
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _TrainingData:
     """Training data: features and values of all samples, the fold of each, and the number of folds."""
 
     x: Float[Array, "n k"]
@@ -123,23 +123,23 @@ class _Seen:
         return np.stack([x.T @ x for x, _ in parts]), np.stack([x.T @ y for x, y in parts])
 
 
-def _seen(
+def _training_data(
     x: list[Float[Array, "n k"]],
     y: list[Float[Array, " n"]],
     use: list[Array],
     blocks: tuple[Block, ...],
     folds: Int[Array, " B"],
-) -> _Seen:
+) -> _TrainingData:
     fold_of = [np.full(len(v), -1) for v in y]
     for fold, block in zip(folds.tolist(), blocks, strict=True):
         fold_of[block.log][block.start : block.stop] = fold
     counts = [m & (fold >= 0) for m, fold in zip(use, fold_of, strict=True)]
     features, values, fold = (np.concatenate([a[m] for a, m in zip(s, counts, strict=True)]) for s in (x, y, fold_of))
-    return _Seen(features, values, fold, int(folds.max(initial=-1)) + 1)
+    return _TrainingData(features, values, fold, int(folds.max(initial=-1)) + 1)
 
 
 def _by_features(
-    seen: _Seen, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
+    seen: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
 ) -> Float[Array, "G m R"]:
     """Coefficients of ridge fits that leave out one fold each (-1 leaves out none), from products of the features."""
     gram, product = seen.products
@@ -154,7 +154,7 @@ def _by_features(
 
 
 def _by_samples(
-    seen: _Seen, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
+    seen: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
 ) -> Float[Array, "G m R"]:
     """The same where there are fewer samples than features, from products of the samples: a much smaller matrix."""
     x = seen.x[:, kept]

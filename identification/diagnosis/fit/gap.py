@@ -1,4 +1,4 @@
-"""The gap in the contract's measure: mean over joints of the squared residual over the squared noise floor."""
+"""Residuals of corrected models, and their loss: the mean over joints of squared residual over squared noise floor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from phantom_dyn.motion import Motion
 
 
 @dataclass(frozen=True)
-class Sums:
+class ResidualSums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
     Blocks without a sample are left out, as a bootstrap replicate of such blocks alone would be empty. Samples at
@@ -44,13 +44,16 @@ class Sums:
 
 
 def judged_blocks(problem: Problem) -> Array:
-    """Blocks of held-out recordings if there are any, else all: each is predicted by a fit that has not seen it."""
+    """Indices of the blocks of held-out recordings if there are any, else of all blocks.
+
+    Each of them is predicted by a fit that has not seen it.
+    """
     outside = np.flatnonzero(problem.grams.fold < 0)
     return outside if len(outside) else np.arange(len(problem.blocks))
 
 
 def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) -> tuple[Float[Array, "n nv"], ...]:
-    """Torque of the corrected model on every log, each block by the fit that has not seen it."""
+    """Torque of the corrected model on every log [N m or N], each block by the fit that has not seen it."""
     terms = ordered(chosen)
     out = [np.array(torque) for torque in problem.columns.model_torque]
     fold_theta = found.fold_theta
@@ -61,29 +64,25 @@ def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) ->
     return tuple(out)
 
 
-def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
-    """Squares and counts of residuals over the judged blocks."""
-    judged = judged_blocks(problem)
-    rows = len(problem.columns.rows)
-    squares, counts = np.zeros((len(judged), rows)), np.zeros((len(judged), rows))
-    for i, k in enumerate(judged):
-        block = problem.blocks[k]
-        part = slice(block.core, block.stop)
-        use = sample_weights(problem, block.log, part)
-        squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
-        counts[i] = use.sum(axis=0)
-    held = counts.any(axis=1) | ~counts.any()
-    return Sums(squares[held], counts[held])
+def residual_sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> ResidualSums:
+    """Squared residuals and numbers of samples of the judged blocks."""
+    blocks = (problem.blocks[k] for k in judged_blocks(problem))
+    parts = [(block.log, slice(block.core, block.stop)) for block in blocks]
+    weights = [sample_weights(problem, *part) for part in parts]
+    counts = np.array([use.sum(axis=0) for use in weights])
+    squares = [(residual[log][part] ** 2 * use).sum(axis=0) for (log, part), use in zip(parts, weights, strict=True)]
+    filled = counts.any(axis=1) | ~counts.any()
+    return ResidualSums(np.array(squares)[filled], counts[filled])
 
 
 def sample_weights(problem: Problem, log: int, part: slice = slice(None)) -> Float[Array, "n nv"]:
-    """Weight of each sample of a part of one log: lower where static friction, which may be anything, holds a joint."""
+    """Weight of each sample of a part of one log: lower where static friction, which is not known, holds a joint."""
     columns = problem.columns
     return columns.usable[log][part] * noise_share(problem.weights.floor**2, columns.standstill_std[log][part] ** 2)
 
 
 def least_noise(columns: Columns) -> Float[Array, " nv"]:
-    """Noise of a robot without noise: a millionth of the modelled torque, and above zero."""
+    """Smallest noise of each joint: a millionth of the deviation of its modelled torque, and above zero, ``(nv,)``."""
     return np.maximum(1e-6 * np.concatenate(columns.model_torque).std(axis=0), 1e-12)
 
 
@@ -97,7 +96,7 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band; if it is zero on all joints, the torque of their own inertia.
+    """Measured torque of every log in the judged band; if no joint is actuated, the torque of each joint's own inertia.
 
     Gaps are then compared with the torque that accelerates the joints.
     """
@@ -112,7 +111,7 @@ def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
 
 
 def _own_inertia(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:
-    """Torque that a joint's own inertia takes, the other joints held [N m or N]."""
+    """Torque that accelerates a joint if the other joints are held [N m or N]."""
     still, alone = np.zeros_like(motion.v), np.zeros_like(motion.a)
     alone[:, row] = motion.a[:, row]
     moved, held = (inverse_dynamics(robot, motion.with_joints(motion.q, still, a)) for a in (alone, still))

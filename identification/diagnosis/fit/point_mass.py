@@ -15,12 +15,10 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
 
+# Largest number of iterations.
 STEPS = 8
-"""Largest number of iterations."""
 # Relative change of the estimate below which it has converged.
 _CONVERGED = 3e-3
-# Inertia per mass about the centre of mass: that of a point, as xx, xy, yy, xz, yz, zz.
-_POINT = np.zeros(6)
 # Derivative of ``h.h 1 - h h^T``, with entries xx, xy, yy, xz, yz, zz, with respect to ``h``, per component of ``h``.
 _INERTIA = np.array(
     [
@@ -94,7 +92,7 @@ def reduced_load(
         theta: All coefficients of a fit with free inertia, which shows the columns at a bound.
     """
     at = np.searchsorted(active, payload.columns)
-    others = complement(at, len(active))
+    others = np.setdiff1d(np.arange(len(active)), at)
     x = theta[active]
     inside = (x[others] > problem.lower[active[others]]) & (x[others] < problem.upper[active[others]])
     free, held = others[inside], others[~inside]
@@ -128,7 +126,7 @@ class FoldedLoad:
     @cached_property
     def others(self) -> Int[Array, " m"]:
         """Indices of all other columns."""
-        return complement(self.at, self.count)
+        return np.setdiff1d(np.arange(self.count), self.at)
 
     @property
     def keep(self) -> Int[Array, " n"]:
@@ -163,11 +161,6 @@ class FoldedLoad:
         return out
 
 
-def complement(at: Int[Array, " m"], count: int) -> Int[Array, " n"]:
-    """Indices below ``count`` that are not among the given ones."""
-    return np.setdiff1d(np.arange(count), at)
-
-
 def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
     """`point_mass_map` of a term, with the inertia of the missing part if the mass is negative."""
     return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
@@ -184,7 +177,7 @@ def mass_bounds(start: float, least: float) -> tuple[float, float]:
     return max(low, least), max(high, least)
 
 
-def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"] = _POINT) -> Float[Array, "10 4"]:
+def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[Array, "10 4"]:
     """Derivative of the ten inertial parameters of a point mass with respect to mass and first moments ``(m, h)``.
 
     The inertia is ``(h.h 1 - h h^T) / m``, negative for a missing mass. It is homogeneous of degree one in ``(m, h)``,
@@ -193,7 +186,7 @@ def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"] = _POINT) 
 
     Args:
         start: Mass and first moments.
-        own: Inertia per mass about the centre of mass; zero for a point.
+        own: Inertia per mass about the centre of mass, as xx, xy, yy, xz, yz, zz; zero for a point.
     """
     jacobian = np.zeros((10, 4))
     jacobian[:4] = np.eye(4)

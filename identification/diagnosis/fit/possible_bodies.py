@@ -62,7 +62,7 @@ class Body:
         reach = self.reach * self.given.scale
         return self.given.standard / self.given.scale, reach / np.abs(reach).max(axis=1, keepdims=True)
 
-    def exists(self, change: Float[Array, "*b 10"]) -> Array:
+    def is_possible(self, change: Float[Array, "*b 10"]) -> Array:
         """True where the given body with a change is possible up to rounding, ``(*b,)``; false if it is not finite."""
         finite: Array = np.asarray(np.isfinite(change).all(axis=-1, keepdims=True))
         parameters = (self.given.standard + np.where(finite, change, 0.0)) / self.given.scale
@@ -73,7 +73,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Binding:
+class ActiveConstraints:
     """Active constraints at a minimum.
 
     Attributes:
@@ -113,10 +113,10 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
     for axis in range(3):
         reach[2 * axis, [0, 1 + axis]] = middle[axis] + half[axis], -1.0
         reach[2 * axis + 1, [0, 1 + axis]] = half[axis] - middle[axis], 1.0
-    return Body(model.names[index], columns, _given(robot, index), reach)
+    return Body(model.names[index], columns, _reference_body(robot, index), reach)
 
 
-def _given(robot: Robot, index: int) -> ReferenceBody:
+def _reference_body(robot: Robot, index: int) -> ReferenceBody:
     """The body of the model with its units; a body without mass has the mean mass of the others as its unit of mass."""
     given = robot.model.inertias[index]
     mass = float(given.mass)
@@ -126,9 +126,9 @@ def _given(robot: Robot, index: int) -> ReferenceBody:
     return reference_body(given.toDynamicParameters(), mass=mass)
 
 
-def impossible(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, ...]:
+def impossible_bodies(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, ...]:
     """Names of the bodies that are impossible with these coefficients of all columns."""
-    return tuple(body.name for body in bodies if not body.exists(theta[list(body.columns)]))
+    return tuple(body.name for body in bodies if not body.is_possible(theta[list(body.columns)]))
 
 
 def places_among(kept: Int[Array, " n"], bodies: tuple[Body, ...]) -> list[tuple[Body, Int[Array, " 10"]]]:
@@ -162,7 +162,7 @@ def among_possible_bodies(
     """
 
     def possible(x: Float[Array, " n"]) -> bool:
-        return all(body.exists(x[at]) for body, at in bodies)
+        return all(body.is_possible(x[at]) for body, at in bodies)
 
     if not bodies:
         return found
@@ -189,8 +189,8 @@ def possible_minimum(
     bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
     x: Float[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
-    binding: Binding | None = None,
-) -> tuple[Float[Array, " k"], Binding]:
+    binding: ActiveConstraints | None = None,
+) -> tuple[Float[Array, " k"], ActiveConstraints]:
     """Minimum of ``x a x / 2 - b x`` within bounds and with possible bodies, by an active-set method.
 
     Coefficients are fixed at their active bounds, and constrained bodies are found in the cone, with all other
@@ -212,7 +212,7 @@ def possible_minimum(
     of_bodies = np.zeros(len(b), dtype=bool)
     of_bodies[np.concatenate([at for _, at in bodies])] = True
     if binding is None:
-        within, low, high = tuple(not body.exists(x[at]) for body, at in bodies), x <= lower, x >= upper
+        within, low, high = tuple(not body.is_possible(x[at]) for body, at in bodies), x <= lower, x >= upper
     else:
         within, low, high = binding.bodies, binding.low, binding.high
         x = np.where(low, lower, np.where(high, upper, x))
@@ -222,16 +222,16 @@ def possible_minimum(
         slope = a @ x - b
         inwards = np.where(x <= lower, slope < 0.0, slope > 0.0) & (slope**2 > _LEAST_GAIN * np.diag(a))
         released, outside = held & inwards & (lower < upper), ~held & ((x < lower) | (x > upper))
-        wrong = [not taken and not body.exists(x[at]) for (body, at), taken in zip(bodies, within, strict=True)]
+        wrong = [not taken and not body.is_possible(x[at]) for (body, at), taken in zip(bodies, within, strict=True)]
         if not released.any() and not outside.any() and not any(wrong):
-            return x, Binding(within, held & (x <= lower), held & (x >= upper))
+            return x, ActiveConstraints(within, held & (x <= lower), held & (x >= upper))
         x, held = np.clip(x, lower, upper), (held & ~released) | outside
         within = tuple(taken or new for taken, new in zip(within, wrong, strict=True))
     # Nearly equal columns may change their bounds without end: constrain all bodies, then solve for the others.
     x, others = np.clip(_minimum_in_cone(a, b, x, held, bodies), lower, upper), ~of_bodies
     beside = b[others] - a[np.ix_(others, of_bodies)] @ x[of_bodies]
     x[others] = bounded_solve(a[np.ix_(others, others)], beside, lower[others], upper[others])
-    return x, Binding((True,) * len(bodies), others & (x <= lower), others & (x >= upper))
+    return x, ActiveConstraints((True,) * len(bodies), others & (x <= lower), others & (x >= upper))
 
 
 def _minimum_in_cone(

@@ -103,25 +103,20 @@ def set_up(
     grams = summed(len(columns.names), rows, session.folds, fitted_nuisances)
     count = len(columns.names)
     energy = np.diag(grams.everything)
-    shown = energy > 0
+    shown, lower, upper = energy > 0, np.full(count, -np.inf), np.full(count, np.inf)
     for term in columns.terms:
         own = list(term.columns)
         # Where the motion does not show one coefficient of a law, its column is rounding, which no prior would hold.
         shown[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
+        lower[own], upper[own] = np.maximum(lower[own], term.lower), np.minimum(upper[own], term.upper)
     precision = np.where(shown, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
-    lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
     for k, parameter in enumerate(columns.tolerance_parameters):
         precision[k] = 1.0 / parameter.sigma**2
         lower[k], upper[k] = -parameter.bound, parameter.bound
-    for term in columns.terms:
-        lower[list(term.columns)] = np.maximum(lower[list(term.columns)], term.lower)
-        upper[list(term.columns)] = np.minimum(upper[list(term.columns)], term.upper)
     touched: list[set[int]] = [set() for _ in range(count)]
     for j, index in enumerate(columns.rows):
         for k in index:
             touched[k].add(j)
-    train = grams.fold >= 0
-    total_b = grams.b[train].sum(axis=0)
     return Problem(
         session,
         columns,
@@ -134,7 +129,7 @@ def set_up(
         len(columns.tolerance_parameters),
         fitted_nuisances,
         grams.total_a,
-        total_b,
+        grams.b[grams.fold >= 0].sum(axis=0),
         tuple(frozenset(rows) for rows in touched),
         {term: bodies_of_term(session.robot, term) for term in columns.terms if term.effect.inertial == "free"},
     )

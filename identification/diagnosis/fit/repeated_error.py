@@ -75,7 +75,7 @@ def equations(layout: ModelLayout, model: Linearised) -> Equations:
             residuals.append((problem.white.residual[log] - model.torque[log])[used, j] * scale)
             blocks.append(of_log[used])
             motion.append(np.stack([operation.q[at, j], operation.v[at, j], operation.a[at, j]]))
-        states.append([same_states(series) + GROUPS * j for series in np.concatenate(motion, axis=1)])
+        states.append([state_groups(series) + GROUPS * j for series in np.concatenate(motion, axis=1)])
     groups = tuple(np.concatenate(of_joints) for of_joints in zip(*states, strict=True))
     return Equations(np.concatenate(slopes), np.concatenate(residuals), groups, np.concatenate(blocks))
 
@@ -98,7 +98,7 @@ def repeated_variance(
         states: Labels of groups of equations at the same state, one array for each way of grouping.
         blocks: Block of each equation.
     """
-    root = _root(total)
+    root = _inverse_root(total)
     fitted = slopes @ root
     variance, chance = np.zeros(slopes.shape[1]), np.zeros(slopes.shape[1])
     for state in states:
@@ -137,7 +137,7 @@ def _score(slopes: Float[Array, "m r"], residual: Float[Array, " m"]) -> Float[A
     return axes @ (factor * (axes.T @ (slopes.T @ residual)))
 
 
-def _root(total: Float[Array, "p p"]) -> Float[Array, "p r"]:
+def _inverse_root(total: Float[Array, "p p"]) -> Float[Array, "p r"]:
     """Matrix ``R`` such that ``R R^T`` is the inverse of ``total``, or its pseudo-inverse if it is singular."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
     eigenvalues, axes = np.linalg.eigh(total * np.outer(scale, scale))
@@ -145,7 +145,7 @@ def _root(total: Float[Array, "p p"]) -> Float[Array, "p r"]:
     return scale[:, None] * axes[:, kept] / np.sqrt(eigenvalues[kept])
 
 
-def same_states(series: Float[Array, " m"]) -> Int[Array, " m"]:
+def state_groups(series: Float[Array, " m"]) -> Int[Array, " m"]:
     """Group of each sample by the value of a series: `GROUPS` ranges of values with equally many samples in each."""
     if len(series) == 0:  # a joint that never moves
         return np.zeros(0, dtype=int)

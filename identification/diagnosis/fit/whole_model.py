@@ -1,7 +1,7 @@
 """The nonlinear model with all its parameters (tolerances, coefficients, shapes): its torque and Jacobian at a point.
 
-`joint_fit` takes its Gauss-Newton steps from here. `lay_out` says where each parameter stands in the vector, and
-`linearised` gives torque and slopes of every recording.
+`full_fit` takes its Gauss-Newton steps from here. `lay_out` gives the position of each parameter in the vector, and
+`linearised` gives torque and Jacobian of every recording.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class TermSlices:
 
 @dataclass(frozen=True)
 class ModelLayout:
-    """The terms of a nonlinear model and where their parameters stand in the parameter vector.
+    """The terms of a nonlinear model and the positions of their parameters in the parameter vector.
 
     Attributes:
         problem: Columns and fits in the judged band.
@@ -73,12 +73,12 @@ class ModelLayout:
         them changes the torque of the given model only.
         """
         columns = self.problem.columns
-        held = slices.term.effect_joint in columns.displaced
-        return (columns.operations if held else self.operations)[log]
+        of_given_model = slices.term.effect_joint in columns.displaced
+        return (columns.operations if of_given_model else self.operations)[log]
 
     @property
-    def of_model(self) -> bool:
-        """True if any column depends on the torque of the model."""
+    def depends_on_model(self) -> bool:
+        """True if the columns of any term depend on the torque of the model."""
         return any(slices.term.effect.follows_model for slices in self.term_slices)
 
     def adjusted(self, changes: Float[Array, " n"]) -> ModelLayout:
@@ -97,19 +97,15 @@ class ModelLayout:
 
 def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[ModelLayout, Float[Array, " p"]]:
     """Layout of the parameter vector, and its values in a fit."""
-    values, term_slices = [found.theta[: problem.nuisance_count]], []
-    start = problem.nuisance_count
+    x, term_slices = found.theta[: problem.nuisance_count], []
     for term in terms:
-        own = found.theta[list(term.columns)]
-        own = own[:4] if term.effect.inertial == "point mass" else own
-        held = term.effect.shape_is_estimate or term.effect.shape_held
-        shape = np.array(() if held else term.shape, dtype=float)
-        middle, stop = start + len(own), start + len(own) + len(shape)
-        term_slices.append(TermSlices(term, slice(start, middle), slice(middle, stop)))
-        values += [own, shape]
-        start = stop
-    layout = ModelLayout(problem, problem.columns.operations, tuple(term_slices), start)
-    return layout, np.concatenate(values)
+        own = found.theta[list(term.columns[:4] if term.effect.inertial == "point mass" else term.columns)]
+        fixed = term.effect.shape_is_estimate or term.effect.shape_held
+        shape = np.array(() if fixed else term.shape, dtype=float)
+        middle, stop = len(x) + len(own), len(x) + len(own) + len(shape)
+        term_slices.append(TermSlices(term, slice(len(x), middle), slice(middle, stop)))
+        x = np.concatenate([x, own, shape])
+    return ModelLayout(problem, problem.columns.operations, tuple(term_slices), len(x)), x
 
 
 @dataclass(frozen=True)
@@ -127,30 +123,33 @@ class Linearised:
 
 def linearised(layout: ModelLayout, x: Float[Array, " p"]) -> Linearised:
     """Expand the model to first order about a parameter vector."""
-    return Linearised(*zip(*(_one_log(layout, x, log) for log in range(len(layout.operations))), strict=True))
+    return Linearised(*zip(*(_linearised_log(layout, x, log) for log in range(len(layout.operations))), strict=True))
 
 
-def change_by_model(
+def torque_change(
     layout: ModelLayout, adjusted: ModelLayout, x: Float[Array, " p"]
 ) -> tuple[Float[Array, "_ nv"], ...]:
     """Change of the terms' torque when their columns come from another model, for each log ``(n, nv)``."""
-    out = [np.zeros_like(residual) for residual in layout.problem.white.residual]
-    for log, change in enumerate(out):
-        for slices in layout.term_slices:
-            if slices.term.effect.follows_model:
-                own, shape = x[slices.coefficients], x[slices.shape]
-                change += _law(adjusted, slices, own, shape, log) - _law(layout, slices, own, shape, log)
-    return tuple(out)
+    out = tuple(np.zeros_like(residual) for residual in layout.problem.white.residual)
+    for slices in layout.term_slices:
+        if slices.term.effect.follows_model:
+            torques = zip(term_torque(adjusted, slices, x), term_torque(layout, slices, x), strict=True)
+            for change, (new, old) in zip(out, torques, strict=True):
+                change += new - old
+    return out
 
 
-def law_of(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
-    """Torque of one term, for each log."""
+def term_torque(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+    """Torque of one term in the judged band [N m or N], for each log ``(n, nv)``."""
     return tuple(
-        _law(layout, slices, x[slices.coefficients], x[slices.shape], log) for log in range(len(layout.operations))
+        _torque_at(layout, slices, x[slices.coefficients], x[slices.shape], log)
+        for log in range(len(layout.operations))
     )
 
 
-def by_other_law(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
+def other_law_torque(
+    layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw
+) -> tuple[Array, ...]:
     """Torque of a term by another law of the same parameters, for each log ``(n, nv)``."""
     own, shape = x[slices.coefficients], x[slices.shape]
     return tuple(
@@ -159,7 +158,7 @@ def by_other_law(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"],
     )
 
 
-def _one_log(
+def _linearised_log(
     layout: ModelLayout, x: Float[Array, " p"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
     problem = layout.problem
@@ -201,18 +200,18 @@ def _with_slopes(
         step = np.zeros(len(numbers))
         step[k] = _STEP * max(float(np.abs(mine).max()), 1e-9)
         above, below = (
-            _law(layout, slices, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
+            _torque_at(layout, slices, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
         )
         return (above - below) / (2.0 * step[k])
 
     if effect.shape_is_estimate or effect.first_order:
-        return _law(layout, slices, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
-    columns = _at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
+        return _torque_at(layout, slices, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
+    columns = _columns_at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
     more = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
     return columns @ own, np.concatenate([columns, *more], axis=2)
 
 
-def _law(
+def _torque_at(
     layout: ModelLayout, slices: TermSlices, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
 ) -> Float[Array, "n nv"]:
     """Torque of one term, in the judged band."""
@@ -227,7 +226,7 @@ def _law(
     if term.effect.shape_is_estimate:
         # A law whose shape is its own coefficient is exact where the two agree.
         at = term.effect.at_estimate(own, term.shape)
-    return _at_shape(layout, slices, at, log) @ own
+    return _columns_at_shape(layout, slices, at, log) @ own
 
 
 def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
@@ -235,14 +234,13 @@ def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Arr
     white = problem.white
     out = np.zeros((*white.residual[log].shape, len(wanted)))
     for j, index in enumerate(white.rows):
-        there = {column: k for k, column in enumerate(index)}
-        for k, column in enumerate(wanted):
-            if column in there:
-                out[:, j, k] = white.values[log][j][:, there[column]]
+        at = {column: k for k, column in enumerate(index)}
+        there = [k for k, column in enumerate(wanted) if column in at]
+        out[:, j, there] = white.values[log][j][:, [at[wanted[k]] for k in there]]
     return out
 
 
-def _at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log: int) -> Float[Array, "n nv k"]:
+def _columns_at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log: int) -> Float[Array, "n nv k"]:
     """Columns of an effect at a shape, in the judged band."""
     term = slices.term
     if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):

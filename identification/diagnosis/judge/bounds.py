@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, untestable_effects
-from identification.diagnosis.fit.gap import measured_torque, sums
+from identification.diagnosis.fit.gap import measured_torque, residual_sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.moved_by_noise import noise_may_make
 from identification.diagnosis.noise.noise_floor import rms
@@ -24,7 +24,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
 
 
-def smallest_seen(
+def detection_limits(
     operation: Operation, search: Search, plain: Search, chosen: frozenset[Term], allowed: Float[Array, " nv"]
 ) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
     """Detection limit of every effect and joint that is not a finding, and effects that cannot be tested at all.
@@ -50,7 +50,7 @@ def smallest_seen(
     inverse = _inverse(problem, base)
     held_out = held_out_share(problem.blocks)
     tested = set(search.terms)
-    measured = sums(plain.problem, measured_torque(plain.problem)).rms()
+    measured = residual_sums(plain.problem, measured_torque(plain.problem)).rms()
     candidates = {
         term: term.effect
         for term in problem.columns.terms
@@ -82,14 +82,14 @@ def smallest_seen(
         index = np.concatenate([base, term.columns])
         by_block = problem.grams.core_a.squares(index, np.tile(probe.theta[index], (len(problem.blocks), 1)))
         least = least_gain(search, frozenset([term]), chosen, energies[term])
-        deviations = _claimable(search, term, by_block, least)
+        deviations = _detectable_deviations(search, term, by_block, least)
         size = deviations / np.sqrt(held_out * probe.information) if probe.information > 0 else np.inf
         if noise_may_make(term):
             share = _torque_share(plain.problem, allowed, term, direction)
             size = max(size, 1.0 / share if share > 0.0 else 0.0)
         by_shape = effect.seen_by == "shape"
         # A real play may leave less torque than its law, down to the share at which it still counts as a play.
-        if not size < (term.lower[0] if by_shape else _largest(problem, energy, term, direction)):
+        if not size < (term.lower[0] if by_shape else _largest_size(problem, energy, term, direction)):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
             if by_shape:
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
@@ -183,15 +183,15 @@ def _rows(problem: Problem, term: Term) -> list[int]:
     return sorted(frozenset[int]().union(*(problem.touched[column] for column in term.columns)))
 
 
-def _claimable(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
+def _detectable_deviations(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
     """Size in standard deviations at which an effect is claimed with 95 % power, for a least gain before its price."""
     from scipy.special import ndtri
 
     needed = least + max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
-    return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed))) + ndtri(0.95))
+    return float(np.sqrt(max(needed + 2.0, _least_gain_over_blocks(by_block, needed))) + ndtri(0.95))
 
 
-def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
+def _least_gain_over_blocks(by_block: Float[Array, " B"], needed: float) -> float:
     """Least gain at which an effect passes the gate of blocks, see `gates.over_blocks`.
 
     Args:
@@ -234,7 +234,7 @@ def _measured_energy(problem: Problem) -> Float[Array, " nv"]:
     return out
 
 
-def _largest(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
+def _largest_size(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
     """Size at which the effect's torque would have the energy of all measured torque on the rows that it touches."""
     own = list(term.columns)
     energy = float(direction @ problem.total_a[own][:, own] @ direction)

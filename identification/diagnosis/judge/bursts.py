@@ -17,7 +17,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import counted_step, near_reversals
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.floors import answers_above, sensors_of
+from identification.diagnosis.judge.floors import reading_noise, torque_above_band
 from identification.diagnosis.result import Burst, JointGap
 from identification.engine import contract_levels
 from identification.notes import Code, Note
@@ -48,7 +48,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         doubt: Variance of each log's residual where joints stand, creep or reverse, in the band.
     """
     session, columns, out = problem.session, problem.columns, []
-    answers = np.sqrt(answers_above(problem, sensors_of(session)))
+    answers = np.sqrt(torque_above_band(problem, reading_noise(session)))
     for k, log in enumerate(session.logs):
         fold = np.zeros(len(log.samples), dtype=int)
         for block, number in zip(session.blocks, session.folds, strict=True):
@@ -69,12 +69,12 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
                 for j, torque in enumerate(columns.model_torque[k].T)
             ]
         )
-        # A push from outside is what the drive gives less than the model needs.
         # Near the ends of a recording filters work on a mirror image of the motion.
         reach = int(rate / session.cutoff_hz) + 1
         outside = np.pad(~log.valid_in_band, reach, constant_values=True)
         inside = np.logical_not(ndimage.maximum_filter1d(outside, 2 * reach + 1, axis=0))[reach:-reach]
         usable = columns.usable[k] & inside[:, None]
+        # A push from outside is the torque of the model minus that of the drive.
         found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
         # Accuracy of derivatives and filters.
         sizes = np.sqrt(np.mean((columns.model_torque[k] + columns.residual[k]) ** 2, axis=0))
@@ -88,7 +88,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
 
 
 def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float) -> float:
-    """The largest torque that encoders can feign on a joint from one time to another by reading in steps.
+    """The largest spurious torque that the steps of encoders can make on a joint between two times [N m or N].
 
     A reading is wrong by half a step at most. At a steady speed the error is a tone that may last, and no noise. Of an
     error of at most ``e`` a mean weighted by a Hann window of length ``T`` leaves an acceleration of at most
@@ -108,14 +108,14 @@ def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float)
     return float(8.0 * np.pi / seconds**2 * np.linalg.norm(inertia * errors))
 
 
-def from_quiet(
+def distinct_bursts(
     bursts: tuple[Burst, ...], problem: Problem, residual: Series, floor: Float[Array, " nv"]
 ) -> tuple[Burst, ...]:
-    """Bursts that stand out of what is left of their joint, and are larger than the residual of any other loud joint.
+    """Bursts far above the other residual of their joint, and above the residual of every joint with a gap.
 
     Where the residual of a joint is above its noise all the time, its peaks are no events, unless they are many times
     as large as the rest: a push also spoils the fit of the other samples. And an unmodelled torque of that joint may
-    show on others, with at most its own size.
+    act on other joints, with at most its own size.
 
     Args:
         bursts: In all recordings.
@@ -136,13 +136,8 @@ def from_quiet(
     rest = np.sqrt(squares / np.maximum(counts, 1))
     loud = rest > contract_levels.FLOORS_LEFT * floor
     least = max(rest[loud], default=0.0)
-    joints = problem.session.robot.joint_names
-
-    def stands_out(burst: Burst) -> bool:
-        row = joints.index(burst.joint)
-        return not loud[row] or abs(burst.torque) > rules.BURST_RATIO * rest[row]
-
-    return tuple(one for one in bursts if stands_out(one) and abs(one.torque) > least)
+    needed = dict(zip(problem.session.robot.joint_names, np.where(loud, rules.BURST_RATIO * rest, 0.0), strict=True))
+    return tuple(one for one in bursts if abs(one.torque) > max(needed[one.joint], least))
 
 
 def bursts_in(
@@ -168,12 +163,12 @@ def bursts_in(
             continue
         centred = np.where(use, left[:, j] - np.median(left[use, j]), 0.0)
         relative, events = np.where(use, centred / expected[:, j], 0.0), []
-        for first, last, ratio in _events(relative, use, float(np.median(np.diff(t))), len(joints)):
+        for first, last, ratio in _events_in(relative, use, float(np.median(np.diff(t))), len(joints)):
             peak = first + int(np.argmax(np.abs(centred[first : last + 1])))
             events.append((joint, float(t[first]), float(t[last]), float(centred[peak]), ratio))
         most = max((abs(event[3]) for event in events), default=0.0)
         found += [event for event in events if abs(event[3]) >= rules.BURST_SHARE * most]
-    # A push on the last link is felt by all joints: said once, for the joint on which it stands out most.
+    # A push on the last link acts on all joints: it is stated once, for the joint on which it is clearest.
     out: list[tuple[str, float, float, float, float]] = []
     for one in sorted(found, key=lambda burst: -burst[4]):
         if all(one[2] < other[1] - _CLOSE or one[1] > other[2] + _CLOSE for other in out):
@@ -181,7 +176,7 @@ def bursts_in(
     return tuple(sorted(out, key=lambda burst: burst[1]))
 
 
-def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
+def _events_in(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
     """First and last sample of each event, and its mean over a window in units of the expected deviation.
 
     The largest is removed with its flanks before the next one is looked for, as a window beside it holds part of it. An
@@ -203,7 +198,7 @@ def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple
             break
         # An event lasts as long as its torque keeps its sign.
         inside = free & (levels[0] * levels[0][peak] > rules.BURST_FLANK * levels[0][peak] ** 2)
-        first, last = _run(inside, peak)
+        first, last = _run_about(inside, peak)
         free[max(first - reach, 0) : last + reach + 1] = False
         ratio = float(np.abs([level[peak] for level in levels]).max())
         found.append((float(excess[peak]), (first, last, ratio)))
@@ -234,7 +229,7 @@ def _threshold(level: Array, seconds: float, step: float, joints: int) -> float:
     return max(rules.BURST_RATIO, spread * -float(ndtri(0.5 * rules.BURST_LEVEL / looks)))
 
 
-def _run(inside: Array, at: int) -> tuple[int, int]:
+def _run_about(inside: Array, at: int) -> tuple[int, int]:
     """First and last sample of the run of true samples about one."""
     outside = np.flatnonzero(~inside)
     before, after = outside[outside < at], outside[outside > at]
@@ -248,18 +243,17 @@ def burst_notes(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tupl
         bursts: Bursts of a judgement.
         joints: Their units.
     """
-    units = {joint.joint: joint.unit for joint in joints}
-    return tuple(_note(burst, units[burst.joint]) for burst in bursts)
-
-
-def _note(burst: Burst, unit: str) -> Note:
-    numbers = {"file": burst.file, "start": burst.start, "stop": burst.stop, "torque": burst.torque, "unit": unit}
-    return Note(Code.EVENT, burst.joint, {**numbers, "exclude": (burst.start - _MARGIN, burst.stop + _MARGIN)})
+    units, out = {joint.joint: joint.unit for joint in joints}, []
+    for burst in bursts:
+        numbers = {"file": burst.file, "start": burst.start, "stop": burst.stop, "torque": burst.torque}
+        numbers |= {"unit": units[burst.joint], "exclude": (burst.start - _MARGIN, burst.stop + _MARGIN)}
+        out.append(Note(Code.EVENT, burst.joint, numbers))
+    return tuple(out)
 
 
 @dataclass(frozen=True)
 class Causes:
-    """Squared torques of one joint that make a residual larger at some moments than at others.
+    """Squared torques of one joint with which its residual grows.
 
     Attributes:
         known: Variance that is known beforehand [torque^2], ``(n,)``: where joints stand or reverse.
@@ -275,7 +269,7 @@ class Causes:
 def moving_torque(torque: Float[Array, " n"], rate_hz: float, cutoff_hz: float) -> Float[Array, " n"]:
     """Square of a joint's torque about its median, and of its change within the band, at its largest nearby.
 
-    A steady torque is balanced by the fit; what moves shows errors of inertia, of timing and of derivatives.
+    The fit compensates a steady torque; errors of inertia, timing and derivatives grow with a changing torque.
 
     Args:
         torque: Modelled torque in the band.
@@ -298,9 +292,9 @@ def expected_error(
 
     Args:
         residual: Residual after the explanation.
-        causes: What it may grow with.
+        causes: Squared torques with which it may grow.
         use: Samples that count.
-        fold: Samples of one number are judged by the others.
+        fold: Fold of each sample.
     """
     out = np.full(len(residual), np.nan)
     for number in np.unique(fold):
@@ -317,17 +311,15 @@ def _variance(residual: Array, causes: Causes, use: Array) -> Array:
     calm = calm if np.count_nonzero(calm) >= _FEWEST_SAMPLES else use
     noise = max((1.4826 * float(np.median(np.abs(residual[calm])))) ** 2, 1e-300)
     known = noise + causes.known
-    # Events come whatever the torque is: a part that is the same at all times takes them up, and is not expected.
-    events = np.full(len(residual), noise)
-    # What the model is wrong by at the usual torque is in the noise already.
+    # The error of the model at the usual torque is contained in the noise.
     more = np.maximum(causes.torque - usual, 0.0)
-    parts = np.column_stack([more, noise * causes.reversals, events])
+    # Events occur at any torque: a constant part absorbs them, and is no part of the expected error.
+    parts = np.column_stack([more, noise * causes.reversals, np.full(len(residual), noise)])
     least = np.array([rules.MODEL_SHARE**2, 0.0, 0.0])
-    grown = _grown(residual[use], known[use], parts[use], least)
-    return known + parts[:, :2] @ grown[:2]
+    return known + parts[:, :2] @ _variance_coefficients(residual[use], known[use], parts[use], least)[:2]
 
 
-def _grown(
+def _variance_coefficients(
     residual: Float[Array, " n"], known: Float[Array, " n"], parts: Float[Array, "n k"], least: Float[Array, " k"]
 ) -> Float[Array, " k"]:
     """Coefficients of variances beside a known one: the likeliest by Student's law, by multiplicative steps."""

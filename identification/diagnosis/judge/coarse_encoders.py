@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.fit.gap import Sums, sums
+from identification.diagnosis.fit.gap import ResidualSums, residual_sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
@@ -19,7 +19,7 @@ from phantom_dyn.model.robot import Robot
 
 
 @dataclass(frozen=True)
-class Rounded:
+class CoarseRounding:
     """Coarse joints whose rounding matters, and the squared spurious torque that it makes.
 
     Attributes:
@@ -38,30 +38,33 @@ class Rounded:
         return self.energy.sum(axis=0)
 
 
-def rounded(
+def coarse_rounding(
     problem: Problem,
     coarse: tuple[Coarse, ...],
     floor: Float[Array, " nv"],
     noise: Series,
-) -> Rounded:
+) -> CoarseRounding:
     """Coarse joints whose rounding makes much of the noise on some joint, in the judged band or above it."""
-    kept, energy, results = [], [], []
+    results, energy = [], []
     for one in coarse:
         squares, plain = (
-            sums(problem, problem.session.in_judged_band(torque)).rms() ** 2
+            residual_sums(problem, problem.session.in_judged_band(torque)).rms() ** 2
             for torque in (one.torque, one.at_band_edge)
         )
         # The judged band ends where rounding hides the motion: it may matter above that band.
-        wide = sums(problem, one.at_band_edge).rms() ** 2 / np.maximum(sums(problem, noise).rms() ** 2, 1e-300)
+        wide = residual_sums(problem, one.at_band_edge).rms() ** 2 / np.maximum(
+            residual_sums(problem, noise).rms() ** 2, 1e-300
+        )
         result = rounding_matters(float(np.max([plain / floor**2, wide])))
         results.append((one, result))
-        if result.passed:
-            kept.append(one)
-            energy.append(squares)
-    return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)), tuple(results))
+        energy += [squares] if result.passed else []
+    kept = tuple(one for one, result in results if result.passed)
+    return CoarseRounding(kept, np.array(energy).reshape(len(kept), len(floor)), tuple(results))
 
 
-def findings_of(robot: Robot, rounding: Rounded, within: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:
+def coarse_findings(
+    robot: Robot, rounding: CoarseRounding, within: ResidualSums, floor: Float[Array, " nv"]
+) -> tuple[Finding, ...]:
     """One finding for each coarse joint."""
     effect = effect_named("encoder_quantization")
     gap = max(float(np.mean(within.rms() ** 2 / floor**2)) - 1.0, 1e-9)
@@ -75,6 +78,8 @@ def findings_of(robot: Robot, rounding: Rounded, within: Sums, floor: Float[Arra
         # Distances of levels are exact up to rounding of numbers; a hundredth of a step is a safe deviation.
         step = Value(one.step, 0.01 * one.step, unit)
         interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
-        finding = Finding(effect.name, joint, effect.regime, {"step": step}, closed, interval, 1.0, (), "supported")
-        out.append(replace(finding, share=closed))
+        parameters, verdict = {"step": step}, "supported"
+        out.append(
+            Finding(effect.name, joint, effect.regime, parameters, closed, interval, 1.0, (), verdict, share=closed)
+        )
     return tuple(out)

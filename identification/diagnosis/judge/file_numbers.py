@@ -10,8 +10,8 @@ from __future__ import annotations
 from identification.data.changes import Change
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.columns.tolerance_parameters import ARRIVAL, BASE, SOFTNESS, TIMING, tolerance_parameters
+from identification.diagnosis.fit.full_fit import FullFit, full_fit
 from identification.diagnosis.fit.gap import judged_blocks, sample_weights
-from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.parameters import finding_parameters
@@ -30,17 +30,17 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
         shown: The effects, and the fit from which their sizes are stated.
     """
     problem, named = shown.problem, shown.named
-    out = [_numbers(problem, shown.joint_fit, {})]
+    out = [_numbers(problem, shown.full_fit, {})]
     if named != shown.chosen:
         terms = ordered(named)
-        alone = joint_fit(problem.of(named), terms, shown.found)
+        alone = full_fit(problem.of(named), terms, shown.found)
         robot = problem.session.robot
         sizes = {term.effect_joint: finding_parameters(robot, term, alone) for term in terms}
         out.append(_numbers(problem, alone, sizes))
     return tuple(out)
 
 
-def _numbers(problem: Problem, fitted: JointFit, sizes: _Sizes) -> FittedNumbers:
+def _numbers(problem: Problem, fitted: FullFit, sizes: _Sizes) -> FittedNumbers:
     """The numbers of one fit."""
     parameters = tolerance_parameters(problem.session.robot)
     timing = float(sum(fitted.x[k] for k in problem.fitted_nuisances if parameters[k].kind == TIMING))
@@ -52,10 +52,10 @@ def _numbers(problem: Problem, fitted: JointFit, sizes: _Sizes) -> FittedNumbers
         )
         for kind in (SOFTNESS, ARRIVAL, BASE)
     )
-    return FittedNumbers(all_adjusted(problem, fitted), sizes, timing, soft, arrivals, base)
+    return FittedNumbers(all_changes(problem, fitted), sizes, timing, soft, arrivals, base)
 
 
-def all_adjusted(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:
+def all_changes(problem: Problem, fitted: FullFit) -> tuple[Adjusted, ...]:
     """Every change of the model within its tolerances, however uncertain.
 
     Args:

@@ -14,7 +14,7 @@ import numpy as np
 from identification.data.log import Band
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
-from identification.diagnosis.fit.gap import judged_blocks, least_noise, measured_torque, sample_weights, sums
+from identification.diagnosis.fit.gap import judged_blocks, least_noise, measured_torque, residual_sums, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.discrepancy import discrepancy
 from identification.diagnosis.noise.repetitions import repeated_noise
@@ -37,10 +37,10 @@ class Floor:
     Attributes:
         value: Noise, root mean square, ``(nv,)``.
         low, high: Interval at 95 % over all joints together, ``(nv,)``.
-        source: Of each joint: ``repetitions`` where the motion is repeated; after `sensed_floor` else ``sensors`` or
-            ``none``; before it ``above_band`` where the noise above the judged band agrees with the unpredicted
+        source: Of each joint: ``repetitions`` where the motion is repeated; else, after `floor_by_sensors`, ``sensors``
+            or ``none``; before it ``above_band`` where the noise above the judged band agrees with the unpredicted
             residual inside it, and else ``predictors``, an upper limit.
-        discrepancy: Error of a sound model on each joint, ``(nv,)``; None before `sensed_floor`.
+        discrepancy: Error of a sound model on each joint, ``(nv,)``; None before `floor_by_sensors`.
         in_doubt: Residual that ``high`` has for uncertain friction, root mean square, ``(nv,)``; None: none.
     """
 
@@ -52,7 +52,7 @@ class Floor:
     in_doubt: Float[Array, " nv"] | None = None
 
     @property
-    def foreseen(self) -> Float[Array, " nv"] | None:
+    def predictable(self) -> Float[Array, " nv"] | None:
         """The largest residual that a flexible model may predict on a sound joint, ``(nv,)``; None: not known."""
         if self.discrepancy is None or self.in_doubt is None:
             return self.discrepancy
@@ -70,12 +70,12 @@ class Floor:
         left = np.sqrt(np.maximum(1.0 - squares / self.value**2, rules.COARSE_REMAINDER**2))
         return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
 
-    def up_to(self, squares: Float[Array, " nv"]) -> Floor:
+    def raised_by(self, squares: Float[Array, " nv"]) -> Floor:
         """The floor with a mean square added to its upper end."""
         return replace(self, high=np.sqrt(self.high**2 + squares))
 
 
-def floor_of(
+def floor_by_predictors(
     problem: Problem,
     noise: Series,
     residual: Series,
@@ -106,7 +106,7 @@ def floor_of(
     from scipy.special import ndtri
 
     session, robot = problem.session, problem.session.robot
-    unpredicted = sums(problem, session.in_judged_band(noise))
+    unpredicted = residual_sums(problem, session.in_judged_band(noise))
     value = np.maximum(unpredicted.rms(), least_noise(problem.columns))
     drawn = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
     mean = (drawn @ unpredicted.squares) / np.maximum(drawn @ unpredicted.counts, 1e-12)
@@ -115,9 +115,13 @@ def floor_of(
     low, high = (value * np.percentile(relative, side, axis=0) for side in (wrong / 2, 100.0 - wrong / 2))
     low, high = np.minimum(low, value), np.maximum(high, value)
     encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
-    torque, left, source = sums(problem, measured_torque(problem)).rms(), sums(problem, residual).rms(), []
-    sensors = sensors_of(session)
-    folded = _folded(problem, sensors)
+    torque, left, source = (
+        residual_sums(problem, measured_torque(problem)).rms(),
+        residual_sums(problem, residual).rms(),
+        [],
+    )
+    sensors = reading_noise(session)
+    folded = _aliased_torque(problem, sensors)
     for j, seen in enumerate(sensors):
         if seen is None:
             source.append(PREDICTORS)
@@ -131,7 +135,7 @@ def floor_of(
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
     # Sensor noise is not several times louder at some times than usual: the rest is an unpredicted gap, too.
-    most = np.sqrt(_at_most_times(problem, noise) ** 2 + encoder_noise**2 + fair_part.ACCURACY * torque**2)
+    most = np.sqrt(_usual_size(problem, noise) ** 2 + encoder_noise**2 + fair_part.ACCURACY * torque**2)
     heard = np.hypot(most, folded)
     comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * heard)
     quieter = np.where(comes_and_goes, most / value, 1.0)
@@ -152,61 +156,58 @@ def floor_of(
     # Accuracy of derivatives and filters, however quiet the sensors are.
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    more = left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
+    more = uncertain_squares(problem, session.in_judged_band(noise), residual, doubt, value, wide)
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source), in_doubt=np.sqrt(more))
 
 
-def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
+def _usual_size(problem: Problem, noise: Series) -> Float[Array, " nv"]:
     """Size of each joint's noise in the judged band at most times, by the median of its squares.
 
     For stationary normal noise it is the root mean square.
     """
     from scipy.special import chdtri
 
-    out = []
-    for j, part in enumerate(zip(*(log.T for log in problem.session.in_judged_band(noise)), strict=True)):
-        used = [own[use[:, j]] for own, use in zip(part, problem.columns.usable, strict=True)]
-        squares = np.concatenate(used) ** 2
-        out.append(np.sqrt(np.median(squares) / chdtri(1, 0.5)) if len(squares) else 0.0)
+    usable, out = np.concatenate(problem.columns.usable), []
+    for series, use in zip(np.concatenate(problem.session.in_judged_band(noise)).T, usable.T, strict=True):
+        out.append(np.sqrt(np.median(series[use] ** 2) / chdtri(1, 0.5)) if use.any() else 0.0)
     return np.array(out)
 
 
-def answers_above(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
-    """Mean square of each joint's torque above the filter's band in motion, beyond the noise of its sensors.
+def torque_above_band(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
+    """Mean square of each joint's torque above the filter's band in motion, less the noise of its sensors, ``(nv,)``.
 
     A controller answers the steps of its encoder at its own rate, and only in motion. In a log with a lower rate that
-    reads torque at instants, this torque is aliased to any frequency, and does not show in the motion. A torque that is
+    reads torque at instants, this torque is aliased to any frequency, and has no effect on the motion. A torque that is
     held between readings is read as often as it changes: all of it acts, and nothing is aliased.
 
     Args:
         problem: Recordings and which samples are usable.
-        sensors: White noise of the torque readings of each joint, see `sensors_of`.
+        sensors: White noise of the torque readings of each joint, see `reading_noise`.
     """
     session = problem.session
-    squares = np.zeros(session.robot.nv)
+    squares, counts = np.zeros((2, session.robot.nv))
     if session.robot.torque_hold == "zoh":
         return squares
     white = np.array([0.0 if seen is None else seen.value for seen in sensors])
-    counts = np.zeros(len(squares))
     for log, use in zip(session.logs, problem.columns.usable, strict=True):
         above = log.tau[log.samples] - log.band(log.tau)
-        squares += np.sum(np.where(use, above**2 - white * _width(log.band), 0.0), axis=0)
+        squares += np.sum(np.where(use, above**2 - white * _width_above_band(log.band), 0.0), axis=0)
         counts += use.sum(axis=0)
     return np.maximum(squares / np.maximum(counts, 1), 0.0)
 
 
-def _folded(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
-    """Size of the torque of `answers_above` in the judged band, if aliasing spreads it evenly over all frequencies."""
-    width = float(np.mean([_width(log.band) for log in problem.session.logs]))
-    return np.sqrt(answers_above(problem, sensors) * problem.session.cutoff_hz / width)
+def _aliased_torque(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
+    """Root mean square in the judged band of `torque_above_band`, if aliasing spreads it over all frequencies."""
+    width = float(np.mean([_width_above_band(log.band) for log in problem.session.logs]))
+    return np.sqrt(torque_above_band(problem, sensors) * problem.session.cutoff_hz / width)
 
 
-def _width(band: Band) -> float:
+def _width_above_band(band: Band) -> float:
     """Frequencies [Hz] above a filter's band, at least as many as in it."""
     return max(0.5 * band.rate_hz - band.cutoff_hz, band.cutoff_hz)
 
 
-def left_in_doubt(
+def uncertain_squares(
     problem: Problem,
     noise: Series,
     residual: Series,
@@ -214,10 +215,10 @@ def left_in_doubt(
     floor: Float[Array, " nv"],
     wide: Float[Array, " nv"],
 ) -> Float[Array, " nv"]:
-    """Mean square of the residual where friction is uncertain by more than the floor, up to two deviations of it.
+    """Mean square of the residual where friction is uncertain by more than the floor, limited to two deviations of it.
 
-    Samples have the weights of the figures of a gap. Zero on a joint whose residual elsewhere is above ``wide``, too:
-    then friction is not the reason.
+    Samples have the weights of the figures of a gap. It is zero on a joint whose other residual is above ``wide``, too:
+    then friction is not the cause.
     """
     out = np.zeros(len(floor))
     weights = tuple(sample_weights(problem, k) for k in range(len(residual)))
@@ -226,20 +227,19 @@ def left_in_doubt(
         left, own, variance, weight = (
             np.concatenate([part[:, j] for part in series])[use] for series in (residual, noise, doubt, weights)
         )
-        open_ = variance > floor[j] ** 2
-        sure = ~open_
+        sure = variance <= floor[j] ** 2
         enough = np.count_nonzero(sure) >= max(rules.SURE_SHARE * len(sure), 1.0)
         if enough and np.mean(left[sure] ** 2) > wide[j] ** 2 * max(np.mean(own[sure] ** 2), floor[j] ** 2):
             continue
-        in_doubt = weight[open_] @ np.minimum(left[open_] ** 2, 4.0 * variance[open_])
-        out[j] = in_doubt / max(weight.sum(), 1e-300)
+        uncertain = weight[~sure] @ np.minimum(left[~sure] ** 2, 4.0 * variance[~sure])
+        out[j] = uncertain / max(weight.sum(), 1e-300)
     return out
 
 
-def sensors_of(session: Session) -> list[Density | None]:
-    """White noise of each joint's torque readings above the band; None for all joints where less than half show it.
+def reading_noise(session: Session) -> list[Density | None]:
+    """White noise of each joint's torque readings above the band; None for all joints if fewer than half have it.
 
-    A drive or a recorder smooths all joints alike: where the noise of most is not white, that of one is by chance.
+    A drive or a recorder smooths all joints alike: if the noise of most is not white, that of one is by chance.
     """
     robot = session.robot
     shown = [torque_noise(session.logs, j, held=robot.torque_hold == "zoh") for j in range(robot.nv)]
@@ -248,7 +248,7 @@ def sensors_of(session: Session) -> list[Density | None]:
 
 
 @dataclass(frozen=True)
-class Sensed:
+class SensorFloors:
     """Noise of the sensors and error of a sound model, which do not depend on any effect.
 
     Attributes:
@@ -262,7 +262,7 @@ class Sensed:
     torque: Float[Array, " nv"]
 
 
-def sensed_of(problem: Problem) -> Sensed:
+def sensor_floors(problem: Problem) -> SensorFloors:
     """Noise of the sensors in the judged band, and the discrepancy of drives of this class.
 
     Args:
@@ -270,14 +270,14 @@ def sensed_of(problem: Problem) -> Sensed:
     """
     from scipy.special import ndtri
 
-    torque, usable = sums(problem, measured_torque(problem)).rms(), counted(problem)
+    torque, usable = residual_sums(problem, measured_torque(problem)).rms(), judged_weights(problem)
     deviations = float(ndtri(1.0 - 0.5 * rules.FLOOR_ERROR / len(torque)))
     session = problem.session
-    return Sensed(sensor_floor(session, usable, deviations), discrepancy(session, usable, torque), torque)
+    return SensorFloors(sensor_floor(session, usable, deviations), discrepancy(session, usable, torque), torque)
 
 
-def sensed_floor(
-    floor: Floor, sensed: Sensed, problem: Problem, noise: Series, residual: Series, doubt: Series
+def floor_by_sensors(
+    floor: Floor, sensed: SensorFloors, problem: Problem, noise: Series, residual: Series, doubt: Series
 ) -> Floor:
     """The floor of each joint by its sensors, with the discrepancy that a sound model is allowed.
 
@@ -308,7 +308,7 @@ def sensed_floor(
     )
     high = np.where(taken, np.hypot(high, rules.MODEL_SHARE * sensed.torque), high)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    open_ = left_in_doubt(problem, problem.session.in_judged_band(noise), residual, doubt, value, wide)
+    open_ = uncertain_squares(problem, problem.session.in_judged_band(noise), residual, doubt, value, wide)
     high = np.where(taken, np.sqrt(high**2 + open_), high)
     source = tuple(
         REPETITIONS if again else SENSORS if own else NONE for again, own in zip(repeated, known, strict=True)
@@ -319,7 +319,7 @@ def sensed_floor(
     )
 
 
-def counted(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
+def judged_weights(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
     """Weight of each sample of each log in the figures of a gap; zero outside the cores of the held-out blocks."""
     out = tuple(np.zeros(use.shape) for use in problem.columns.usable)
     for k in judged_blocks(problem):

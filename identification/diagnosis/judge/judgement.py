@@ -16,26 +16,38 @@ from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, merged
 from identification.diagnosis.explanation import Explanation
-from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
+from identification.diagnosis.fit.gap import (
+    ResidualSums,
+    held_out_torque,
+    measured_torque,
+    residual_after,
+    residual_sums,
+)
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.bounds import smallest_seen
-from identification.diagnosis.judge.bursts import bursts_of, from_quiet
-from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
+from identification.diagnosis.judge.bounds import detection_limits
+from identification.diagnosis.judge.bursts import bursts_of, distinct_bursts
+from identification.diagnosis.judge.coarse_encoders import CoarseRounding, coarse_findings, coarse_rounding
 from identification.diagnosis.judge.evidence_samples import evidence_of
 from identification.diagnosis.judge.file_numbers import model_numbers
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
-from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
-from identification.diagnosis.judge.findings.shown import in_band, shown_effects
-from identification.diagnosis.judge.findings.sound_sizes import all_sound
-from identification.diagnosis.judge.floors import SENSORS, Floor, Sensed, floor_of, sensed_floor, sensed_of
+from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, size_remarks
+from identification.diagnosis.judge.findings.shown import after_motion_gate, shown_effects
+from identification.diagnosis.judge.findings.sound_sizes import all_plausible
+from identification.diagnosis.judge.floors import (
+    SENSORS,
+    Floor,
+    SensorFloors,
+    floor_by_predictors,
+    floor_by_sensors,
+    sensor_floors,
+)
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import largest_predictable_noise, predictable_noise
-from identification.diagnosis.judge.regimes import regime_shares
-from identification.diagnosis.judge.shares import closed_together, left_by
+from identification.diagnosis.judge.regimes import regime_split
+from identification.diagnosis.judge.shares import closed_together, residual_sums_with
 from identification.diagnosis.judge.verdict import (
     adjusted,
-    not_explained,
     ordinary_effects_hide,
     unexplained,
     verdict,
@@ -44,7 +56,7 @@ from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, slow_sampl
 from identification.diagnosis.result import Adjusted, Burst, Hidden, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.stepwise import explain
+from identification.diagnosis.search.stepwise import stepwise_search
 from identification.gates.in_band import torque_is_there
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Bool, Float
@@ -62,39 +74,40 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     shown, left = _shown_above_noise(explanation, narrow_search(search, noise), noise)
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
-    within = left_by(left.judge, shown.plain, frozenset())
-    as_given = not shown.chosen and _fits_as_given(left, sums(problem, given), within)
+    within = residual_sums_with(left.judge, shown.plain, frozenset())
+    as_given = not shown.chosen and _fits_as_given(left, residual_sums(problem, given), within)
     if as_given:
-        left, within = _of_given_model(problem, left, given), sums(problem, given)
+        torque = problem.columns.model_torque
+        left, within = replace(left, torque=torque, residual=given, whole=given), residual_sums(problem, given)
     rounding, judge, torque, residual, whole = left.rounding, left.judge, left.torque, left.residual, left.whole
     claims = [
         *findings_without(shown, judge, within),
         # A coarse reading adds spurious torque and does not change the model.
-        *(FindingWithout(finding, torque) for finding in findings_of(session.robot, rounding, within, judge.floor)),
+        *(FindingWithout(finding, torque) for finding in coarse_findings(session.robot, rounding, within, judge.floor)),
     ]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
     kept = [claim for claim in claims if not claim.minor]
     findings = tuple(claim.finding for claim in kept)
-    after = _without_rounding(sums(problem, residual), rounding.total)
-    bursts = _events(problem, left)
-    left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.foreseen)
+    after = _without_rounding(residual_sums(problem, residual), rounding.total)
+    bursts = _distinct_events(problem, left)
+    left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.predictable)
     foreseen = left_over.fraction_of_explainable > 0.0
     joints = joint_gaps(
-        problem, left.floor, sums(problem, given), within, after, _by_regime(problem, left), foreseen=foreseen
+        problem, left.floor, residual_sums(problem, given), within, after, _by_regime(problem, left), foreseen=foreseen
     )
     left_over = _with_joint(_with_times(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
-    bounds, untested = smallest_seen(
+    bounds, untested = detection_limits(
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen, left.floor.allowed
     )
     minor = tuple(claim.finding for claim in claims if claim.minor)
     minor_effects = frozenset((finding.effect, finding.joint) for finding in minor)
     named = {(finding.effect, finding.joint) for finding in findings}
     moved = any(bool(use.any()) for use in problem.columns.usable)
-    notes = remarks(shown)
-    said = verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds))
+    notes, hides = size_remarks(shown), ordinary_effects_hide(bounds)
+    plausible = all_plausible(findings, notes)
     judgement = Judgement(
-        verdict=said if all_sound(findings, notes) else not_explained(said),
+        verdict=verdict(joints, findings, left_over, moved=moved, hides=hides, plausible=plausible),
         joints=joints,
         findings=findings,
         adjusted=() if as_given else with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
@@ -114,7 +127,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
 
 
 @dataclass(frozen=True)
-class _Remaining:
+class _Residuals:
     """Residual of each log's torque after a set of effects, and the noise floor that it is compared with.
 
     Attributes:
@@ -131,27 +144,27 @@ class _Remaining:
     residual: Series
     whole: Series
     doubt: Series
-    rounding: Rounded
+    rounding: CoarseRounding
     floor: Floor
     judge: Judge
 
 
-def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Remaining]:
+def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Residuals]:
     """The effects of an explanation that pass all gates of the judge, and their residual."""
-    sensed = sensed_of(plain.problem)
+    sensed = sensor_floors(plain.problem)
 
     @cache
-    def without_predictable(chosen: frozenset[Term]) -> _Remaining:
-        return _remaining(explanation, plain, chosen, noise, sensed)
+    def without_predictable(chosen: frozenset[Term]) -> _Residuals:
+        return _residual_of(explanation, plain, chosen, noise, sensed)
 
     @cache
-    def left_by_all(chosen: frozenset[Term]) -> _Remaining:
+    def left_by_all(chosen: frozenset[Term]) -> _Residuals:
         return _with_predictable_noise(without_predictable(chosen), plain, chosen, noise)
 
     def over_allowed(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> Float[Array, " nv"]:
         left = without_predictable(chosen)
-        size = np.where(joints, sums(plain.problem, left.residual).rms(), 0.0)
-        certain = size / left.floor.up_to(largest_predictable_noise(left.judge)).allowed
+        size = np.where(joints, residual_sums(plain.problem, left.residual).rms(), 0.0)
+        certain = size / left.floor.raised_by(largest_predictable_noise(left.judge)).allowed
         if certain.max() > 1.0:
             # Above the noise whatever part of it is predictable, which takes long to compute.
             return certain
@@ -159,12 +172,12 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
 
     def has_structure(chosen: frozenset[Term]) -> bool:
         left = left_by_all(chosen)
-        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.foreseen)
-        return over.structured or bool(_events(plain.problem, left))
+        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.predictable)
+        return over.structured or bool(_distinct_events(plain.problem, left))
 
     residuals = Residuals(lambda chosen: left_by_all(chosen).judge, over_allowed, has_structure)
     bench = Bench(explanation.search, plain, noise, residuals)
-    state = in_band(bench, State.of(explanation.chosen))
+    state = after_motion_gate(bench, State.of(explanation.chosen))
     left = left_by_all(state.shown)
     torque = torque_is_there(_torque_over_noise(left))
     if not torque.passed:
@@ -175,78 +188,72 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     bench.record.add_passed(state.shown, torque)
     if not state.shown and _above_noise(left) and not explanation.endless:
         # Disturbances above the judged band may hide effects inside it from the search.
-        state = State.of(explain(plain, lambda _: None))
+        state = State.of(stepwise_search(plain, lambda _: None))
     shown = shown_effects(bench, state)
     return shown, left_by_all(shown.chosen)
 
 
-def _fits_as_given(left: _Remaining, given: Sums, within: Sums) -> bool:
+def _fits_as_given(left: _Residuals, given: ResidualSums, within: ResidualSums) -> bool:
     """True if the given model leaves noise, and less than the model adjusted within tolerance on held-out blocks."""
     once, floor = np.ones((1, len(given.counts))), left.floor
     less = given.loss(floor.value, once)[0] < within.loss(floor.value, once)[0]
     return bool(less and np.all(given.rms() <= floor.allowed))
 
 
-def _of_given_model(problem: Problem, left: _Remaining, given: Series) -> _Remaining:
-    """The residual of the given model, without changes within its tolerances."""
-    torque = problem.columns.model_torque
-    return replace(left, torque=torque, residual=given, whole=given)
-
-
-def _torque_over_noise(left: _Remaining) -> float:
+def _torque_over_noise(left: _Residuals) -> float:
     """The largest measured torque of a tested joint, over the upper end of its noise floor."""
-    torque = sums(left.judge.problem, measured_torque(left.judge.problem))
+    torque = residual_sums(left.judge.problem, measured_torque(left.judge.problem))
     judged = torque.counts.any(axis=0)
     return float(np.max((torque.rms() / left.floor.high)[judged])) if judged.any() else np.inf
 
 
-def _above_noise(left: _Remaining) -> bool:
+def _above_noise(left: _Residuals) -> bool:
     """True if the residual of any joint is above its noise floor."""
-    return bool(np.any(sums(left.judge.problem, left.whole).rms() > left.floor.high))
+    return bool(np.any(residual_sums(left.judge.problem, left.whole).rms() > left.floor.high))
 
 
-def _remaining(
-    explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: Sensed
-) -> _Remaining:
+def _residual_of(
+    explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: SensorFloors
+) -> _Residuals:
     """Residual of a set of effects, and the noise floor without the noise that a flexible model can predict."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
-    torque = held_out_torque(problem, named, plain.evaluate(named))
+    torque = held_out_torque(problem, named, plain.held_out_fit(named))
     residual = session.in_judged_band(residual_after(problem, torque))
     whole = residual
     if named != chosen:
-        predicted = held_out_torque(problem, chosen, plain.evaluate(chosen))
+        predicted = held_out_torque(problem, chosen, plain.held_out_fit(chosen))
         whole = session.in_judged_band(residual_after(problem, predicted))
     doubt = _open_friction(plain, chosen)
-    floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
-    floor = sensed_floor(floor, sensed, problem, noise, whole, doubt)
-    rounding = rounded(problem, explanation.coarse, floor.value, noise)
+    floor = floor_by_predictors(problem, noise, whole, doubt, explanation.encoders)
+    floor = floor_by_sensors(floor, sensed, problem, noise, whole, doubt)
+    rounding = coarse_rounding(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
-    return _Remaining(
+    return _Residuals(
         torque, residual, whole, doubt, rounding, floor, Judge(problem, floor.value, floor.high, floor.discrepancy)
     )
 
 
 def _with_predictable_noise(
-    left: _Remaining, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
-) -> _Remaining:
+    left: _Residuals, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
+) -> _Residuals:
     """The same with a noise floor that includes noise that a flexible model can predict, of all joints or of some."""
-    size = sums(plain.problem, left.whole).rms()
+    size = residual_sums(plain.problem, left.whole).rms()
     size = size if joints is None else np.where(joints, size, 0.0)
-    floor = left.floor.up_to(predictable_noise(left.judge, plain, chosen, noise, size))
+    floor = left.floor.raised_by(predictable_noise(left.judge, plain, chosen, noise, size))
     return replace(left, floor=floor, judge=replace(left.judge, highest=floor.high))
 
 
 def _open_friction(plain: Search, chosen: frozenset[Term]) -> Series:
     """Variance of the friction torque of joints that stand, creep or reverse, in the band: there it is uncertain."""
     columns, session = plain.problem.columns, plain.problem.session
-    found = found_effects(plain.evaluate(chosen), chosen)
+    found = found_effects(plain.held_out_fit(chosen), chosen)
     return tuple(
         uncertain_friction_variance(session.robot, log, friction_with(operation, found), doubt)
         for log, operation, doubt in zip(session.logs, columns.operations, columns.reversal_std, strict=True)
     )
 
 
-def _without_rounding(found: Sums, square: Float[Array, " nv"]) -> Sums:
+def _without_rounding(found: ResidualSums, square: Float[Array, " nv"]) -> ResidualSums:
     """Squared residuals less the mean square of the spurious torque of coarse readings."""
     return replace(found, squares=np.maximum(found.squares - square * found.counts, 0.0))
 
@@ -257,12 +264,12 @@ def _with_joint(left: Unexplained, problem: Problem, residual: Series, joints: t
     if left.joint is not None or max(above) <= 1.0:
         return left
     row = int(np.argmax(above))
-    return replace(left, joint=joints[row].joint, regime=regime_shares(problem, residual, row)[1])
+    return replace(left, joint=joints[row].joint, regime=regime_split(problem, residual, row).best)
 
 
-def _events(problem: Problem, left: _Remaining) -> tuple[Burst, ...]:
+def _distinct_events(problem: Problem, left: _Residuals) -> tuple[Burst, ...]:
     """Events: short times with a residual far above that of other times."""
-    return from_quiet(bursts_of(problem, left.whole, left.doubt), problem, left.whole, left.floor.allowed)
+    return distinct_bursts(bursts_of(problem, left.whole, left.doubt), problem, left.whole, left.floor.allowed)
 
 
 def _with_times(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
@@ -273,14 +280,14 @@ def _with_times(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
     return replace(left, joint=joint, times=tuple((burst.start, burst.stop) for burst in bursts))
 
 
-def _by_regime(problem: Problem, left: _Remaining) -> tuple[tuple[float, float], ...]:
+def _by_regime(problem: Problem, left: _Residuals) -> tuple[tuple[float, float], ...]:
     """Residual of each joint beyond noise where it creeps or reverses, and elsewhere, root mean square."""
     session = problem.session
     slow = tuple(slow_samples(session, k)[log.samples] for k, log in enumerate(session.logs))
     here = tuple(np.where(mask, part, 0.0) for part, mask in zip(left.residual, slow, strict=True))
     elsewhere = tuple(part - own for part, own in zip(left.residual, here, strict=True))
-    both = sums(problem, here), sums(problem, elsewhere)
-    counted_slow = sums(problem, tuple(mask.astype(float) for mask in slow)).rms() ** 2
+    both = residual_sums(problem, here), residual_sums(problem, elsewhere)
+    counted_slow = residual_sums(problem, tuple(mask.astype(float) for mask in slow)).rms() ** 2
     shares = np.stack([counted_slow, 1.0 - counted_slow])
     squares = np.stack([part.rms() ** 2 for part in both]) / np.maximum(shares, 1e-12) - left.floor.high**2
     # Nothing is known of joints without held-out samples.
@@ -291,9 +298,9 @@ def _by_regime(problem: Problem, left: _Remaining) -> tuple[tuple[float, float],
 def joint_gaps(
     problem: Problem,
     floor: Floor,
-    before: Sums,
-    within: Sums,
-    after: Sums,
+    before: ResidualSums,
+    within: ResidualSums,
+    after: ResidualSums,
     by_regime: tuple[tuple[float, float], ...] | None = None,
     *,
     foreseen: bool = False,
@@ -309,7 +316,7 @@ def joint_gaps(
         by_regime: Residual of each joint beyond noise at reversals and elsewhere, `JointGap.left`; None: not known.
         foreseen: Whether a flexible model predicts a part of the residual, so that it is not the noise of drives.
     """
-    robot, torque = problem.session.robot, sums(problem, measured_torque(problem)).rms()
+    robot, torque = problem.session.robot, residual_sums(problem, measured_torque(problem)).rms()
     of_drive = 0.0 if foreseen else DRIVE_CLASSES[robot.torque_source].of_noise * torque
     # Repetitions show the noise of the drive, too. Gates ask for less than it: what an effect adds is not random.
     highest = np.where(np.array(floor.source) == SENSORS, np.maximum(floor.high, of_drive), floor.high)
@@ -350,9 +357,9 @@ def with_hidden_payload(changes: tuple[Adjusted, ...], search: Search, chosen: f
     loads = [term for term in search.terms if term.effect.inertial == "point mass"]
     masses = [change for change in changes if change.at_limit and _mass(change) is not None]
     # Beside free inertial parameters of its body a payload has no columns of its own.
-    if not loads or not masses or not search.possible(chosen, loads[0]):
+    if not loads or not masses or not search.can_join(chosen, loads[0]):
         return changes
-    found = search.evaluate(chosen | {loads[0]})
+    found = search.held_out_fit(chosen | {loads[0]})
     column = loads[0].columns[0]
     at = int(np.searchsorted(found.active, column))
     most = float(found.theta[column]) + _DEVIATIONS * float(np.sqrt(found.cov[at, at]))

@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import Sums
-from identification.diagnosis.judge.coarse_encoders import Rounded
+from identification.diagnosis.fit.gap import ResidualSums
+from identification.diagnosis.judge.coarse_encoders import CoarseRounding
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import gap_of
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.claims import gate_results
-from identification.diagnosis.search.containment import possible, with_term
+from identification.diagnosis.search.containment import can_join, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
-from identification.diagnosis.search.squares_left import squares_left
-from identification.diagnosis.search.swaps import replaced
+from identification.diagnosis.search.subset_residuals import subset_residuals
+from identification.diagnosis.search.swaps import with_replacement
 from identification.engine.claims import NEVER_CLAIMED, Claim, GateResult, Outcome, could_stand_for, until_failed
 from identification.gates import ORDER, gate_name
 from identification.gates.exchange import explains_more_than_others
@@ -41,9 +41,14 @@ _RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_clai
 
 @dataclass(frozen=True)
 class _BestGains:
-    """In-sample gains of an effect, with its best shape: added to a set, and in cause of one effect of the set.
+    """In-sample gains of an effect, with its best shape.
 
-    ``of_other`` is the gain of the replaced effect itself.
+    Attributes:
+        term: The effect.
+        beside: Gain if it is added to a set.
+        instead_of: Gain if it replaces one effect of the set.
+        other: That effect.
+        of_other: Gain of that effect itself.
     """
 
     term: Term
@@ -51,11 +56,6 @@ class _BestGains:
     instead_of: float = 0.0
     other: Term | None = None
     of_other: float = 0.0
-
-    @property
-    def most(self) -> float:
-        """The larger of both gains."""
-        return max(self.beside, self.instead_of)
 
 
 def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[EffectJoint]) -> tuple[Claim[EffectAt], ...]:
@@ -69,7 +69,7 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Effec
     """
     record, named = search.record, {term.effect_joint for term in shown.named}
     near = _best_gains(search, shown.beside)
-    ranked = sorted(near, key=lambda cause: -near[cause].most)
+    ranked = sorted(near, key=lambda cause: -max(near[cause].beside, near[cause].instead_of))
     never = [cause for cause in ranked if cause not in record.claimed and cause not in named][:NEVER_CLAIMED]
     gates, replacements = {}, {}
     for cause in (*record.claimed, *never):
@@ -88,29 +88,18 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Effec
     terms |= {term.effect_joint: term for term in shown.beside if term.effect_joint in gates}
     terms |= {term.effect_joint: term for term in shown.named}
     figures = _figures(shown, judge, terms, replacements)
-    entries = [
-        Claim(
-            (EffectAt(*cause),),
-            gates[cause],
-            _outcome(cause, named, minor, replacements[cause]),
-            tuple(EffectAt(*other) for other in replacements[cause]),
-            figures.get(cause, {}),
-        )
-        for cause in gates
-    ]
+    entries = []
+    for cause, results in gates.items():
+        outcome: Outcome = "displaced" if replacements[cause] else "not_claimed"
+        if cause in named:
+            outcome = "minor" if cause in minor else "claimed"
+        others = tuple(EffectAt(*other) for other in replacements[cause])
+        entries.append(Claim((EffectAt(*cause),), results, outcome, others, figures.get(cause, {})))
     return tuple(sorted(entries, key=lambda entry: (_RANK[entry.outcome], -entry.figures.get("closes", -np.inf))))
 
 
-def _outcome(
-    cause: EffectJoint, named: set[EffectJoint], minor: frozenset[EffectJoint], replacements: tuple[EffectJoint, ...]
-) -> Outcome:
-    if cause in named:
-        return "minor" if cause in minor else "claimed"
-    return "displaced" if replacements else "not_claimed"
-
-
 def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _BestGains]:
-    """In-sample gains of each effect outside of a set: added to it, and in cause of one of its effects.
+    """In-sample gains of each effect outside of a set: added to it, and in place of one of its effects.
 
     The gains are computed to second order, without a new fit.
     """
@@ -119,7 +108,7 @@ def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _Be
     out: dict[EffectJoint, _BestGains] = {}
     for other in (None, *ordered(found)[:_MOST_FINDINGS]):
         remaining = found - {other}
-        rivals = tuple(term for term in named if search.possible(remaining, term))
+        rivals = tuple(term for term in named if search.can_join(remaining, term))
         gains = search.fits.gains(remaining, rivals if other is None else (*rivals, other))
         for term in rivals:
             known = out.setdefault(term.effect_joint, _BestGains(term))
@@ -134,40 +123,37 @@ def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _Be
 def _results_beside(
     search: Search, found: frozenset[Term], near: _BestGains
 ) -> tuple[tuple[GateResult, ...], tuple[EffectJoint, ...]]:
-    """Results of the search's gates for an effect beside a set; if it fails, also the effect that explains it instead.
+    """Results of the search's gates for an effect beside a set; if it fails, also the effect that displaces it.
 
-    The tested effect is explained by another one if, without that one, it gains enough for a claim, more than twice its
-    gain beside the whole set, and a fair part of the other one's gain (`could_stand_for`).
+    An effect of the set displaces the tested one if, without it, the tested one gains enough for a claim, more than
+    twice its gain beside the whole set, and a fair part of the gain of the other effect (`could_stand_for`).
     """
     term, other = near.term, near.other
-    if possible(found, term):
-        together = with_term(found, term)
-        results = gate_results(search, together, found)
-        if results[-1].passed:
-            results = (*results, explains_more_than_others(search.score(found) - search.score(together)))
-    else:
+    if not can_join(found, term):
         # A special case of a law in the set is replaced by that law.
-        rich = next(one for one in ordered(found) if not possible(frozenset([one]), term))
-        margin = search.score(found) - search.score(replaced(found, rich, frozenset([term])))
+        rich = next(one for one in ordered(found) if not can_join(frozenset([one]), term))
+        margin = search.score(found) - search.score(with_replacement(found, rich, frozenset([term])))
         return (explains_more_than_others(margin),), (rich.effect_joint,)
-    if other is None or results[-1].passed:
-        return results, ()
+    together = with_term(found, term)
+    results = gate_results(search, together, found)
+    if results[-1].passed:
+        return (*results, explains_more_than_others(search.score(found) - search.score(together))), ()
     needed = search.threshold.of(term) + max(price(search.sizes[term]) - price(1), 0.0)
-    return results, (other.effect_joint,) if could_stand_for(
-        near.instead_of, needed, near.beside, near.of_other
-    ) else ()
+    if other is None or not could_stand_for(near.instead_of, needed, near.beside, near.of_other):
+        return results, ()
+    return results, (other.effect_joint,)
 
 
 def _figures(
     shown: Shown, judge: Judge, terms: dict[EffectJoint, Term], replacements: dict[EffectJoint, tuple[EffectJoint, ...]]
 ) -> dict[EffectJoint, dict[str, float]]:
-    """For each effect ``closes``, the share of the gap that it closes alone, and ``floors_more``.
+    """Further figures of each effect: ``closes`` and ``floors_more``.
 
-    The latter is the growth of some joint's residual, in noise floors, with the effect in cause of the one named
-    instead.
+    ``closes`` is the share of the gap that the effect closes alone. ``floors_more`` is the largest growth of a joint's
+    residual, in noise floors, if the effect takes the place of the effects that displace it.
     """
     measured = dict(list(terms.items())[:_MOST_MEASURED])
-    left = _left(shown, frozenset(measured.values()))
+    left = _subset_residuals(shown, frozenset(measured.values()))
     within, after = left(frozenset()), left(shown.named)
     once = np.ones((1, len(within.counts)))
     gap = float(gap_of(judge, within, after, once)[0])
@@ -183,18 +169,21 @@ def _figures(
     return out
 
 
-def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
+def _subset_residuals(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], ResidualSums]:
     """Function that gives squared residuals of any subset of named and other effects; linear ones are kept apart."""
     linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
-    of_linear, of_others = (squares_left(shown.plain, shown.named | some) for some in (linear, terms - linear))
+    of_linear, of_others = (subset_residuals(shown.plain, shown.named | some) for some in (linear, terms - linear))
     return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_others(chosen)
 
 
-def coarse_claims(search: Search, rounding: Rounded) -> tuple[Claim[EffectAt], ...]:
+def coarse_claims(search: Search, rounding: CoarseRounding) -> tuple[Claim[EffectAt], ...]:
     """Entries of encoders whose readings lie on a coarser lattice than expected."""
-    robot, out = search.problem.session.robot, []
-    for one, matters in rounding.results:
-        gates = (one.coarser, matters)
-        outcome: Outcome = "claimed" if matters.passed else "not_claimed"
-        out.append(Claim((EffectAt("encoder_quantization", robot.joint_names[one.row]),), gates, outcome))
-    return tuple(out)
+    joints = search.problem.session.robot.joint_names
+    return tuple(
+        Claim(
+            (EffectAt("encoder_quantization", joints[one.row]),),
+            (one.coarser, matters),
+            "claimed" if matters.passed else "not_claimed",
+        )
+        for one, matters in rounding.results
+    )

@@ -20,7 +20,7 @@ from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_gaps
 from identification.diagnosis.judge.judged_band import Judge, search_below
-from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.judge.shares import residual_sums_with
 from identification.diagnosis.search.claims import gate_results
 from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
@@ -37,19 +37,19 @@ def motion_results(loud: Search, loud_terms: Mapping[Term, Term], chosen: frozen
     """Result of the gate `shown_by_motion` for each effect that depends on the acceleration.
 
     Args:
-        loud: The search of `loud_search`, at frequencies where the torque of the motion is far above the noise.
+        loud: The search of `strong_motion_search`.
         loud_terms: Term of each effect in that search.
         chosen: The set of effects that explains the recordings.
     """
-    everything = _in_loud_search(loud_terms, chosen)
+    everything = _in_strong_search(loud_terms, chosen)
     return {
         term: _motion_gate(loud, everything, everything - {loud_terms[term]})
         for term in ordered(chosen)
-        if accelerates(term)
+        if depends_on_acceleration(term)
     }
 
 
-def accelerates(term: Term) -> bool:
+def depends_on_acceleration(term: Term) -> bool:
     """True if an effect depends on the acceleration, with which noise that moves a joint is correlated."""
     return term.effect.goes_with_motion == "acceleration"
 
@@ -74,10 +74,10 @@ def predictable_noise(
     if not above:
         return out
     with_motion = {row: kept | _motion_effects(search, joints[row]) for row in above}
-    loud, loud_terms = loud_search(search, kept, frozenset().union(*with_motion.values()), noise)
+    loud, loud_terms = strong_motion_search(search, kept, frozenset().union(*with_motion.values()), noise)
     for row, more in with_motion.items():
-        if not _motion_gate(loud, _in_loud_search(loud_terms, more), _in_loud_search(loud_terms, kept)).passed:
-            squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, more)]
+        if not _motion_gate(loud, _in_strong_search(loud_terms, more), _in_strong_search(loud_terms, kept)).passed:
+            squares = [residual_sums_with(judge, search, some).rms()[row] ** 2 for some in (kept, more)]
             out[row] = max(squares[0] - squares[1], 0.0)
     return np.minimum(out, largest_predictable_noise(judge))
 
@@ -99,7 +99,7 @@ def _motion_effects(search: Search, joint: str) -> frozenset[Term]:
     return frozenset(alike.values())
 
 
-def _in_loud_search(loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
+def _in_strong_search(loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
     """Terms of the same effects in the loud search."""
     return frozenset(loud_terms[term] for term in chosen)
 
@@ -114,7 +114,7 @@ def _motion_gate(loud: Search, chosen: frozenset[Term], without: frozenset[Term]
 
     The gain of an effect that acts in few blocks scatters; such an effect passes if the gates of the search accept it.
     """
-    rich, plain = loud.evaluate(chosen), loud.evaluate(without)
+    rich, plain = loud.held_out_fit(chosen), loud.held_out_fit(without)
     gains = plain.loss - rich.loss
     held_out, in_sample = plain.total - rich.total, plain.objective - rich.objective
     price = loud.price_of(chosen) - loud.price_of(without)
@@ -122,7 +122,7 @@ def _motion_gate(loud: Search, chosen: frozenset[Term], without: frozenset[Term]
     return shown_by_motion(gate_results(loud, chosen, without)[-1], held_out, in_sample, scatter, price)
 
 
-def loud_search(
+def strong_motion_search(
     search: Search, chosen: frozenset[Term], tested: frozenset[Term], noise: Series
 ) -> tuple[Search, dict[Term, Term]]:
     """A search over the frequencies at which the torque of each joint is far above the noise.
@@ -140,12 +140,12 @@ def loud_search(
     """
     problem, session = search.problem, search.problem.session
     columns = problem.columns
-    left = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
+    left = residual_after(problem, held_out_torque(problem, chosen, search.held_out_fit(chosen)))
     rates = [log.band.output_rate_hz for log in session.logs]
     edges = np.array(
         [
             min(
-                _loud_until(np.where(use[:, row], rest[:, row], 0.0), torque[:, row], rate)
+                _strong_up_to(np.where(use[:, row], rest[:, row], 0.0), torque[:, row], rate)
                 for use, rest, torque, rate in zip(columns.usable, left, columns.model_torque, rates, strict=True)
             )
             for row in range(len(columns.rows))
@@ -154,10 +154,10 @@ def loud_search(
     few, loud_terms = columns_for(columns, tested)
     loud = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
     # Weights and band differ from those of the other search.
-    return replace(loud, rows=row_gaps(loud.problem, loud.evaluate(frozenset()))), loud_terms
+    return replace(loud, rows=row_gaps(loud.problem, loud.held_out_fit(frozenset()))), loud_terms
 
 
-def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
+def _strong_up_to(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
     """Frequency [Hz] up to which the torque has `MOVED_BY_NOISE` times the power of the residual; infinite if all have.
 
     If the torque is a single sine, lower frequencies than that of the sine are not tested.

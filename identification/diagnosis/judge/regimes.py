@@ -56,14 +56,8 @@ class RegimeSplit:
     best: str
 
 
-def regime_shares(problem: Problem, residual: Series, row: int) -> tuple[dict[str, float], str]:
-    """Share of one joint's residual energy in each regime, and the best regime of `regime_split`."""
-    split = regime_split(problem, residual, row)
-    return split.shares, split.best
-
-
 def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
-    """Share of one joint's residual energy in each regime, and the regime where the residual is largest for its time.
+    """Distribution of one joint's residual energy over regimes, and the regime with most energy for its samples.
 
     Of the two directions, and of the two halves of a recording, only the one with more energy than its share of the
     samples is counted. The regime with the largest ratio of both shares is named if this ratio is at least 1.5; else

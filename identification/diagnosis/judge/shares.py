@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.result import Gap
 from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.squares_left import squares_left
+from identification.diagnosis.search.subset_residuals import subset_residuals
 from identification.engine import contract_levels
 from identification.engine.resampling import block_counts
 from identification.engine.shapley import shapley_values
@@ -23,42 +23,42 @@ from phantom_dyn.random_streams import random_stream
 _LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
 
 
-def left_by(judge: Judge, plain: Search, chosen: frozenset[Term]) -> Sums:
-    """Squared residuals in the judged band of the model with some effects, on blocks held out of their fit."""
-    torque = held_out_torque(plain.problem, chosen, plain.evaluate(chosen))
-    return sums(plain.problem, judge.narrow(residual_after(plain.problem, torque)))
+def residual_sums_with(judge: Judge, plain: Search, chosen: frozenset[Term]) -> ResidualSums:
+    """Squared residuals in the judged band of the corrected model with some effects, on blocks held out of its fit."""
+    torque = held_out_torque(plain.problem, chosen, plain.held_out_fit(chosen))
+    return residual_sums(plain.problem, judge.narrow(residual_after(plain.problem, torque)))
 
 
-def beyond_the_floor(judge: Judge, within: Sums) -> bool:
+def exceeds_floor(judge: Judge, within: ResidualSums) -> bool:
     """True if the loss within the tolerances is more than the noise floor's interval allows."""
     once = np.ones((1, len(within.counts)))
     return float(within.loss(judge.floor, once)[0]) > float(np.mean((judge.highest / judge.floor) ** 2))
 
 
-def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+def gap_of(judge: Judge, within: ResidualSums, after: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
     """The gap of which shares are stated: loss within tolerance above the noise, for weighted blocks.
 
     The mean loss may be below the noise while one joint is above it: then the gap is the loss that the findings close.
     """
     base = within.loss(judge.floor, weights)
-    beyond = base - 1.0 if beyond_the_floor(judge, within) else base - after.loss(judge.floor, weights)
+    beyond = base - 1.0 if exceeds_floor(judge, within) else base - after.loss(judge.floor, weights)
     # In a replicate with next to no gap a share would have no meaning.
     return np.maximum(beyond, _LEAST_GAP * base)
 
 
-def drawn_blocks(counted: Sums) -> Float[Array, "R B"]:
+def drawn_blocks(counted: ResidualSums) -> Float[Array, "R B"]:
     """How often each block is drawn in each bootstrap replicate of the gap; the same draws for all findings."""
     return block_counts(len(counted.counts), random_stream("bootstrap of the gap closed"))
 
 
-def least_closed(
-    left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term], sound: Float[Array, " nv"]
+def least_shares_closed(
+    left: Callable[[frozenset[Term]], ResidualSums], chosen: frozenset[Term], sound: Float[Array, " nv"]
 ) -> dict[Term, float]:
     """Lower end of the bootstrap interval of the gap that each effect closes, over the gap that it closes.
 
-    Each joint counts in what a sound model leaves of it, or in what all effects leave where that is a gap: else a joint
-    on which much is unexplained would hide what an effect closes on another. Minus one for an effect that closes
-    nothing. Near twins are left out, as each closes the gap of the other.
+    The residual of each joint is divided by that of a sound model, or by the residual with all effects if that is a
+    gap: else a joint with a large unexplained residual would hide the gap that an effect closes on another joint. It is
+    minus one for an effect that closes nothing. Near twins are left out, as each closes the gap of the other.
 
     Args:
         left: Squared residuals of a set of them in the judged band.
@@ -77,7 +77,7 @@ def least_closed(
     return out
 
 
-def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
+def closed_together(judge: Judge, within: ResidualSums, after: ResidualSums) -> Gap:
     """Share of the gap within tolerance that the findings close, with its interval from a block bootstrap.
 
     Args:
@@ -85,16 +85,14 @@ def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
         within: Residual of the best changes within the tolerances.
         after: Residual of the corrected model.
     """
-    once = np.ones((1, len(within.counts)))
-    if not beyond_the_floor(judge, within):
+    if not exceeds_floor(judge, within):
         return Gap()
-
-    def closed(weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        base = within.loss(judge.floor, weights)
-        return (base - after.loss(judge.floor, weights)) / gap_of(judge, within, after, weights)
-
-    low, high = np.percentile(closed(drawn_blocks(within)), [2.5, 97.5])
-    return Gap(float(closed(once)[0]), (float(low), float(high)))
+    once, drawn = (
+        (within.loss(judge.floor, weights) - after.loss(judge.floor, weights)) / gap_of(judge, within, after, weights)
+        for weights in (np.ones((1, len(within.counts))), drawn_blocks(within))
+    )
+    low, high = np.percentile(drawn, [2.5, 97.5])
+    return Gap(float(once[0]), (float(low), float(high)))
 
 
 def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term, float]:
@@ -107,7 +105,7 @@ def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term,
         plain: Fits in the judged band.
         named: The findings.
     """
-    left = squares_left(plain, named)
+    left = subset_residuals(plain, named)
     within, after = left(frozenset()), left(named)
     once = np.ones((1, len(within.counts)))
     base, gap = within.loss(judge.floor, once)[0], gap_of(judge, within, after, once)[0]

@@ -10,10 +10,10 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.columns.tolerance_parameters import ToleranceParameter
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
-from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, residual_sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.regimes import regime_shares
+from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import (
     Adjusted,
@@ -31,7 +31,13 @@ from phantom_dyn.model.robot import Robot
 
 
 def verdict(
-    joints: tuple[JointGap, ...], findings: tuple[Finding, ...], left: Unexplained, *, moved: bool, hides: bool
+    joints: tuple[JointGap, ...],
+    findings: tuple[Finding, ...],
+    left: Unexplained,
+    *,
+    moved: bool,
+    hides: bool,
+    plausible: bool = True,
 ) -> str:
     """The contract's verdict; it has to agree with the figures of every joint.
 
@@ -41,20 +47,25 @@ def verdict(
         left: The residual after them.
         moved: True if some joint moves in the recording.
         hides: True if ordinary friction, inertia or drive effects could hide in the noise.
+        plausible: False if the size of a finding is implausible, so that its cause may be another one.
     """
     if not moved or torques_may_be_noise(joints):
         return "not_testable"
     clean = not left.structured and not left.times
     if not findings:
-        # A joint that the given model explains has no gap, whatever changes that other joints ask for leave on it.
-        if not clean or any(_least_left(joint) > joint.allowed for joint in joints):
+        # A joint that the given model explains has no gap, whatever the changes for other joints leave on it.
+        if not clean or any(_least_residual(joint) > joint.allowed for joint in joints):
             return "unknown"
-        known = all(joint.noise_is_known and not is_open(joint) for joint in joints if joint.hold_out_samples)
+        known = all(joint.noise_is_known and not may_hide_gap(joint) for joint in joints if joint.hold_out_samples)
         return "no_gap" if known and not hides else "not_testable"
     little = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
     if little and not left.times and all(nearly_closed(joint) for joint in joints):
-        return "explained"
-    within, after = (_mean_loss(joints, rms) for rms in ("tolerated", "rms_after"))
+        return "explained" if plausible else "partly_explained"
+    floor = np.array([joint.noise_floor for joint in joints])
+    within, after = (
+        float(np.mean((np.array(rms) / floor) ** 2))
+        for rms in ([joint.tolerated for joint in joints], [joint.rms_after for joint in joints])
+    )
     return "partly_explained" if after - 1.0 < within - after else "unknown"
 
 
@@ -64,22 +75,18 @@ def torques_may_be_noise(joints: tuple[JointGap, ...]) -> bool:
     return bool(judged) and all(joint.rms_torque is not None and joint.allowed >= joint.rms_torque for joint in judged)
 
 
-def not_explained(said: str) -> str:
-    """The verdict where a finding has an implausible size: its cause may be another one."""
-    return "partly_explained" if said == "explained" else said
+def may_hide_gap(joint: JointGap) -> bool:
+    """True if the residual of a joint is within the interval of its noise, but large enough to contain a gap.
 
-
-def is_open(joint: JointGap) -> bool:
-    """True if so much is left on a joint, within a wide interval of its noise, that it may be a gap as well.
-
-    Mostly friction in doubt makes it wide: where a joint stands, creeps or turns about, friction may hold any torque.
+    The interval is wide mostly because of uncertain friction: where a joint stands, creeps or reverses, friction may
+    have any torque.
     """
-    left = _least_left(joint)
+    left = _least_residual(joint)
     above = left > contract_levels.FLOORS_LEFT * joint.noise_floor
     return bool(above and joint.rms_torque is not None and left > rules.OPEN_SHARE * joint.rms_torque)
 
 
-def _least_left(joint: JointGap) -> float:
+def _least_residual(joint: JointGap) -> float:
     """Residual of a joint with the corrected model, or with the given one where only that residual is noise."""
     return joint.rms_before if joint.only_given_fits else joint.rms_after
 
@@ -87,13 +94,9 @@ def _least_left(joint: JointGap) -> float:
 def nearly_closed(joint: JointGap) -> bool:
     """True if the residual of a joint is at most 1.5 noise floors, or a tenth of its gap within the tolerances."""
     after, within = ((rms / joint.noise_floor) ** 2 for rms in (joint.rms_after, joint.tolerated))
+    closed = after <= contract_levels.FLOORS_LEFT**2 or after - 1.0 <= contract_levels.GAP_LEFT * (within - 1.0)
     # A residual that may be noise and discrepancy is no gap, however uncertain the noise is.
-    within_noise = joint.rms_after <= joint.allowed
-    return (
-        within_noise
-        or after <= contract_levels.FLOORS_LEFT**2
-        or after - 1.0 <= contract_levels.GAP_LEFT * (within - 1.0)
-    )
+    return closed or joint.rms_after <= joint.allowed
 
 
 def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
@@ -103,10 +106,6 @@ def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
     """
     known = [bound.of_torque for bound in bounds if bound.of_torque is not None]
     return bool(known) and min(known) > rules.ORDINARY_SHARE
-
-
-def _mean_loss(joints: tuple[JointGap, ...], rms: str) -> float:
-    return float(np.mean([(getattr(joint, rms) / joint.noise_floor) ** 2 for joint in joints]))
 
 
 def unexplained(
@@ -130,9 +129,9 @@ def unexplained(
     floor, problem, nameless = judge.floor, plain.problem, frozenset(term for term in chosen if not term.named)
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
     predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
-    within = held_out_torque(problem, frozenset(), plain.evaluate(frozenset()))
+    within = held_out_torque(problem, frozenset(), plain.held_out_fit(frozenset()))
     within, after, smooth = (
-        sums(problem, series) for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
+        residual_sums(problem, series) for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
     )
     once = np.ones((1, len(after.counts)))
     allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
@@ -151,9 +150,8 @@ def unexplained(
     if structured:
         row = int(np.argmax(gains.sum(axis=0)))
         joint = judge.problem.session.robot.joint_names[row]
-        _, regime = regime_shares(judge.problem, predicted, row)
-        regimes = [term.effect.regime for term in ordered(nameless) if term.joint == joint]
-        regime = regimes[0] if regimes else regime
+        of_structures = (term.effect.regime for term in ordered(nameless) if term.joint == joint)
+        regime = next(of_structures, None) or regime_split(judge.problem, predicted, row).best
     return Unexplained(fraction, structured, joint, regime)
 
 
@@ -180,13 +178,13 @@ def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
         parameter, change = problem.columns.tolerance_parameters[k], found.theta[k]
         at_limit = bool(abs(change) > rules.AT_LIMIT * parameter.bound)
         if parameter.relative and (at_limit or abs(change) > 2 * deviation):
-            hides = hidden_by(problem.session.robot, parameter) if at_limit else None
+            hides = hidden_change(problem.session.robot, parameter) if at_limit else None
             out.append(Adjusted(parameter.name, float(change), parameter.sigma, at_limit, hides))
     return tuple(out)
 
 
-def hidden_by(robot: Robot, parameter: ToleranceParameter) -> Hidden:
-    """The larger departure that may hide behind a change at its limit."""
+def hidden_change(robot: Robot, parameter: ToleranceParameter) -> Hidden:
+    """The larger error of the model that may hide behind a change at its limit."""
     masses = {body_name(robot, k): robot.model.inertias[k].mass for k in range(1, robot.model.njoints)}
     body, _, quantity = parameter.name.rpartition(" ")
     if quantity == "mass" and body in masses:

@@ -174,7 +174,7 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
         The noise, and the smallest ratio of new to old over the rows.
     """
     problem = search.problem
-    residual = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
+    residual = residual_after(problem, held_out_torque(problem, chosen, search.held_out_fit(chosen)))
     left = [part.copy() for part in noise]
     ratio = 1.0
     for j in range(len(problem.columns.rows)):
@@ -202,7 +202,7 @@ def noise_without(
         The noise, and the decrease of its whitened, weighted square.
     """
     problem = search.problem
-    with_it, without = (held_out_torque(problem, terms, search.evaluate(terms)) for terms in (tried, chosen))
+    with_it, without = (held_out_torque(problem, terms, search.held_out_fit(terms)) for terms in (tried, chosen))
     trace = tuple(a - b for a, b in zip(with_it, without, strict=True))
     filters = whitening_of(problem.columns, noise)
     white, white_trace = filters.series(noise), filters.series(trace)

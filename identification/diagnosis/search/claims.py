@@ -26,11 +26,11 @@ _MOST_TRIED = 12
 
 
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
-    """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap on its joints.
+    """Held-out gain that a claim needs: more than chance gives, and a fair part of the gap on the joints of the claim.
 
     An effect may have columns on a joint with a large gap and gain on another joint. Its gain counts only on joints
-    where it is a fair part of the gap. If the set contains errors of bodies, the gap is computed after these, because
-    their columns are exact.
+    where it is a fair part of the gap. If the set contains wrong inertial parameters, the gap is computed after these,
+    because their columns are exact.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
@@ -72,7 +72,7 @@ def gate_results(search: Search, chosen: frozenset[Term], without: frozenset[Ter
 
 def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
     yield possible_size(int(search.score(chosen) >= IMPOSSIBLE))
-    rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
+    rich, plain, new = search.held_out_fit(chosen), search.held_out_fit(without), chosen - without
     if any(term.effect.inertial == "free" for term in new):
         possible = plain.objective - rich.objective
         yield bodies_can_exist(possible, possible + rich.denied_gain, search.threshold.of(*new))
@@ -83,7 +83,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     extra = search.price_of(chosen) - search.price_of(without)
     by_row = plain.row_losses - rich.row_losses
     needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
-    if _made_beside_twins(new, without, rich) > needed:
+    if _torque_beside_twins(new, without, rich) > needed:
         needed = min(needed, search.threshold.of(*new))
     yield fair_part_of_the_gap(gain, needed)
     yield in_enough_blocks(
@@ -96,7 +96,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     )
 
 
-def _made_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
+def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
     """Squared torque of new effects that have a near twin in the set; zero without twins.
 
     The gain of one near twin beside the other is small even if its own torque is large: the other has explained nearly
@@ -109,26 +109,25 @@ def _made_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fit
 
 
 def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
-    """Energy of the columns of effects in each block, divided by the largest over blocks; ones if there are no columns.
+    """Energy of the columns of effects in each block, as a share of that in the block with the largest energy.
 
-    It is set to zero in blocks where only rounding errors are left of the columns.
+    It is set to zero in blocks where the columns are only rounding errors.
     """
-    columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
-    energy = problem.grams.core_a.diagonal(columns)
-    share = energy / np.maximum(energy.max(axis=0, initial=0.0), 1e-300)
-    return np.where(share > 1e-12, share, 0.0).max(axis=1, initial=0.0) if len(columns) else np.ones(len(energy))
+    energy = problem.grams.core_a.diagonal(np.array(sorted({column for term in terms for column in term.columns})))
+    share = energy / np.maximum(energy.max(axis=0), 1e-300)
+    return np.where(share > 1e-12, share, 0.0).max(axis=1)
 
 
-def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Backward elimination: remove, one by one, effects that are no longer needed.
+def backward_elimination(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """The set without effects that fail the gates of a claim, removed one by one.
 
     Of many effects only those are tried whose removal raises the loss least. On a robot of many joints several may be
     removed in one step, if no two of them touch the same joint.
     """
     while chosen:
         whole, touched = chosen, frozenset[int]()
-        for term in sorted(least_missed(search, whole), key=lambda term: search.score(whole - {term})):
-            rows = rows_of(search.problem, term)
+        for term in sorted(least_needed(search, whole), key=lambda term: search.score(whole - {term})):
+            rows = rows_touched_by(search.problem, term)
             if rows.isdisjoint(touched):
                 results = gate_results(search, chosen, chosen - {term})
                 if not results[-1].passed:
@@ -141,12 +140,12 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     return chosen
 
 
-def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
-    """The effects whose removal raises the in-sample loss least, to second order; all effects of a small set."""
+def least_needed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
+    """The effects whose removal raises the in-sample loss least, to second order; all effects if there are few."""
     terms = ordered(chosen)
     if len(terms) <= _MOST_TRIED:
         return terms
-    found = search.evaluate(chosen)
+    found = search.held_out_fit(chosen)
     cov, missed = found.cov, {}
     for term in terms:
         own = np.searchsorted(found.active, term.columns)
@@ -155,6 +154,6 @@ def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
     return tuple(sorted(terms, key=lambda term: missed[term])[:_MOST_TRIED])
 
 
-def rows_of(problem: Problem, term: Term) -> frozenset[int]:
-    """Joints whose torque a term touches."""
+def rows_touched_by(problem: Problem, term: Term) -> frozenset[int]:
+    """Indices of the joints on which a term makes a torque."""
     return problem.touched[term.columns[0]]

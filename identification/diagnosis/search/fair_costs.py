@@ -31,7 +31,7 @@ def costs_of(
     prices = np.array([search.price_of(chosen) for chosen in sets])
     dearer = prices - prices[0]
     prices[twins] = prices[0]
-    penalties = np.array([search.evaluate(chosen).penalty for chosen in sets])
+    penalties = np.array([search.held_out_fit(chosen).penalty for chosen in sets])
     more = penalties - penalties[0]
     if free:
         prices[list(free)] = prices[0]
@@ -39,26 +39,7 @@ def costs_of(
     return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
 
 
-def losses_in(
-    other: Search,
-    search: Search,
-    options: dict[Chosen, Array],
-    keys: list[Chosen],
-    same: dict[Chosen, Chosen],
-    free: tuple[set[Chosen], set[Chosen]],
-) -> tuple[Float[Array, "B m"], tuple[Float[Array, " m"], ...]]:
-    """Held-out losses and costs in another search over the same rivals, with the same allowance for each.
-
-    ``free`` has the twins of the finding, and laws that neither contain it nor are contained in it.
-    """
-    sets = [same.get(key, key) for key in keys]
-    allowance = [options[key] - search.evaluate(one).loss for key, one in zip(keys, sets, strict=True)]
-    losses = np.array([other.evaluate(one).loss + more for one, more in zip(sets, allowance, strict=True)]).T
-    twins, apart = ([key in some for key in keys] for some in free)
-    return losses, (*costs_of(other, sets, twins), *costs_of(other, sets, twins, apart))
-
-
-def within_accuracy(
+def without_method_errors(
     losses: Float[Array, "B m"], more: Float[Array, " m"], alike: Sequence[bool], gain: float
 ) -> Float[Array, "B m"]:
     """Losses of rivals, nearer to those of the finding by what the method is accurate to.
@@ -79,13 +60,13 @@ def within_accuracy(
     return losses[:, :1] + worse * np.where(np.array(alike) & (total * more <= 0.0), kept, 1.0)
 
 
-def adds_up(search: Search, chosen: Chosen) -> bool:
+def does_not_cancel(search: Search, chosen: Chosen) -> bool:
     """False for effects that nearly cancel each other.
 
     On one sine a large lag and much friction together make the torque of little friction alone: of causes that the data
     do not separate, those that have to cancel are less likely.
     """
-    a, theta = search.problem.total_a, search.evaluate(chosen).theta
+    a, theta = search.problem.total_a, search.held_out_fit(chosen).theta
     each = [np.array(one.columns) for one in ordered(chosen)]
     every = np.concatenate(each)
     whole = float(theta[every] @ a[np.ix_(every, every)] @ theta[every])

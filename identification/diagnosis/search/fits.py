@@ -11,8 +11,8 @@ from itertools import count
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
-from identification.diagnosis.fit.possible_bodies import impossible
+from identification.diagnosis.fit.fitting import Fitted, LinearisationPoint, WarmStart, active_columns, fit
+from identification.diagnosis.fit.possible_bodies import impossible_bodies
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import products_of
 from identification.engine.fits.near_fits import NearFits
@@ -52,7 +52,7 @@ class Fits:
         self._held_out: dict[Chosen, Fitted] = {}
         self._row_losses: dict[Chosen, Float[Array, " nv"]] = {}
         self._in_sample: dict[Chosen, float] = {}
-        self._points: dict[Chosen, Point] = {}
+        self._points: dict[Chosen, LinearisationPoint] = {}
         self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
         self._recent: deque[tuple[Chosen, Fitted]] = deque(maxlen=_RECENT)
         self._at_readings = None if problem.at_readings is None else Fits(problem.at_readings, allowed)
@@ -151,8 +151,8 @@ class Fits:
         if self._near is not None and _linear(chosen):
             found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
             bodies = self.problem.bodies_of(chosen)
-            if not any(impossible(bodies, theta) for theta in (found.theta, *found.fold_theta)):
-                return Fitted(self.problem, Point(), *found)
+            if not any(impossible_bodies(bodies, theta) for theta in (found.theta, *found.fold_theta)):
+                return Fitted(self.problem, LinearisationPoint(), *found)
         # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
         point = self._points.get(chosen)
         found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
@@ -161,28 +161,28 @@ class Fits:
         self._recent.append((chosen, found))
         return found
 
-    def _beginning(self, chosen: Chosen) -> Near:
+    def _beginning(self, chosen: Chosen) -> WarmStart:
         """Start of a fit: gains and bounds of a similar one, most of which are the same in both."""
         if self._near is not None and (_linear(chosen) or not self._recent):
             others = ordered(term for term in chosen if _linear(frozenset([term])))
             found = self._near.fit(active_columns(self.problem, others), held_out=False)
-            similar = Fitted(self.problem, Point(), *found)
+            similar = Fitted(self.problem, LinearisationPoint(), *found)
         elif self._recent:
             _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
         else:
             return self._start
-        return replace(Near.nothing(self.problem).after(similar, ()), payload=self._start.payload)
+        return replace(WarmStart.nothing(self.problem).after(similar, ()), payload=self._start.payload)
 
     @cached_property
-    def _start(self) -> Near:
+    def _start(self) -> WarmStart:
         """The nuisances alone, whose bounds bind in most fits, and the point mass that explains most by itself."""
-        start = Near.nothing(self.problem)
+        start = WarmStart.nothing(self.problem)
         start = start.after(fit(self.problem, (), held_out=False, near=start), ())
         load = next((term for term in self.problem.columns.terms if term.effect.inertial == "point mass"), None)
         if load is None:
             return start
         alone = fit(self.problem, (load,), held_out=False, near=start)
-        return Near(start.theta, start.after(alone, (load,)).payload)
+        return WarmStart(start.theta, start.after(alone, (load,)).payload)
 
 
 def _linear(chosen: Chosen) -> bool:

@@ -1,6 +1,6 @@
-"""Which sizes of an effect are plausible: ranges that depend on the recording, and the first size outside of any range.
+"""Test whether the fitted size of an effect is plausible, by ranges of the effect and of the recording.
 
-Ranges that hold for every robot are written in each effect, with their reason. Those of this table are relative to the
+Ranges that hold for every robot are written in each effect, with their reason. Those of this module are relative to the
 recorded torque and speed of the joint. No sound robot has a size outside of its range: a rival of a plausible size
 leads in its place, and where there is none, the finding does not count for the verdict "explained". A size whose
 interval reaches into the range may be plausible: a slow motion hardly shows the mass of a load.
@@ -8,7 +8,7 @@ interval reaches into the range may be plausible: a slow motion hardly shows the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,49 +22,26 @@ from phantom_dyn.effects.effect import Effect, Parameter
 _DEVIATIONS = 2.0
 
 
-@dataclass(frozen=True)
-class Range:
-    """The upper end of a plausible range, relative to what was recorded of the joint.
-
-    Attributes:
-        units: Units of the parameters that it limits, on a hinge and on a linear joint.
-        by_speed: True if it is relative to the largest torque over the largest speed, else to the largest torque.
-        most: Upper end of the range in these units.
-        because: The reason, from how a drive works.
-    """
-
-    units: tuple[str, str]
-    by_speed: bool
-    most: float
-    because: str
-
-
-# The range is twice as wide as its reason says, as a torque may be recorded too small by as much.
-RANGES: tuple[Range, ...] = (
-    Range(
-        ("N m", "N"),
-        False,
-        2.0,
-        "a drive that moves a joint gives its friction at least, and this is more than twice the largest torque that "
-        "was recorded",
-    ),
-    Range(
-        ("N m s/rad", "N s/m"),
-        True,
-        2.0,
-        "a drive that moves a joint gives its friction at least, and at the largest speed this is more than twice the "
-        "largest torque that was recorded",
-    ),
+# Upper ends of the ranges, in largest recorded torques, and in these over the largest recorded speed. They are twice as
+# wide as their reasons say, as a torque may be recorded too small by as much.
+_MOST = 2.0
+_BY_TORQUE = (
+    "a drive that moves a joint gives its friction at least, and this is more than twice the largest torque that was "
+    "recorded"
+)
+_BY_SPEED = (
+    "a drive that moves a joint gives its friction at least, and at the largest speed this is more than twice the "
+    "largest torque that was recorded"
 )
 
 
-def implausible(
+def implausible_size(
     session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"] | None = None
 ) -> tuple[Parameter, float] | None:
-    """The first parameter of a fitted effect that no sound robot has, and its value; None if a robot may have all.
+    """The first parameter of a fitted effect outside of its plausible range, and its value; None if all are inside.
 
     Args:
-        session: The given model, and what its drives did.
+        session: The given model and the largest recorded torque and speed of each joint.
         term: An effect.
         theta: Coefficients of its columns.
         cov: Their covariance; None: they are exact.
@@ -102,17 +79,15 @@ def _deviations(
 
 
 def _limited(session: Session, term: Term, parameter: Parameter) -> Parameter:
-    """The parameter with the range of this table, where it ends below the range of the effect."""
-    if parameter.plausible is None:
-        return parameter
+    """The parameter with a range relative to what was recorded, if that ends below the range of the effect."""
     rows = [session.robot.joint_names.index(one) for one in joints_of(term) if one in session.robot.joint_names]
-    for one in RANGES:
-        if not rows or parameter.unit not in one.units or not (one.by_speed or term.effect.rubs):
-            continue
-        # A joint whose torque or speed was not recorded sets no limit.
-        measure = session.largest_torque[rows] / (session.largest_speed[rows] if one.by_speed else 1.0)
-        most = one.most * float(np.max(measure))
-        low, high = parameter.plausible
-        if 0.0 < most < high:
-            return replace(parameter, plausible=(low, most), plausible_because=one.because)
-    return parameter
+    by_speed = parameter.unit in ("N m s/rad", "N s/m")
+    of_friction = by_speed or (term.effect.rubs and parameter.unit in ("N m", "N"))
+    if parameter.plausible is None or not rows or not of_friction:
+        return parameter
+    most = _MOST * float(np.max(session.largest_torque[rows] / (session.largest_speed[rows] if by_speed else 1.0)))
+    low, high = parameter.plausible
+    # A joint whose torque or speed was not recorded sets no limit.
+    if not 0.0 < most < high:
+        return parameter
+    return replace(parameter, plausible=(low, most), plausible_because=_BY_SPEED if by_speed else _BY_TORQUE)

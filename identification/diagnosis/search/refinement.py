@@ -1,6 +1,8 @@
-"""Effects about which nonlinear laws are linearised again: those that a fit found, and their runners-up."""
+"""Points at which nonlinear laws are linearised again: the effects of a fit, and their best rivals (runners-up)."""
 
 from __future__ import annotations
+
+from functools import partial
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import FoundEffect, Term, ordered
@@ -16,14 +18,14 @@ _SAME_SHAPE = 0.03
 
 def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
     """Found effects as points about which nonlinear laws are linearised."""
-    return tuple(_point(fitted, term) for term in ordered(chosen))
+    return tuple(_found_effect(fitted, term) for term in ordered(chosen))
 
 
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
-    """Rivals with a shape that do nearly as well as a finding, or nearly well enough to be one.
+    """Rivals with a shape that gain nearly as much as a finding, or nearly enough for a claim.
 
     A grid of shapes is coarse, and a linearised law is wrong where an effect is large: for these reasons alone the true
-    effect may be second to one with more parameters.
+    effect may gain less than one with more parameters.
     """
     taken = {term.effect_joint for term in chosen}
     shaped = tuple(term for term in search.terms if term.named and term.shape and term.effect_joint not in taken)
@@ -31,7 +33,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]
-        rivals = tuple(term for term in shaped if search.possible(remaining, term))
+        rivals = tuple(term for term in shaped if search.can_join(remaining, term))
         least = 0.0 if won is None else rules.RUNNER_UP * won
         gains = search.gains(remaining, rivals, above=least, instead_of=finding)
         best: dict[tuple[str, str | None], Term] = {}
@@ -42,7 +44,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
             ):
                 best.setdefault(term.effect_joint, term)
         for cause, term in best.items():
-            out.setdefault(cause, _point(search.evaluate(with_term(remaining, term)), term))
+            out.setdefault(cause, _found_effect(search.held_out_fit(with_term(remaining, term)), term))
     return tuple(out.values())
 
 
@@ -52,32 +54,28 @@ def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
     return any(point.shape or point.effect.follows_torque or (loaded and point.effect.follows_load) for point in found)
 
 
-def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
+def same_points(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
     """True if nonlinear laws would be linearised about the same points again."""
-    names = [[(*point.effect_joint, len(point.shape)) for point in points] for points in (found, before)]
-    if names[0] != names[1]:
-        return False
-    return all(
+    now, last = ([(*point.effect_joint, len(point.shape)) for point in points] for points in (found, before))
+    return now == last and all(
         abs(x - y) <= _SAME_SHAPE * abs(y)
         for a, b in zip(found, before, strict=True)
         for x, y in zip(a.shape, b.shape, strict=True)
     )
 
 
-def same_effects(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
+def matching_terms(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
     """Terms of a new search for the effects that an earlier one has found, each with the nearest shape."""
-    out = []
-    for point in found:
-        here = [term for term in search.terms if term.effect_joint == (point.effect.name, point.joint)]
-        if here:
-            out.append(min(here, key=lambda term: (abs(len(term.shape) - len(point.shape)), _apart(term, point))))
-    return frozenset(out)
+    shapes = ((point, [term for term in search.terms if term.effect_joint == point.effect_joint]) for point in found)
+    return frozenset(min(terms, key=partial(_shape_distance, point)) for point, terms in shapes if terms)
 
 
-def _point(fitted: Fitted, term: Term) -> FoundEffect:
+def _found_effect(fitted: Fitted, term: Term) -> FoundEffect:
+    """One fitted effect as a point about which its law is linearised."""
     return FoundEffect(term.effect, term.joint, term.shape, fitted.theta[list(term.columns)])
 
 
-def _apart(term: Term, point: FoundEffect) -> float:
-    """Distance of two shapes of one effect."""
-    return sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))
+def _shape_distance(point: FoundEffect, term: Term) -> tuple[int, float]:
+    """Difference of the numbers of shape parameters, and sum of the differences of those that both shapes have."""
+    apart = sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))
+    return abs(len(term.shape) - len(point.shape)), apart

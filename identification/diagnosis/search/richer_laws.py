@@ -1,4 +1,4 @@
-"""Odds of laws with more parameters against a finding that is their special case, and whether sizes are plausible."""
+"""Odds of laws with more parameters against a finding that is their special case; test of a set for plausible sizes."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.containment import contains
 from identification.diagnosis.search.fits import Chosen
-from identification.diagnosis.search.plausible_sizes import implausible
+from identification.diagnosis.search.plausible_sizes import implausible_size
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.swaps import replaced
+from identification.diagnosis.search.swaps import with_replacement
 from identification.engine import contract_levels
 from identification.engine.fits.projection import project_off_fit
 
@@ -28,9 +28,10 @@ def odds_of_richer_laws(
 ) -> dict[tuple[EffectJoint, ...], float]:
     """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
 
-    A fit that does not differ from the special case does not exclude the law: friction that falls at the lowest speeds
-    shows only where a joint is so slow. It is as little excluded as the part of its shapes that a recording hardly
-    shows. Nor is an implausible size simpler than a plausible one of the law: no load weighs less than nothing.
+    A fit that does not differ from the special case does not rule out the law: friction that falls at the lowest speeds
+    can be identified only where a joint is so slow. So odds are averaged over the shapes of a law, those included that
+    the recording hardly shows. A law of plausible size has odds of one against a finding of implausible size: no load
+    weighs less than nothing.
 
     Args:
         search: Rivals.
@@ -46,23 +47,24 @@ def odds_of_richer_laws(
         better = (
             not sound
             and has_plausible_sizes(search, rich, rich - chosen)
-            and search.quick(rich) <= search.quick(chosen)
+            and search.in_sample_loss(rich) <= search.in_sample_loss(chosen)
         )
-        return 1.0 if better else _odds(search, chosen, rich)
+        return 1.0 if better else _bounded_odds(search, chosen, rich)
 
     sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
     single = {one.effect_joint for others in richer_laws if len(others) == 1 for one in others}
     for one in search.terms:
         own = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None
         if one.effect_joint in single or (own and one.effect_joint not in barred):
-            sets[one.effect_joint,].append(replaced(chosen, term, frozenset([one])))
+            sets[one.effect_joint,].append(with_replacement(chosen, term, frozenset([one])))
     for others in richer_laws:
         if len(others) > 1:
-            sets[_causes(others)] = [replaced(chosen, term, others)]
+            causes = tuple(dict.fromkeys(other.effect_joint for other in ordered(others)))
+            sets[causes] = [with_replacement(chosen, term, others)]
     return {causes: float(np.mean([odds(one) for one in each])) for causes, each in sets.items()}
 
 
-def _odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
+def _bounded_odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
     """Odds of a set against one with a special case of one of its laws, at most one.
 
     Where the law has other columns than its special case, they are no more than twice the probability that other blocks
@@ -72,14 +74,9 @@ def _odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
     columns = {column for one in chosen for column in one.columns}
     if odds < contract_levels.LISTED or columns <= {column for one in rich for column in one.columns}:
         return odds
-    worse = search.evaluate(rich).loss - search.evaluate(chosen).loss
+    worse = search.held_out_fit(rich).loss - search.held_out_fit(chosen).loss
     error = float(np.sqrt(len(worse)) * worse.std())
     return min(odds, 2.0 * float(ndtr(-worse.sum() / error))) if error > 0.0 else odds
-
-
-def _causes(others: Chosen) -> tuple[EffectJoint, ...]:
-    """Effects and joints of a set."""
-    return tuple(dict.fromkeys(other.effect_joint for other in ordered(others)))
 
 
 def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
@@ -88,7 +85,7 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
     By the prior, each further direction makes about half of the torque of the finding. If the data do not determine
     such a direction beside the tolerances, the odds stay near one.
     """
-    problem, found = search.problem.of(chosen), search.evaluate(chosen)
+    problem, found = search.problem.of(chosen), search.held_out_fit(chosen)
     more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
     old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
     a = problem.total_a
@@ -107,5 +104,5 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
 
 def has_plausible_sizes(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
     """True if the sizes of some effects of a set are plausible."""
-    session, found = search.problem.session, search.evaluate(chosen)
-    return all(implausible(session, one, *found.size(one)) is None for one in theirs)
+    session, found = search.problem.session, search.held_out_fit(chosen)
+    return all(implausible_size(session, one, *found.coefficients_of(one)) is None for one in theirs)

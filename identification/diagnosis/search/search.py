@@ -20,7 +20,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.containment import relations
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.record import Record
-from identification.diagnosis.search.special_cases import ends_on_nothing
+from identification.diagnosis.search.special_cases import vanishes_at_bound
 from identification.gates import above_chance
 
 # Number of joints from which on effects on different ones are added, swapped and dropped in one step, to save time.
@@ -83,6 +83,7 @@ class Search:
         rows: Gap of each row: an effect on a row with a large gap has to close a fair part of it.
         spurious: Gain of each effect by encoder noise alone.
         record: Decisions on each effect.
+        near: Cached alternatives of an effect that touch a joint that it touches, see `swaps.relevant_alternatives`.
     """
 
     problem: Problem
@@ -95,6 +96,8 @@ class Search:
     rows: RowGaps
     spurious: dict[tuple[str, str | None], float]
     record: Record = field(default_factory=Record, compare=False)
+    near: dict[Term, tuple[frozenset[Term], ...]] = field(default_factory=dict, init=False, compare=False)
+    _scores: dict[frozenset[Term], float] = field(default_factory=dict, init=False, compare=False)
 
     @property
     def many_joints(self) -> bool:
@@ -111,11 +114,11 @@ class Search:
         fits = self.fits.of(chosen)
         return self if fits is self.fits else replace(self, problem=fits.problem, fits=fits)
 
-    def evaluate(self, chosen: frozenset[Term]) -> Fitted:
+    def held_out_fit(self, chosen: frozenset[Term]) -> Fitted:
         """Fit of a set with its held-out losses."""
         return self.fits.held_out(chosen)
 
-    def quick(self, chosen: frozenset[Term]) -> float:
+    def in_sample_loss(self, chosen: frozenset[Term]) -> float:
         """Loss of a set in sample."""
         return self.fits.in_sample(chosen)
 
@@ -123,26 +126,14 @@ class Search:
         """Held-out loss plus the price of the parameters; lower is better.
 
         Parameters that add no rank cost a negligible amount, so that of two sets with exactly the same columns the one
-        with fewer parameters is chosen. A set whose fit needs an impossible size scores infinity.
+        with fewer parameters is chosen. A set whose fit needs an impossible size scores `IMPOSSIBLE`.
         """
         if chosen not in self._scores:
-            self._scores[chosen] = self._score(chosen)
+            found, robot = self.held_out_fit(chosen), self.problem.session.robot
+            vanishes = any(vanishes_at_bound(robot, term, found.theta[list(term.columns)]) for term in chosen)
+            priced = found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
+            self._scores[chosen] = IMPOSSIBLE if vanishes else priced
         return self._scores[chosen]
-
-    @cached_property
-    def _scores(self) -> dict[frozenset[Term], float]:
-        return {}
-
-    @cached_property
-    def near(self) -> dict[Term, tuple[frozenset[Term], ...]]:
-        """Cached alternatives of an effect that touch a joint that it touches, see `swaps.relevant`."""
-        return {}
-
-    def _score(self, chosen: frozenset[Term]) -> float:
-        found = self.evaluate(chosen)
-        if any(ends_on_nothing(self.problem.session.robot, term, found.theta[list(term.columns)]) for term in chosen):
-            return IMPOSSIBLE
-        return found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
     def gains(
         self,
@@ -151,17 +142,18 @@ class Search:
         above: float = -np.inf,
         instead_of: Term | None = None,
     ) -> dict[Term, float]:
-        """In-sample gain of each term beside a set, less the price of its parameters.
+        """In-sample gain of each term if it is added to a set, less the price of its parameters.
 
-        All are ranked with the binding bounds of the set held. The best are then fitted, and so are those that would
-        remove others of the set, where their gain may be above the wanted one. A gain is larger once bounds are
-        released: a few times where tolerances are at their bounds to imitate the cause.
+        Gains are first estimated with the active bounds of the set fixed. Then the best terms are fitted, and also
+        those that would remove others from the set, if their gain may be above ``above``. A gain is larger once bounds
+        are released: a few times larger if tolerance parameters are at their bounds to imitate the cause.
 
         Args:
             chosen: A set.
             terms: Rivals.
-            above: The wanted gain: one that is below it need not be exact.
-            instead_of: A finding that the terms may replace. It shows how much the bounds hide.
+            above: Gain below which an estimate is good enough.
+            instead_of: A finding that the terms may replace. Its own gain shows how much larger gains are without the
+                bounds.
         """
         gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
@@ -174,21 +166,22 @@ class Search:
         out = {term: gained[term] - costs[term] for term in terms}
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
-        released = _RELEASED * (1.0 if instead_of is None else self._hidden_by_bounds(chosen, instead_of))
+        released = _RELEASED
+        if instead_of is not None:
+            estimate = max(self.fits.gains(chosen, (instead_of,))[instead_of], 1e-12)
+            fitted = self.in_sample_loss(chosen) - self.in_sample_loss(chosen | {instead_of})
+            released *= max(fitted / estimate, 1.0)
         for k, term in enumerate(ranked):
             worth = released * (out[term] + costs[term]) - costs[term] > above
             promising = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
             if worth and (promising or term in gone):
-                out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
+                out[term] = (
+                    self.in_sample_loss(chosen) - self.in_sample_loss((chosen - gone[term]) | {term}) - costs[term]
+                )
         return out
 
-    def _hidden_by_bounds(self, chosen: frozenset[Term], term: Term) -> float:
-        """Gain of a term beside a set over its estimate with the binding bounds of the set held, at least one."""
-        estimate = max(self.fits.gains(chosen, (term,))[term], 1e-12)
-        return max((self.quick(chosen) - self.quick(chosen | {term})) / estimate, 1.0)
-
-    def possible(self, chosen: frozenset[Term], term: Term) -> bool:
-        """As `containment.possible`, with the cached relations of this search."""
+    def can_join(self, chosen: frozenset[Term], term: Term) -> bool:
+        """As `containment.can_join`, with the cached relations of this search."""
         return term not in chosen and chosen.isdisjoint(self.covering(term))
 
     def price_of(self, chosen: frozenset[Term]) -> float:

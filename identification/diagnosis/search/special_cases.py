@@ -1,4 +1,4 @@
-"""Special cases of fitted laws: whether a law differs from a simpler one, and whether its size is possible."""
+"""Tests of a fitted law against its special cases: whether it differs from a simpler law, or from no effect."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.fit.full_fit import FullFit
 from identification.gates.special_case import differs_from_simpler
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.rival import SpecialCase
@@ -20,7 +20,7 @@ _RANK = 1e-9
 _END = 1e-12
 
 
-def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
+def certainty_of_difference(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
     """Probability that estimates of zeros would be nearer to zero than these numbers are (Wald's test)."""
     from scipy.special import chdtr
 
@@ -32,45 +32,45 @@ def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
     return float(chdtr(len(numbers), scaled @ inverse @ scaled))
 
 
-def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
-    """Certainty that an effect differs from its nearest special case in a joint fit, and that case.
+def nearest_case(robot: Robot, term: Term, fitted: FullFit) -> tuple[float, tuple[str, ...]] | None:
+    """Certainty that an effect differs from its nearest special case in a full fit, and the effects of that case.
 
-    None for an effect without special cases. The nearest is the first that it does not differ from, if there is one.
+    None for an effect without special cases. The nearest case is the first that the effect does not differ from; if it
+    differs from all, it is the one from which it differs with the smallest certainty.
 
     Args:
         robot: The given model.
-        term: In the fit.
-        fitted: Fit of all numbers at once.
+        term: An effect of the fit.
+        fitted: Fit of all parameters together.
     """
     if term.effect.inertial == "free":
         return None
     slices = fitted.slices_of(term)
-    at = slices.indices
-    x, count = fitted.x[at], slices.count
+    x, count = fitted.x[slices.indices], slices.count
 
     def cases(x: Array) -> tuple[SpecialCase, ...]:
         shape = tuple(x[count:].tolist()) or term.shape
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
-    of_other_shape = _of_other_shape(robot, term, x) if len(x) == count else frozenset()
-    return _nearest(cases, x, fitted.shown_by(term), excluded=of_other_shape)
+    of_other_shape = _cases_of_other_shape(robot, term, x) if len(x) == count else frozenset()
+    return _nearest(cases, x, fitted.presence_covariance(term), excluded=of_other_shape)
 
 
 def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
     """Effect and joint of the simplest law that a fitted term does not differ from: its own, or that of a special case.
 
-    None if the fit does not differ from no effect at all, or has an impossible size. A held shape counts as known.
+    None if the fit does not differ from no effect at all, or has an impossible size. Shapes count as known.
     """
-    nearest = nearest_case_of(robot, term, fitted)
+    nearest = nearest_case_at_shape(robot, term, fitted)
     if nearest is None or differs_from_simpler(nearest[0]).passed:
         return (term.effect_joint,)
     return tuple((name, term.joint) for name in nearest[1]) or None
 
 
-def nearest_case_of(
+def nearest_case_at_shape(
     robot: Robot, term: Term, fitted: Fitted, names: tuple[str, ...] | None = None
 ) -> tuple[float, tuple[str, ...]] | None:
-    """As `nearest_case`, for a fit with held shapes; of the special case with these names alone if they are given."""
+    """As `nearest_case`, for a fit with fixed shapes; with ``names`` only the special case of these effects counts."""
     if term.effect.inertial == "free":
         return None
     columns = list(term.columns[:4] if term.effect.inertial == "point mass" else term.columns)
@@ -80,12 +80,12 @@ def nearest_case_of(
         return term.effect.special_cases(robot, term.joint, x, term.shape)
 
     theta = fitted.theta[columns]
-    of_other_shape = _of_other_shape(robot, term, theta)
+    of_other_shape = _cases_of_other_shape(robot, term, theta)
     return _nearest(cases, theta, fitted.cov[np.ix_(at, at)], names, of_other_shape)
 
 
-def _of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
-    """Simpler laws that an effect becomes at another shape: a fit that holds its shape says nothing about these."""
+def _cases_of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
+    """Special cases that an effect becomes at another shape: a fit with fixed shapes says nothing about them."""
     at, near = (
         term.effect.special_cases(robot, term.joint, theta, tuple(scale * one for one in term.shape))
         for scale in (1.0, 1.01)
@@ -95,8 +95,8 @@ def _of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> froz
     )
 
 
-def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
-    """True if a fit has come to the end of an effect's possible range.
+def vanishes_at_bound(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
+    """True if the coefficients of an effect lie on a bound at which its law is the same as no effect.
 
     Args:
         robot: The given model.
@@ -115,16 +115,13 @@ def _nearest(
     excluded: frozenset[tuple[str, ...]] = frozenset(),
 ) -> tuple[float, tuple[str, ...]] | None:
     """The first special case from which the numbers do not differ, else the one from which they differ least."""
-    nearest: tuple[float, tuple[str, ...]] | None = None
     step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))
-    moved = [cases(x + row) for row in np.diag(step)]
+    shifted, tested = [cases(x + row) for row in np.diag(step)], list[tuple[float, tuple[str, ...]]]()
     for k, case in enumerate(cases(x)):
         if case.names in excluded or names not in (None, case.names):
             continue
-        slope = np.stack([(other[k].numbers - case.numbers) / s for other, s in zip(moved, step, strict=True)], axis=1)
-        certain = certainty(case.numbers, slope @ cov @ slope.T)
-        if not differs_from_simpler(certain).passed:
-            return certain, case.names
-        if nearest is None or certain < nearest[0]:
-            nearest = certain, case.names
-    return nearest
+        slope = np.stack([(to[k].numbers - case.numbers) / s for to, s in zip(shifted, step, strict=True)], axis=1)
+        tested.append((certainty_of_difference(case.numbers, slope @ cov @ slope.T), case.names))
+        if not differs_from_simpler(tested[-1][0]).passed:
+            return tested[-1]
+    return min(tested, key=lambda one: one[0], default=None)

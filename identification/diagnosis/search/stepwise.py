@@ -1,7 +1,7 @@
-"""Forward selection of effects with backward elimination and swaps, generic structures included.
+"""Stepwise search: forward selection of effects with backward elimination and swaps, generic structures included.
 
 Effects are added by their held-out gain, removed once they are needless, and swapped for simpler or better ones.
-Structures outside the catalogue then join the set, or take the place of effects that only resemble them.
+Structures outside the catalogue are then added to the set, or replace effects that only resemble them.
 """
 
 from __future__ import annotations
@@ -10,11 +10,17 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.search.claims import dropped, gate_results, least_missed, passes_gates, rows_of
-from identification.diagnosis.search.containment import is_beside_parts, is_of_many_joints, possible, with_term
+from identification.diagnosis.search.claims import (
+    backward_elimination,
+    gate_results,
+    least_needed,
+    passes_gates,
+    rows_touched_by,
+)
+from identification.diagnosis.search.containment import can_join, is_beside_parts, is_of_many_joints, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
-from identification.diagnosis.search.swaps import parts_of, simplified, swapped
+from identification.diagnosis.search.swaps import parts_of, with_simpler_laws, with_swaps
 from identification.engine.claims import GateResult
 from identification.gates import above_chance, exchange
 from identification.gates.above_chance import more_than_chance
@@ -32,7 +38,7 @@ _MOST_JOINTS_BEGUN = 3
 _MOST_NAMELESS = 4
 
 
-def explain(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
+def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
     """The set of effects that explains the recordings with the fewest parameters.
 
     Free inertial parameters of all links explain a little of any missing effect. So they are tested last, beside the
@@ -44,14 +50,15 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
         progress: Takes the stages.
         start: Result of an earlier search.
     """
-    chosen = dropped(search, frozenset(term for term in start if term.named))
+    chosen = backward_elimination(search, frozenset(term for term in start if term.named))
     whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
     gains = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
     if whole is not None or gains:
         chosen = _improved_without(search, gains | {whole}, chosen, progress)
     if whole is not None and whole not in chosen:
         alone = search.alone[whole]
-        if search.quick(alone) + search.price_of(alone) < search.quick(chosen) + search.price_of(chosen):
+        priced, others = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
+        if priced < others:
             stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
             if not stays.passed:
                 search.record.add_failed(chosen, stays, replaced_by=[whole])
@@ -59,42 +66,44 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
                 chosen = alone
     if whole is not None and gains:
         chosen = _improved_without(search, gains, chosen, progress)
-    chosen = _from_other_beginnings(search, _improved(search, chosen, progress), progress)
+    chosen = _with_other_starts(search, _improved(search, chosen, progress), progress)
     return with_nameless(search, chosen, progress)
 
 
 def _improved_without(
     search: Search, late: Collection[Term | None], chosen: frozenset[Term], progress: Progress
 ) -> frozenset[Term]:
-    """The set to which steps of all but some effects lead; the same set if it has one of these effects."""
+    """The set that `_improved` finds without some effects; the same set if it contains one of these effects."""
     if not chosen.isdisjoint(late):
         return chosen
     return _improved(replace(search, terms=tuple(term for term in search.terms if term not in late)), chosen, progress)
 
 
 def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The set to which additions, removals and swaps lead."""
+    """The set after additions, removals and swaps of effects, repeated until they change nothing."""
     for _ in range(4):
         before = chosen
-        chosen = forward(search, chosen, progress)
+        chosen = forward_selection(search, chosen, progress)
         progress(Announcement(Stage.ALTERNATIVES))
-        chosen = simplified(search, swapped(search, dropped(search, chosen)))
+        chosen = with_simpler_laws(search, with_swaps(search, backward_elimination(search, chosen)))
         chosen = _by_single_effects(search, chosen, progress)
         if chosen == before:
             break
     return chosen
 
 
-def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
+def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set, or a better one from a search that begins with another effect, where a joint moves in one sine.
 
-    There torque is two numbers, in phase and out of phase. An effect that makes part of both gains most alone, and
-    beside it the two true effects, which make one each, gain nothing more.
+    There the torque of a joint is determined by two numbers, in phase and out of phase with the motion. An effect that
+    contributes to both gains most alone, and the two true effects, which contribute to one each, then gain nothing.
     """
     sines = search.problem.session.in_one_sine
     if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
         return chosen
-    named = tuple(term for term in search.terms if term.named and not sines.isdisjoint(rows_of(search.problem, term)))
+    named = tuple(
+        term for term in search.terms if term.named and not sines.isdisjoint(rows_touched_by(search.problem, term))
+    )
     gains = search.gains(frozenset(), named)
     first: dict[EffectJoint, Term] = {}
     for term in sorted(named, key=lambda term: -gains[term]):
@@ -104,7 +113,7 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
         if term in chosen:
             continue
         trial = replace(search, record=search.record.copy_for_trial())
-        tried = dropped(trial, forward(trial, search.alone[term], progress))
+        tried = backward_elimination(trial, forward_selection(trial, search.alone[term], progress))
         stays = explains_more_than_others(search.score(tried) - search.score(best), -exchange.ROUNDING)
         if not stays.passed:
             search.record.take_over(trial.record)
@@ -113,9 +122,9 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
     return best
 
 
-def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
-    """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
-    rivals = tuple(term for term in search.terms if term.named and search.possible(chosen, term))
+def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
+    """The set with one more named effect, the one that gains most, if it gains more than its price; else None."""
+    rivals = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
     promised = search.gains(chosen, rivals, above=0.0)
     best = sorted(rivals, key=lambda term: -promised[term])[:_FEW_JUDGED]
     worth = [with_term(chosen, term) for term in best if _beats_small_parts(search, chosen, term)]
@@ -123,18 +132,18 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
     return tried if tried is not None and search.score(tried) < search.score(chosen) else None
 
 
-def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
+def forward_selection(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
     A gain in sample is larger than on held-out data. So rivals are tested on held-out data in the order of their gains
     in sample, until no further one can be better than the best so far. An added effect can make earlier ones
-    unnecessary, and without them it can be unnecessary itself: where sets repeat, the best of the cycle is the result.
+    unnecessary, and without them it can be unnecessary itself: if sets repeat, the best set of the cycle is returned.
     """
     seen = [chosen]
     while True:
         progress(Announcement(Stage.RIVALS_TRIED, detail={"found": len(chosen)}))
         base = search.score(chosen)
-        rivals = [term for term in search.terms if term.named and search.possible(chosen, term)]
+        rivals = [term for term in search.terms if term.named and search.can_join(chosen, term)]
         promised = search.gains(chosen, tuple(rivals), above=0.0)
         best, most = None, 0.0
         ranked = sorted(rivals, key=lambda term: -promised[term])
@@ -151,17 +160,17 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
                 best, most = term, gain
         if best is None:
             return chosen
-        chosen = _added(search, chosen, best)
+        chosen = _with_claimed(search, chosen, best)
         if search.many_joints:
             chosen = _with_other_joints(search, chosen, best, ranked)
-        chosen = dropped(search, chosen)
+        chosen = backward_elimination(search, chosen)
         if chosen in seen:
             return min(seen[seen.index(chosen) :], key=search.score)
         seen.append(chosen)
 
 
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
-    """The set with the most promising effect of each other joint, too, without those that prove unnecessary.
+    """The set with the most promising effect of each further joint that passes the gates of a claim.
 
     Free inertial parameters explain a little of any missing effect, so they are added alone, where they gain most. So
     are gains of torque constants, as a fit with one takes many times as long.
@@ -177,12 +186,12 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
         if term.joint is None or term.joint in taken or term.effect.inertial == "free" or term.effect.scales_joint:
             continue
         taken.add(term.joint)
-        if possible(chosen, term) and passes_gates(search, with_term(chosen, term), chosen):
-            chosen = _added(search, chosen, term)
+        if can_join(chosen, term) and passes_gates(search, with_term(chosen, term), chosen):
+            chosen = _with_claimed(search, chosen, term)
     return chosen
 
 
-def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
+def _with_claimed(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
     """The set with a claimed effect, without those that it replaces; both are recorded."""
     together = with_term(chosen, term)
     margin = search.score(chosen) - search.score(together)
@@ -206,7 +215,9 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
         without = replace(search, terms=others, record=search.record.copy_for_trial())
-        tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
+        tried = with_swaps(
+            without, backward_elimination(without, forward_selection(without, chosen - {term}, progress))
+        )
         several = [tried] if search.sizes[term] > len(rows) else [tried, _with_small_parts(without, tried, term)]
         margin = min(search.score(one) for one in several) - search.score(chosen)
         # Many sets were tried, so that a small margin is chance.
@@ -223,9 +234,9 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
 
 
 def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> bool:
-    """False for one number of several joints that gains no more than what is left to find of its parts.
+    """False for an effect with one parameter for several joints that gains no more than its parts on these joints.
 
-    It explains a little on each joint, and so much of what friction leaves that is below chance on each of them.
+    Such an effect explains a little on each joint, and so the remaining friction that is below chance on each of them.
     """
     if not is_beside_parts(chosen, term):
         return True
@@ -235,19 +246,19 @@ def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> b
 
 
 def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set with each effect that, with others, makes much the same torque as a law, on each joint of the law."""
+    """The set with all effects on the joints of a law that together make much the same torque as the law."""
     for part in parts_of(search, term):
-        if part.joint is not None and possible(chosen, part):
+        if part.joint is not None and can_join(chosen, part):
             chosen = with_term(chosen, part)
     return chosen
 
 
 def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """Add structures outside the catalogue to the set, or put them in the place of named effects.
+    """The set with structures outside the catalogue, added to named effects or in place of them.
 
     A structure has to gain as much as any claim beyond the best set of named effects; effects that it makes unnecessary
-    are then removed. One that replaces several effects at a lower price does so, but not where a joint moves in one
-    sine: there every torque is two numbers, and a structure with two numbers makes any.
+    are then removed. A structure may replace several effects at a lower price, but not where a joint moves in one sine:
+    there two numbers determine every torque, and a structure with two parameters makes any.
     """
     sines = search.problem.session.in_one_sine
     progress(Announcement(Stage.NAMELESS))
@@ -258,12 +269,12 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
         for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
             promised = search.gains(base, nameless, above=search.threshold.overall)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_FEW_JUDGED]:
-                if not more_than_chance(promised[term], search.threshold.overall).passed or not possible(base, term):
+                if not more_than_chance(promised[term], search.threshold.overall).passed or not can_join(base, term):
                     continue
-                tried = _only_needed(search, term, base, chosen)
+                tried = _with_needed_only(search, term, base, chosen)
                 # The set stays if it explains more than the one with the structure, by the margin of that gate.
-                in_one_sine = not sines.isdisjoint(rows_of(search.problem, term))
-                needed = _asked_of_nameless(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
+                in_one_sine = not sines.isdisjoint(rows_touched_by(search.problem, term))
+                needed = _least_nameless_gain(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
                 stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
                 if not stays.passed and passes_gates(search, tried, tried - {term}):
                     better[tried] = stays
@@ -279,19 +290,19 @@ def _count_of_causes(effects: frozenset[Term]) -> int:
     return min(len({term.effect for term in effects}), len({term.joint for term in effects}))
 
 
-def _asked_of_nameless(
+def _least_nameless_gain(
     search: Search, structure: Term, replaced: frozenset[Term], accuracy: float, *, in_one_sine: bool
 ) -> float:
-    """Least gain in score of a set with a nameless structure that makes some effects unnecessary.
+    """Least gain in score that a set with a nameless structure needs if the structure makes some effects unnecessary.
 
-    None is asked of one law that has fewer numbers than several effects together: they imitate it.
+    It is zero for a structure with fewer parameters than several effects together: they imitate it.
 
     Args:
         search: Rivals.
-        structure: Has no name in the catalogue.
+        structure: A structure outside the catalogue.
         replaced: Effects that it makes unnecessary.
-        accuracy: What a structure with many shapes gains from inaccuracies of the laws that it replaces.
-        in_one_sine: True if its joint moves in one sine, where two numbers make any torque.
+        accuracy: Gain of a structure with many shapes from inaccuracies of the laws that it replaces.
+        in_one_sine: True if its joint moves in one sine, where two parameters make any torque.
     """
     simpler = not structure.shape and search.sizes[structure] < search.sizes_of(replaced)
     if simpler and len(replaced) > 1 and not in_one_sine:
@@ -300,23 +311,28 @@ def _asked_of_nameless(
     return exchange.NAMELESS_MARGIN[gone] * search.threshold.overall + (accuracy if gone in (1, 2) else 0.0)
 
 
-def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
+def _with_needed_only(
+    search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]
+) -> frozenset[Term]:
     """A set with a structure and those named effects that are still needed.
 
-    Effects on other joints than the structure's are still needed. Of many others only those are tested whose removal
+    Effects on other joints than the structure's count as needed. Of many others only those are tested whose removal
     raises the loss least.
     """
-    rows = rows_of(search.problem, structure)
+    rows = rows_touched_by(search.problem, structure)
     whole = with_term(chosen, structure)
-    missed = whole.difference(least_missed(search, whole))
-    beside = [t for t in ordered(chosen) if t.named and (t in missed or rows.isdisjoint(rows_of(search.problem, t)))]
+    missed = whole.difference(least_needed(search, whole))
+    beside = [
+        t for t in ordered(chosen) if t.named and (t in missed or rows.isdisjoint(rows_touched_by(search.problem, t)))
+    ]
     tried = with_term(base, structure)
     for term in beside:
-        if possible(tried, term):
+        if can_join(tried, term):
             tried = with_term(tried, term)
     for term in ordered(chosen.difference(beside)):
-        if term.named and possible(tried, term) and passes_gates(search, with_term(tried, term), tried):
-            tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
+        more = with_term(tried, term)
+        if term.named and can_join(tried, term) and passes_gates(search, more, tried) and more >= tried:
+            tried = more
     while True:
         left = ordered(tried.difference(beside))
         needless = [term for term in left if term.named and not passes_gates(search, tried, tried - {term})]

@@ -8,14 +8,14 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.search.claims import dropped, passes_gates, rows_of
+from identification.diagnosis.search.claims import backward_elimination, passes_gates, rows_touched_by
 from identification.diagnosis.search.containment import (
     are_near_twins,
     are_parts,
+    can_join,
     contains,
     is_of_many_joints,
     joints_of,
-    possible,
     with_term,
 )
 from identification.diagnosis.search.search import Search, price
@@ -31,20 +31,22 @@ _WORTH_TRYING = 8
 _TRIED_EACH = 3
 
 
-def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Replace single effects by better or simpler ones until no swap lowers the score."""
+def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """The set after swaps of single effects for better or simpler ones, until no swap lowers the score."""
     for _ in range(20):
-        quick = search.quick(chosen) + search.price_of(chosen)
+        quick = search.in_sample_loss(chosen) + search.price_of(chosen)
         tried = {
-            replaced(chosen, term, others)
+            with_replacement(chosen, term, others)
             for term in ordered(chosen)
-            for others in relevant(search, chosen, term, 2 * above_chance.PARAMETER_PRICE)
+            for others in relevant_alternatives(search, chosen, term, 2 * above_chance.PARAMETER_PRICE)
         }
-        ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
+        ranked = sorted(
+            tried - {chosen}, key=lambda other: (search.in_sample_loss(other) + search.price_of(other), _key(other))
+        )
         worth = [
             other
             for other in ranked
-            if search.quick(other) + search.price_of(other) < quick + above_chance.PARAMETER_PRICE
+            if search.in_sample_loss(other) + search.price_of(other) < quick + above_chance.PARAMETER_PRICE
         ]
         if search.many_joints:
             best = _swapped_everywhere(search, chosen, worth)
@@ -53,8 +55,9 @@ def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             best = min(better, key=lambda other: (search.score(other), _key(other)), default=chosen)
         if best == chosen:
             return chosen
-        _record_swap(search, chosen, best)
-        chosen = dropped(search, best)
+        search.record.add_failed(chosen - best, _exchange(search, best, chosen), replaced_by=best - chosen)
+        search.record.add_passed(best - chosen, _exchange(search, chosen, best))
+        chosen = backward_elimination(search, best)
     return chosen
 
 
@@ -63,9 +66,8 @@ def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) 
 
     Otherwise the next elimination would undo the swap.
     """
-    if not _exchange(search, chosen, other).passed:
-        return False
-    return search.price_of(other) <= search.price_of(chosen) or passes_gates(search, other, chosen)
+    cheaper = search.price_of(other) <= search.price_of(chosen)
+    return _exchange(search, chosen, other).passed and (cheaper or passes_gates(search, other, chosen))
 
 
 def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:
@@ -73,14 +75,8 @@ def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -
     return explains_more_than_others(search.score(before) - search.score(after), exchange.ROUNDING)
 
 
-def _record_swap(search: Search, before: frozenset[Term], after: frozenset[Term]) -> None:
-    """Record the effects that a swap has removed and those that replaced them."""
-    search.record.add_failed(before - after, _exchange(search, after, before), replaced_by=after - before)
-    search.record.add_passed(after - before, _exchange(search, before, after))
-
-
 def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
-    """Swap effects on all joints in one step where it lowers the score, the most promising swap of each joint first.
+    """The set after swaps on all joints in one step, the most promising swap of each joint first.
 
     Args:
         search: Fits and scores of sets.
@@ -90,7 +86,7 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
     now, touched, tried = chosen, frozenset[int](), Counter[frozenset[int]]()
     for other in ranked:
         changed = chosen ^ other
-        rows = frozenset[int]().union(*(rows_of(search.problem, term) for term in changed))
+        rows = frozenset[int]().union(*(rows_touched_by(search.problem, term) for term in changed))
         if rows.isdisjoint(touched) and tried[rows] < _TRIED_EACH:
             tried[rows] += 1
             if _is_better(search, now ^ changed, now):
@@ -98,16 +94,16 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
     return now
 
 
-def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Replace single effects by special cases that explain as much, within the accuracy of the method.
+def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """The set with special cases in place of effects where they explain as much, within the accuracy of the method.
 
     Where noise is small beside the torque of an effect, further parameters of its law explain errors of filters and of
     the linearised tolerances.
     """
     for term in ordered(chosen):
-        accuracy = fair_part.ACCURACY * explained(search, chosen, term)
+        accuracy = fair_part.ACCURACY * explained_loss(search, chosen, term)
         simpler = [
-            replaced(chosen, term, others)
+            with_replacement(chosen, term, others)
             for others in alternatives(search, term)
             if all(contains(term, other) for other in others)
         ]
@@ -122,14 +118,14 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set with one shared coefficient for several joints in place of one for each, where it explains as much."""
+    """The set with one parameter for several joints in place of one for each, where it explains as much."""
     single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
     for term in search.terms:
         own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
         if len(own) < 2 or len(own) < len(joints_of(term)) or not chosen.issuperset(own):
             continue
         other = with_term(chosen, term)
-        allowed = fair_part.ACCURACY * sum(explained(search, chosen, one) for one in own)
+        allowed = fair_part.ACCURACY * sum(explained_loss(search, chosen, one) for one in own)
         worth = worth_its_numbers(search.score(other) - search.score(chosen), allowed)
         if not worth.passed:
             search.record.add_failed(chosen - other, worth, replaced_by=[term])
@@ -138,17 +134,17 @@ def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]
     return chosen
 
 
-def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
-    """In-sample loss that one of several effects explains."""
-    return search.quick(chosen - {term}) - search.quick(chosen)
+def explained_loss(search: Search, chosen: frozenset[Term], term: Term) -> float:
+    """Increase of the in-sample loss of a set if one of its effects is removed."""
+    return search.in_sample_loss(chosen - {term}) - search.in_sample_loss(chosen)
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
-    """Sets of effects that may replace ``term``: single effects, special cases, friction of each of its two joints.
+    """Sets of effects that may replace ``term``: single effects, special cases, and sums of effects.
 
-    An effect between two joints has a lower price than friction of both, and the same torque if both move alike, so
-    that it is compared with all sets of such friction. A torque constant scales all that a drive works against, and is
-    compared with sums of its parts.
+    An effect between two joints has a lower price than friction of both, and the same torque if both move alike: it is
+    compared with all sets of such friction. A torque constant scales all torques of its drive, and is compared with
+    sums of its parts.
     """
     single = [
         search.alone[other]
@@ -162,8 +158,9 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
         for other in search.terms
         if (contains(term, other) and other.joint == term.joint) or _of_passive_joint(search, term, other)
     ]
-    several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
-    several += [frozenset(group) for group in (*_on_each_joint(search, term), *_of_near_twins(search, term))]
+    each, joints = term.effect.on_each_joint, joints_of(term) if term.effect.scope == "pair" else ()
+    on_each_joint = [other for other in search.terms if other.joint in joints and other.effect.name in each]
+    several = [*_groups(parts, most=3), *_groups(on_each_joint), *_of_near_twins(search, term)]
     several += _sums_of_parts(search, term)
     same = [
         search.alone[other] for other in search.terms if other.effect_joint == term.effect_joint and other is not term
@@ -171,22 +168,21 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     return (*single, *several, *same)
 
 
-def _on_each_joint(search: Search, term: Term) -> list[tuple[Term, ...]]:
-    """Sets of effects of single joints that may make the same torque as one between two joints."""
-    joints = (term.joint or "").split("+") if term.effect.scope == "pair" else []
-    own = [other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint]
-    return [group for size in range(2, len(own) + 1) for group in combinations(own, size)]
+def _groups(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]:
+    """All sets of two or more of some effects; with ``most`` no larger ones."""
+    sizes = range(2, (len(terms) if most is None else most) + 1)
+    return [frozenset(group) for size in sizes for group in combinations(terms, size)]
 
 
 def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
     """Sets of two or more effects that together may make the torque of one, where none does alone.
 
-    What replaces one number of several joints acts on all of them.
+    An effect with one parameter for several joints is replaced by parts on all of these joints.
     """
     parts = parts_of(search, term)
     if len(joints_of(term)) > 1:
         return [frozenset(part for part in parts if part.joint is not None)]
-    return [frozenset(group) for size in range(2, len(parts) + 1) for group in combinations(parts, size)]
+    return _groups(parts)
 
 
 def parts_of(search: Search, term: Term) -> list[Term]:
@@ -195,21 +191,19 @@ def parts_of(search: Search, term: Term) -> list[Term]:
     return [other for other in search.terms if other.effect.name in names and other.joint in joints]
 
 
-def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:
-    """Sets with a near twin of ``term``, alone or with a further effect that a law with more parameters contains.
+def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
+    """Pairs of a near twin of an effect with a further part of a law that contains either, or with the effect itself.
 
-    Without that further effect the twin would seem worse; and beside each other near twins gain little.
+    Without the further part the twin would seem worse; and beside each other near twins gain little.
     """
     own = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]
-    if not twins:
-        return []
     # Either twin may be part of a law with more parameters; the other parts are added to the other twin.
     names = {term.effect.name, *(twin.effect.name for twin in twins)}
     richer = [other.effect for other in own if names & set(other.effect.contains)]
     beside = {name for effect in richer for name in effect.contains} - names
-    richer_laws = [(twin, other) for twin in twins for other in own if other.effect.name in beside]
-    return [*richer_laws, *((term, twin) for twin in twins)]
+    pairs = [(twin, other) for twin in twins for other in own if other.effect.name in beside]
+    return [frozenset(pair) for pair in (*pairs, *((term, twin) for twin in twins))]
 
 
 def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
@@ -217,10 +211,10 @@ def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
     passive = search.problem.session.robot.passive_names
     if term.effect.scope != "pair" or other.joint not in passive or other.shape:
         return False
-    return spanned(search, list(other.columns), np.ones(len(other.columns)), list(term.columns))
+    return can_make_torque(search, list(other.columns), np.ones(len(other.columns)), list(term.columns))
 
 
-def spanned(
+def can_make_torque(
     search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = fair_part.ACCURACY
 ) -> bool:
     """True if other columns can make the torque of some columns, within the accuracy of the method.
@@ -238,8 +232,10 @@ def spanned(
     return energy - float(cross @ solve(a[np.ix_(by, by)], cross)) < left * energy
 
 
-def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:
-    """Alternatives of ``term`` that act on one of its joints and could gain as much in sample.
+def relevant_alternatives(
+    search: Search, chosen: frozenset[Term], term: Term, slack: float
+) -> tuple[frozenset[Term], ...]:
+    """Alternatives of an effect that act on one of its joints and could gain as much in sample.
 
     Args:
         search: Fits and scores of sets.
@@ -249,28 +245,28 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
     """
     remaining = chosen - {term}
     if term not in search.near:
-        rows = rows_of(search.problem, term)
+        rows = rows_touched_by(search.problem, term)
         search.near[term] = tuple(
             others
             for others in alternatives(search, term)
-            if any(rows & rows_of(search.problem, other) for other in others)
+            if any(rows & rows_touched_by(search.problem, other) for other in others)
         )
     near = [
         others for others in search.near[term] if all(remaining.isdisjoint(search.covering(other)) for other in others)
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
-    lost = explained(search, chosen, term)
+    lost = explained_loss(search, chosen, term)
     # Estimated gains are to second order, and may be off by a few per cent where a law is nonlinear.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
     promised = search.gains(remaining, singles, above=least, instead_of=term)
     return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
 
 
-def replaced(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
+def with_replacement(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
     """``chosen`` with ``others`` in place of ``term``."""
     out = chosen - {term}
     for other in ordered(others):
-        if possible(out, other):
+        if can_join(out, other):
             out = with_term(out, other)
     return out
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.judge.verdict import is_open
+from identification.diagnosis.judge.verdict import may_hide_gap
 from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.reporting.charts.chart import AFTER, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
@@ -78,7 +78,7 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     # A correction below the noise floor is no part of the gap.
     closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
     if gap.only_given_fits or (closed is None and gap.tolerated <= gap.allowed):
-        closed = "may be a gap" if is_open(gap) else "no gap"
+        closed = "may be a gap" if may_hide_gap(gap) else "no gap"
         if gap.only_given_fits:
             text = with_unit(number(gap.rms_before), gap.unit).replace(" ", NO_BREAK)
     if not gap.hold_out_samples:

@@ -25,13 +25,13 @@ def test_chance_is_measured_by_the_filters_of_the_problem_after_a_second_effect_
         filtered_by.append(noise)
         return filters_of(columns, noise)
 
-    def best_short(*_):
+    def best_below_threshold(*_):
         tried = next(tries)
         return frozenset(effects[:tried]) if tried <= len(effects) else None
 
     monkeypatch.setattr(explanation, "whitening_of", recorded)
-    monkeypatch.setattr(explanation, "best_short", best_short)
-    monkeypatch.setattr(explanation, "explain", lambda search, progress, start=frozenset(): start)
+    monkeypatch.setattr(explanation, "best_below_threshold", best_below_threshold)
+    monkeypatch.setattr(explanation, "stepwise_search", lambda search, progress, start=frozenset(): start)
     monkeypatch.setattr(explanation, "smaller_noise", lambda *_: (tuple(0.9 * x for x in prepared.noise), 0.9))
     monkeypatch.setattr(explanation, "null_threshold", lambda *_: Threshold(1.0, {}))
     monkeypatch.setattr(explanation, "passes_gates", lambda *_: True)

@@ -9,7 +9,7 @@ import phantom_dyn as dyn
 from identification.data.recording import Recording
 from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import standing_still
-from identification.diagnosis.judge.moved_by_noise import _loud_until
+from identification.diagnosis.judge.moved_by_noise import _strong_up_to
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
@@ -148,5 +148,5 @@ def test_a_joint_on_a_coarse_encoder_stands_where_it_stands_and_not_between_its_
 
 def test_a_sine_counts_as_loud_up_to_its_line(rng):
     t = np.arange(4000) / 100.0
-    edge = _loud_until(0.01 * rng.standard_normal(len(t)), np.sin(2 * np.pi * 5.0 * t), 100.0)
+    edge = _strong_up_to(0.01 * rng.standard_normal(len(t)), np.sin(2 * np.pi * 5.0 * t), 100.0)
     assert 5.0 < edge < 8.0

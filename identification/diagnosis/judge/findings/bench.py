@@ -9,15 +9,15 @@ from functools import cached_property, lru_cache
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.gap import Sums
-from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
+from identification.diagnosis.fit.full_fit import FullFit, full_fit
+from identification.diagnosis.fit.gap import ResidualSums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.moved_by_noise import loud_search
+from identification.diagnosis.judge.moved_by_noise import strong_motion_search
 from identification.diagnosis.search.record import EffectJoint, Record
-from identification.diagnosis.search.rival_sets import NONE_BARRED, RivalComparison
+from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search, with_wide_tolerances
-from identification.diagnosis.search.squares_left import squares_left
+from identification.diagnosis.search.subset_residuals import subset_residuals
 from phantom_dyn.array_types import Array, Bool, Float
 
 
@@ -36,7 +36,7 @@ class Shown:
 
     plain: Search
     chosen: frozenset[Term]
-    joint_fit: JointFit
+    full_fit: FullFit
     comparisons: dict[Term, RivalComparison]
     beside: frozenset[Term] = frozenset()
 
@@ -53,7 +53,7 @@ class Shown:
     @property
     def found(self) -> Fitted:
         """Held-out fit of the named effects."""
-        return self.plain.evaluate(self.named)
+        return self.plain.held_out_fit(self.named)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class State:
 
     found: frozenset[Term]
     shown: frozenset[Term]
-    barred: frozenset[EffectJoint] = NONE_BARRED
+    barred: frozenset[EffectJoint] = frozenset()
     near_zero: frozenset[Term] = frozenset()
     searched_again: bool = False
     displaced: frozenset[EffectJoint] = frozenset()
@@ -126,7 +126,7 @@ class Bench:
     plain: Search
     noise: Series
     residuals: Residuals
-    _fits: dict[frozenset[Term], JointFit] = field(default_factory=dict)
+    _fits: dict[frozenset[Term], FullFit] = field(default_factory=dict)
 
     @property
     def record(self) -> Record:
@@ -143,16 +143,16 @@ class Bench:
         """The search in the samples whose motion is far above the noise that a set leaves, and its terms."""
         # The function does not refer to this bench, so that the bench's memory is freed at once.
         plain, noise = self.plain, self.noise
-        return lru_cache(maxsize=1)(lambda found: loud_search(plain, found, found, noise))
+        return lru_cache(maxsize=1)(lambda found: strong_motion_search(plain, found, found, noise))
 
     @cached_property
-    def left(self) -> Callable[[frozenset[Term]], Callable[[frozenset[Term]], Sums]]:
+    def subset_residuals(self) -> Callable[[frozenset[Term]], Callable[[frozenset[Term]], ResidualSums]]:
         """Squared residuals in the judged band of the subsets of a set."""
         plain = self.plain
-        return lru_cache(maxsize=1)(lambda found: squares_left(plain, found))
+        return lru_cache(maxsize=1)(lambda found: subset_residuals(plain, found))
 
-    def fit(self, shown: frozenset[Term]) -> JointFit:
+    def fit(self, shown: frozenset[Term]) -> FullFit:
         """Fit of all numbers of a set at once."""
         if shown not in self._fits:
-            self._fits[shown] = joint_fit(self.plain.problem.of(shown), ordered(shown), self.plain.evaluate(shown))
+            self._fits[shown] = full_fit(self.plain.problem.of(shown), ordered(shown), self.plain.held_out_fit(shown))
         return self._fits[shown]

@@ -19,25 +19,30 @@ from identification.data.drives.joint_torque import per_speed
 from identification.diagnosis.columns.motion.soft_friction import soft_joints
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
 from identification.diagnosis.judge.findings.parameters import base_parameters, finding_loadings, finding_parameters
-from identification.diagnosis.judge.findings.shown_numbers import only_shown, with_other_causes, with_other_tolerances
+from identification.diagnosis.judge.findings.shown_numbers import (
+    widened_by_rivals,
+    widened_by_tolerances,
+    with_unknown_marked,
+)
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding
-from identification.diagnosis.search.claims import rows_of
+from identification.diagnosis.search.claims import rows_touched_by
 from identification.diagnosis.search.imitation import (
-    along_lines,
+    OF_A_MODEL,
+    UNCERTAIN,
     beside_imitation,
-    imitated_by,
-    of_a_model,
-    of_every_motion,
-    of_weights,
-    on_a_line,
+    imitation_of,
+    is_inertial_or_scale,
+    joints_on_lines,
+    joints_with_computed_torque,
+    with_limit,
 )
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
@@ -53,12 +58,12 @@ _NARROWER = 0.8
 _FAR_FROM_ONE = 0.25  # distance of a torque constant from one above which the motor itself is rarely the cause
 
 
-def remarks(shown: Shown) -> tuple[Said, ...]:
+def size_remarks(shown: Shown) -> tuple[Said, ...]:
     """Notes on the sizes of findings: sums of a drive, volts, one-sided intervals, missing parts, implausible sizes."""
     robot = shown.problem.session.robot
-    out = list[Said]((*drive_sums(shown), *perhaps_volts(shown), *one_sided_notes(shown)))
+    out = list[Said]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown)))
     for term in ordered(shown.named):
-        effect, own = term.effect, shown.joint_fit.coefficients(term)
+        effect, own = term.effect, shown.full_fit.coefficients(term)
         assert isinstance(effect, Effect)
         if effect.inertial == "free":
             out += missing_part_notes(shown.problem, term, own)
@@ -88,7 +93,7 @@ class FindingWithout:
     minor: bool = False
 
 
-def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingWithout, ...]:
+def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[FindingWithout, ...]:
     """Each named effect as a finding, with the torque of the model that has all other findings but not this one.
 
     Args:
@@ -97,40 +102,41 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
         within: Residual of the given model with the best changes within its tolerances.
     """
     plain, chosen = shown.plain, shown.chosen
-    fitted = with_other_causes(with_other_tolerances(shown.joint_fit, plain, chosen), shown)
+    fitted = widened_by_rivals(widened_by_tolerances(shown.full_fit, plain, chosen), shown)
     robot = plain.problem.session.robot
-    problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
-    after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
+    problem, floor, found = plain.problem, judge.floor, plain.held_out_fit(chosen)
+    after = residual_sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
     drawn = drawn_blocks(within)
     once = np.ones((1, len(within.counts)))
     shares = shares_of(judge, plain, shown.named)
-    lines, sines = along_lines(problem.session), problem.session.in_one_sine
-    compensated = of_weights(problem.session)
+    lines, sines = joints_on_lines(problem.session), problem.session.in_one_sine
+    compensated = joints_with_computed_torque(problem.session)
     out = []
     for term in ordered(chosen):
         if not term.named:
             continue
         others = frozenset(other for other in chosen if other.named and other is not term)
-        without = plain.evaluate(chosen - {term})
+        without = plain.held_out_fit(chosen - {term})
         torque = held_out_torque(problem, chosen - {term}, without)
-        lost = sums(problem, judge.narrow(residual_after(problem, torque)))
+        lost = residual_sums(problem, judge.narrow(residual_after(problem, torque)))
 
-        def gap_share(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
+        def gap_share(weights: Float[Array, "R B"], lost: ResidualSums = lost) -> Float[Array, " R"]:
             gap = gap_of(judge, within, after, weights)
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
         comparison = shown.comparisons[term]
-        rows = rows_of(problem, term)
-        if not lines.isdisjoint(rows) or (of_every_motion(term) and not sines.isdisjoint(rows)):
-            comparison = on_a_line(beside_imitation(comparison, imitated_by(plain, chosen, term)), term)
+        rows = rows_touched_by(problem, term)
+        if not lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not sines.isdisjoint(rows)):
+            imitation = imitation_of(plain, chosen, term)
+            comparison = with_limit(beside_imitation(comparison, imitation), term, UNCERTAIN)
         if not compensated.isdisjoint(rows):
-            comparison = of_a_model(comparison, term)
+            comparison = with_limit(comparison, term, OF_A_MODEL)
         low, high = np.percentile(gap_share(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
             joint=term.joint,
             regime=term.effect.regime,
-            parameters=only_shown(finding_parameters(robot, term, fitted), problem.session, term.joint),
+            parameters=with_unknown_marked(finding_parameters(robot, term, fitted), problem.session, term.joint),
             gap_closed=float(gap_share(once)[0]),
             gap_closed_interval=(float(low), float(high)),
             probability=comparison.probability,
@@ -138,18 +144,18 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             verdict="one_of" if comparison.rivals else "supported",
             loadings=finding_loadings(robot, term, fitted),
             share=shares[term],
-            law=_simulator_of_law(robot, term, shown.joint_fit.coefficients(term)),
+            law=_simulator_of_law(robot, term, shown.full_fit.coefficients(term)),
         )
         more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
         large = large_enough(finding.gap_closed, float(np.max(more / floor)))
         plain.record.add_passed([term], large)
         if others != chosen - {term}:
-            torque = held_out_torque(problem, others, plain.evaluate(others))
+            torque = held_out_torque(problem, others, plain.held_out_fit(others))
         out.append(FindingWithout(finding, torque, minor=not large.passed))
     return tuple(out)
 
 
-def drive_sums(shown: Shown) -> tuple[Note, ...]:
+def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
     """A note on each voltage-driven joint with a finding of viscous friction or of a late reference.
 
     Args:
@@ -171,9 +177,9 @@ def drive_sums(shown: Shown) -> tuple[Note, ...]:
             per_number = _per_speed_of(robot, term, j, per_volt_loop)
             if per_number is None:
                 continue
-            (value,) = finding_parameters(robot, term, shown.joint_fit).values()
+            (value,) = finding_parameters(robot, term, shown.full_fit).values()
             assert isinstance(value.value, float)
-            loading = per_number * np.array(finding_loadings(robot, term, shown.joint_fit)[0])
+            loading = per_number * np.array(finding_loadings(robot, term, shown.full_fit)[0])
             found += per_number * value.value
             loadings = loadings + loading if loadings.size else loading
         if not loadings.size:
@@ -185,7 +191,7 @@ def drive_sums(shown: Shown) -> tuple[Note, ...]:
     return tuple(out)
 
 
-def perhaps_volts(shown: Shown) -> tuple[Note, ...]:
+def volts_notes(shown: Shown) -> tuple[Note, ...]:
     """A note on joints whose torques are perhaps volts: both torque constant and viscous friction are wrong.
 
     The voltage of a motor is its torque times resistance over torque constant, plus its speed times torque constant.
@@ -200,7 +206,7 @@ def perhaps_volts(shown: Shown) -> tuple[Note, ...]:
         out: set[str] = set()
         for term in named:
             if term.effect.name == effect:
-                value = finding_parameters(session.robot, term, shown.joint_fit)[number].value
+                value = finding_parameters(session.robot, term, shown.full_fit)[number].value
                 out |= set(str(term.joint).split("+")) if is_large(float(np.ravel(value)[0])) else set()
         return out
 
@@ -241,7 +247,7 @@ def _one_sided_note(shown: Shown, term: Term) -> Note | None:
 
     The intervals come from random draws of the estimate, each moved to the nearest possible body.
     """
-    robot, fitted = shown.problem.session.robot, shown.joint_fit
+    robot, fitted = shown.problem.session.robot, shown.full_fit
     at = fitted.slices_of(term).coefficients
     own, cov = fitted.x[at], fitted.cov[at, at]
     squares, axes = np.linalg.eigh(cov)
@@ -269,7 +275,7 @@ def _nearest(
     bodies: list[tuple[Body, Int[Array, " 10"]]],
 ) -> Float[Array, " k"]:
     """The possible bodies nearest to a draw of the estimate, by the precision of the estimate."""
-    if all(body.exists(drawn[at]) for body, at in bodies):
+    if all(body.is_possible(drawn[at]) for body, at in bodies):
         return drawn
     best, _ = possible_minimum(precision, precision @ drawn, (-unbounded, unbounded), drawn, bodies)
     return best

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.fit.full_fit import FullFit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.rival_sets import EffectJoint
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.swaps import replaced
+from identification.diagnosis.search.swaps import with_replacement
 from identification.gates import special_case
 from identification.gates.special_case import more_than_a_missing_part
 from identification.notes import Code, Note
@@ -20,7 +20,7 @@ from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import body_parameters, payload_body
 
 
-def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:
+def likeliest_missing_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:
     """The part whose absence makes most of the torque of wrong inertial parameters, with its share and its body.
 
     Args:
@@ -52,7 +52,7 @@ def payload_of(search: Search) -> Term | None:
     return next((term for term in search.terms if term.effect.inertial == "point mass"), None)
 
 
-def missing_shares(plain: Search, kept: Iterable[Term], fitted: JointFit) -> dict[Term, float]:
+def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) -> dict[Term, float]:
     """For wrong inertial parameters the share of their squared torque that the absence of a mounted part makes.
 
     Ten free numbers of a link explain a little more than a known part, as links are never exactly as modelled; but a
@@ -64,26 +64,26 @@ def missing_shares(plain: Search, kept: Iterable[Term], fitted: JointFit) -> dic
     return {term: _share_of_part(plain.problem, term, fitted.coefficients(term)) for term in free}
 
 
-def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[EffectJoint]:
+def bodies_expressing_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[EffectJoint]:
     """Inertial parameters that express the absence of a part, as a negative payload of the set does already."""
     out = set()
     for term in search.terms:
         if term.effect.inertial == "free":
-            theta = search.evaluate(replaced(chosen, payload, frozenset([term]))).theta[list(term.columns)]
+            theta = search.held_out_fit(with_replacement(chosen, payload, frozenset([term]))).theta[list(term.columns)]
             if not more_than_a_missing_part(_share_of_part(search.problem, term, theta)).passed:
                 out.add(term.effect_joint)
     return frozenset(out)
 
 
 def _share_of_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> float:
-    """As `share_without`, for a part of the payload's link; zero where a part of another link explains more."""
-    found = share_without(problem, term, own)
+    """Share of `likeliest_missing_part` if it is on the payload's link; zero if another part explains more."""
+    found = likeliest_missing_part(problem, term, own)
     return found[0] if found is not None and found[1] == payload_body(problem.session.robot) else 0.0
 
 
 def missing_part_notes(problem: Problem, term: Term, own: Float[Array, " k"]) -> list[Note]:
     """A note where the absence of a part explains most of what inertial parameters explain."""
-    found = share_without(problem, term, own)
+    found = likeliest_missing_part(problem, term, own)
     if found is None or found[0] < special_case.PART_SHARE:
         return []
     share, _, part = found

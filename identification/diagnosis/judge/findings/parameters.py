@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.fit.full_fit import FullFit
 from identification.diagnosis.result import Value
 from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix
@@ -20,7 +20,7 @@ from phantom_dyn.random_streams import random_stream
 _SAMPLES = 200  # random postures: far more rows than an effect has base parameters
 
 
-def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, Value]:
+def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, Value]:
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
     Deviations are those of the joint fit, propagated through the law to first order. Of inertial parameters only the
@@ -36,12 +36,12 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
     if effect.inertial == "free":
         return _inertial(robot, term, x, cov)
-    parameters, values, slope = _law(robot, term, fitted)
+    parameters, values, slope = _stated_law(robot, term, fitted)
     std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
     return _named(parameters, values, std, lists=effect.takes_lists(robot, term.joint))
 
 
-def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:
+def finding_loadings(robot: Robot, term: Term, fitted: FullFit) -> tuple[tuple[float, ...], ...]:
     """Rows of a square root of the covariance of all findings' parameters, for the parameters of one finding.
 
     One row per parameter (per entry of a list), in the order of `finding_parameters`. The covariance of any two
@@ -55,12 +55,12 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
     # The symmetric root is unique; others depend on the rounding of the matrix.
     shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[fitted.slices_of(term).indices]
-    slope = base_parameters(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
+    slope = base_parameters(robot, term)[1] if term.effect.inertial == "free" else _stated_law(robot, term, fitted)[2]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
 
 
-def _law(
-    robot: Robot, term: Term, fitted: JointFit
+def _stated_law(
+    robot: Robot, term: Term, fitted: FullFit
 ) -> tuple[tuple[Parameter, ...], Float[Array, " p"], Float[Array, "p k"]]:
     """Stated parameters, their values, and their derivatives with respect to the fitted parameters."""
     effect, slices = term.effect, fitted.slices_of(term)

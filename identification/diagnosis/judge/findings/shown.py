@@ -14,22 +14,26 @@ from functools import partial
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import sums
+from identification.diagnosis.fit.gap import residual_sums
 from identification.diagnosis.judge.findings.bench import Bench, Shown, State
-from identification.diagnosis.judge.findings.missing_parts import missing_shares, named_as_part, payload_of
+from identification.diagnosis.judge.findings.missing_parts import (
+    bodies_expressing_part,
+    missing_part_shares,
+    payload_of,
+)
 from identification.diagnosis.judge.moved_by_noise import (
-    accelerates,
+    depends_on_acceleration,
     motion_results,
     noise_may_make,
 )
-from identification.diagnosis.judge.shares import least_closed, left_by
-from identification.diagnosis.search.containment import are_parts, possible, with_term
+from identification.diagnosis.judge.shares import least_shares_closed, residual_sums_with
+from identification.diagnosis.search.containment import are_parts, can_join, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.rival_sets import RivalComparison, compare_with_rivals
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, simplest_effects
-from identification.diagnosis.search.stepwise import forward
-from identification.diagnosis.search.swaps import replaced
+from identification.diagnosis.search.special_cases import nearest_case, nearest_case_at_shape, simplest_effects
+from identification.diagnosis.search.stepwise import forward_selection
+from identification.diagnosis.search.swaps import with_replacement
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
 from identification.gates.in_band import closes_for_sure
@@ -44,8 +48,8 @@ _MOST_LEADERS = 8
 Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 
-def in_band(bench: Bench, state: State) -> State:
-    """The state after the gates of the judged band, those of rivals apart."""
+def after_motion_gate(bench: Bench, state: State) -> State:
+    """The state without effects that fail the gate of the motion, the first gate of the judge."""
     return _until_all_pass(bench, state, (_motion_gate,))
 
 
@@ -78,12 +82,12 @@ def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, St
 
 
 def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
-    """The state with an exchange undone whose rivals have failed a gate: the effects that they replaced come back.
+    """The state with an exchange undone if one of its rivals has failed a gate: the effects that they replaced return.
 
-    Where several rivals replaced an effect, one of them has failed: the others alone may explain less than the effect.
-    The effect comes back, and the failed rival is barred. Where a single rival replaced it, the failed rival may exist
-    and be too small to be shown. The effect then comes back only if no other rival was more probable, and the failed
-    one remains its rival with the same probability. Rivals that are parts of the effect count as a single rival.
+    If several rivals replaced an effect and one of them has failed, the others alone may explain less than the effect.
+    The effect returns, and the failed rival is barred. If a single rival replaced it, the failed rival may exist and be
+    too small to be shown. The effect then returns only if no other rival was more probable, and the failed rival
+    remains its rival with the same probability. Rivals that are parts of the effect count as a single rival.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
@@ -94,7 +98,7 @@ def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
             continue
         found = after.found - rivals
         for term in ordered(gone):
-            found = with_term(found, term) if possible(found, term) else found
+            found = with_term(found, term) if can_join(found, term) else found
         causes = frozenset(term.effect_joint for term in rivals & fallen)
         for term in ordered(rivals & fallen) if rivals - fallen else ():
             bench.record.add_failed(rivals - fallen, *bench.record.results_of(term.effect_joint)[-1:], replaced_by=gone)
@@ -112,11 +116,11 @@ def _no_other_rival_likelier(rivals: frozenset[Term], gone: frozenset[Term], com
     """True if no rival other than these was more probable than an effect that they replaced."""
     causes = {term.effect_joint for term in rivals}
     comparisons = next((shown.comparisons for shown in reversed(compared_sets) if gone & shown.comparisons.keys()), {})
-    for comparison in (comparisons[term] for term in gone & comparisons.keys()):
-        others = [rival for rival in comparison.rivals if {(e.effect, e.joint) for e in rival.effects} != causes]
-        if any(rival.probability > comparison.probability for rival in others):
-            return False
-    return True
+    return not any(
+        rival.probability > comparison.probability and {(e.effect, e.joint) for e in rival.effects} != causes
+        for comparison in (comparisons[term] for term in gone & comparisons.keys())
+        for rival in comparison.rivals
+    )
 
 
 def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
@@ -133,13 +137,13 @@ def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], 
 
 
 def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-    """The state without an effect that is too small to be shown; rivals are still compared beside it."""
+    """The state without an effect that is too small to be shown; rivals are still compared with it in the set."""
     return replace(state, shown=state.shown - {term}), ()
 
 
 def _motion_gate(bench: Bench, state: State) -> State:
-    """The state without the effect that shows least where the motion is far above the noise."""
-    if not any(accelerates(term) for term in state.shown):
+    """The state without the effect that gains least where the motion is far above the noise."""
+    if not any(depends_on_acceleration(term) for term in state.shown):
         return state
     search, terms = bench.with_strong_motion(state.found | state.shown)
     return _without_worst(bench, state, motion_results(search, terms, state.shown), _hide)
@@ -149,13 +153,13 @@ def _closing_gate(bench: Bench, state: State) -> State:
     """The state without the effect that closes the gap least surely; a rival that closes it for sure replaces it."""
     if not state.shown:
         return state
-    squares_of, sound = bench.left(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
-    least_shares = least_closed(squares_of, state.shown, sound)
+    squares_of, sound = bench.subset_residuals(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
+    least_shares = least_shares_closed(squares_of, state.shown, sound)
     named = frozenset(term for term in state.shown if term.named)
     if named != state.shown:
         # Structures without a name are not in the corrected model. An effect that closes the gap only beside such a
         # structure would enlarge the gap of the corrected model.
-        beside_named = least_closed(squares_of, named, sound)
+        beside_named = least_shares_closed(squares_of, named, sound)
         least_shares = {term: min(share, beside_named.get(term, share)) for term, share in least_shares.items()}
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
@@ -182,23 +186,23 @@ def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term
         if not state.displaced.isdisjoint(rival.effect_joint for rival in rivals):
             continue
         sound = bench.residuals.judge_of(found).sound
-        least_shares = least_closed(bench.left(found), found, sound)
+        least_shares = least_shares_closed(bench.subset_residuals(found), found, sound)
         if all(closes_for_sure(least_shares.get(rival, 0.0)).passed for rival in rivals):
             return found
     return None
 
 
 def _noise_gate(bench: Bench, state: State) -> State:
-    """The state without an effect that noise may imitate, where there would be no gap without the effect."""
+    """The state without the effect that noise may imitate and without which there would be no gap."""
     # A barred effect is in the set only as the special case of another law, and it has failed a gate before.
     imitable = [term for term in ordered(state.shown) if noise_may_make(term) and term.effect_joint not in state.barred]
     if not imitable:
         return state
     judge, results = bench.residuals.judge_of(state.shown), dict[Term, GateResult]()
-    residual = np.maximum(left_by(judge, bench.plain, state.shown).rms(), 1e-300)
+    residual = np.maximum(residual_sums_with(judge, bench.plain, state.shown).rms(), 1e-300)
     for term in imitable:
         others = state.shown - {term}
-        growth = (left_by(judge, bench.plain, others).rms() / residual) ** 2 - 1.0
+        growth = (residual_sums_with(judge, bench.plain, others).rms() / residual) ** 2 - 1.0
         over_allowed = partial(bench.residuals.over_allowed, others)
         has_structure = partial(bench.residuals.has_structure, others)
         in_highest_noise = partial(_gain_in_highest_noise, bench, state.shown, term)
@@ -213,12 +217,12 @@ def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> 
     which may be too small.
     """
     fits, problem, others = bench.search.fits, bench.search.problem, shown - {term}
-    weighted = sums(problem, problem.session.in_judged_band(bench.noise)).rms()
+    weighted = residual_sums(problem, problem.session.in_judged_band(bench.noise)).rms()
     judge = bench.residuals.judge_of(others)
-    gap = left_by(judge, bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
+    gap = residual_sums_with(judge, bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
     gains = np.where(gap, fits.row_losses(others) - fits.row_losses(shown), 0.0)
-    quieter = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
-    return float(gains @ quieter**2), bench.search.threshold.of(term)
+    noise_ratio = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
+    return float(gains @ noise_ratio**2), bench.search.threshold.of(term)
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
@@ -230,21 +234,16 @@ def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
 def _simpler_law_gate(bench: Bench, state: State) -> State:
     """The state with an effect replaced by its special case, or removed, where neither fit distinguishes the two."""
     robot, fitted = bench.plain.problem.session.robot, bench.fit(state.shown)
-    white = bench.search.evaluate(state.found)
+    white = bench.search.held_out_fit(state.found)
     cases = {term: nearest_case(robot, term, fitted) for term in ordered(state.shown) if term.named}
     results: dict[Term, GateResult] = {}
     for term, case in cases.items():
         if case is None:
             continue
         results[term] = differs_from_simpler(case[0])
-        differs = (
-            case[1]
-            and case[0] > 0.0
-            and term in state.found
-            and simplest_effects(robot, term, white) == (term.effect_joint,)
-        )
-        if not results[term].passed and differs:
-            nearest = nearest_case_of(robot, term, white, case[1])
+        uncertain = not results[term].passed and case[1] and case[0] > 0.0 and term in state.found
+        if uncertain and simplest_effects(robot, term, white) == (term.effect_joint,):
+            nearest = nearest_case_at_shape(robot, term, white, case[1])
             # None if the simpler law has another shape: the shape is constant in this fit, which says nothing about it.
             if nearest is not None:
                 results[term] = differs_from_simpler(nearest[0])
@@ -256,9 +255,9 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
         if not case[1]:
             return replace(state, shown=shown, near_zero=state.near_zero | {term}), ()
         simpler = [other for other in bench.plain.terms if other.effect.name in case[1] and other.joint == term.joint]
-        found = replaced(state.found, term, frozenset(simpler))
+        found = with_replacement(state.found, term, frozenset(simpler))
         for other in simpler:
-            shown = with_term(shown, other) if possible(shown, other) else shown
+            shown = with_term(shown, other) if can_join(shown, other) else shown
         return replace(state, found=found, shown=shown, barred=state.barred | {term.effect_joint}), shown - state.shown
 
     return _without_worst(bench, state, results, without)
@@ -266,13 +265,13 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
 
 def _missing_part_gate(bench: Bench, state: State) -> State:
     """The state with inertial parameters replaced by a payload, where they express the absence of a part."""
-    shares = missing_shares(bench.plain, state.shown, bench.fit(state.shown))
+    shares = missing_part_shares(bench.plain, state.shown, bench.fit(state.shown))
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         payload = payload_of(bench.plain)
         assert payload is not None
-        shown, found = (replaced(terms, term, frozenset([payload])) for terms in (state.shown, state.found))
-        barred = state.barred | {term.effect_joint} | named_as_part(bench.search, found, payload)
+        shown, found = (with_replacement(terms, term, frozenset([payload])) for terms in (state.shown, state.found))
+        barred = state.barred | {term.effect_joint} | bodies_expressing_part(bench.search, found, payload)
         return replace(state, found=found, shown=shown, barred=barred), [payload]
 
     results = {term: more_than_a_missing_part(share) for term, share in shares.items()}
@@ -284,22 +283,20 @@ def _with_replacements_found(bench: Bench, state: State) -> State:
     uncertain = state.near_zero & state.found
     if state.searched_again or not uncertain:
         return state
-    found = replacements_of(bench.plain, uncertain, state.shown, state.barred)
+    found = effects_in_place_of(bench.plain, uncertain, state.shown, state.barred)
     if not found:
         return state
     barred = state.barred | {term.effect_joint for term in uncertain}
     return replace(state.with_others((state.found - uncertain) | found), barred=barred, searched_again=True)
 
 
-def replacements_of(
+def effects_in_place_of(
     plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[EffectJoint]
 ) -> frozenset[Term]:
-    """Effects that a search finds once those whose size does not differ from zero are left out; empty if none is."""
-    if not uncertain:
-        return frozenset()
+    """Effects that forward selection finds if those whose size does not differ from zero are excluded."""
     gone = barred | {term.effect_joint for term in uncertain}
     others = replace(plain, terms=tuple(term for term in plain.terms if term.effect_joint not in gone))
-    return forward(others, kept, lambda _: None) - kept
+    return forward_selection(others, kept, lambda _: None) - kept
 
 
 def _rival_gate(bench: Bench, state: State) -> State:
@@ -311,21 +308,15 @@ def _rival_gate(bench: Bench, state: State) -> State:
     }
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), comparisons, state.found)
     compared_sets = (*state.compared_sets, shown)
-    replacements = {term: each.leading_set for term, each in comparisons.items() if each.leading_set is not None}
-    found = (
-        with_replacements(state.found, list(replacements.values()), set(state.displaced))
-        if replacements
-        else state.found
-    )
+    replacements = [each.leading_set for each in comparisons.values() if each.leading_set is not None]
+    found = with_replacements(state.found, replacements, set(state.displaced))
     finished = not replacements or found == state.found or len(compared_sets) == _MOST_LEADERS
     if finished and replacements:
         least = min(compared_sets, key=lambda each: max(map(_lead_of_rival, each.comparisons.values()), default=0.0))
-        for term in ordered(state.shown - least.chosen):
-            if term.named:
-                of_finding, rivals = comparisons[term].probability, comparisons[term].rivals
-                of_best_rival = max((rival.probability for rival in rivals), default=0.0)
-                result = likelier_than_rivals(of_finding, of_best_rival, leads=False)
-                bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
+        for term in (one for one in named if one not in least.chosen):
+            best_rival = max((rival.probability for rival in comparisons[term].rivals), default=0.0)
+            result = likelier_than_rivals(comparisons[term].probability, best_rival, leads=False)
+            bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
         comparisons, compared_sets = least.comparisons, (*compared_sets, least)
     if finished:
         comparisons = {term: with_equal_probabilities(each) for term, each in comparisons.items()}
@@ -375,9 +366,7 @@ def with_equal_probabilities(comparison: RivalComparison) -> RivalComparison:
         if rival.probability > np.mean(shares):
             shares.append(rival.probability)
     even, above = float(np.mean(shares)), len(shares) - 1
-    rivals = (
-        *(replace(rival, probability=even) for rival in comparison.rivals[:above]),
-        *comparison.rivals[above:],
-    )
+    likelier = (replace(rival, probability=even) for rival in comparison.rivals[:above])
     gates = (likelier_than_rivals(even, even, leads=True),)
+    rivals = (*likelier, *comparison.rivals[above:])
     return replace(comparison, probability=even, rivals=rivals, leading_set=None, gates=gates)

@@ -19,7 +19,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.fit.full_fit import FullFit
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.result import Value
 from identification.diagnosis.search.search import Search, with_wide_tolerances
@@ -31,7 +31,7 @@ from phantom_dyn.model.robot import Robot
 _UNKNOWN = 0.5
 
 
-def only_shown(values: Mapping[str, Value], session: Session, joint: str | None) -> dict[str, Value]:
+def with_unknown_marked(values: Mapping[str, Value], session: Session, joint: str | None) -> dict[str, Value]:
     """The parameters, with an infinite standard deviation for those that the recordings do not determine.
 
     Args:
@@ -40,7 +40,7 @@ def only_shown(values: Mapping[str, Value], session: Session, joint: str | None)
         joint: Joint of the finding; None if the finding concerns the whole robot.
     """
     limits = _plausible(session, joint)
-    out = {name: _known(value, limits.get(value.unit)) for name, value in values.items()}
+    out = {name: _unknown_marked(value, limits.get(value.unit)) for name, value in values.items()}
     mass = out.get("mass")
     if mass is not None and "moment_x" in out:
         value, std = (float(np.ravel(part)[0]) for part in (mass.value, mass.std))
@@ -49,7 +49,7 @@ def only_shown(values: Mapping[str, Value], session: Session, joint: str | None)
     return out
 
 
-def _known(value: Value, limit: float | None) -> Value:
+def _unknown_marked(value: Value, limit: float | None) -> Value:
     """A parameter, with an infinite standard deviation where that exceeds both its limit and half of its value."""
     if limit is None:
         return value
@@ -66,15 +66,15 @@ def _plausible(session: Session, joint: str | None) -> dict[str, float]:
     out = {"m": reach, "kg m": mass * reach, "kg": mass, "kg m^2": mass * reach**2, "rad": np.pi, "1": 2.0}
     rows = [robot.joint_names.index(one) for one in (joint or "").split("+") if one in robot.joint_names]
     if rows:
-        torque = max(_largest([log.tau[:, row] for log in session.logs]) for row in rows)
-        speed = max(_largest([log.motion.v[:, row] for log in session.logs]) for row in rows)
+        torque = max(_largest_value([log.tau[:, row] for log in session.logs]) for row in rows)
+        speed = max(_largest_value([log.motion.v[:, row] for log in session.logs]) for row in rows)
         # The first pair has the units of revolute joints, the second those of prismatic ones.
         for force, damping in (("N m", "N m s/rad"), ("N", "N s/m")):
             out |= {force: torque, damping: torque / max(speed, 1e-9)}
     return {unit: _UNKNOWN * size for unit, size in out.items() if size > 0.0}
 
 
-def _largest(series: list[Float[Array, " n"]]) -> float:
+def _largest_value(series: list[Float[Array, " n"]]) -> float:
     return max((float(np.abs(one).max()) for one in series if len(one)), default=0.0)
 
 
@@ -94,7 +94,7 @@ def reach_of(robot: Robot) -> float:
     return reach + max([*lengths.values(), 2.0 * lever])
 
 
-def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Term]) -> JointFit:
+def widened_by_tolerances(fitted: FullFit, plain: Search, chosen: frozenset[Term]) -> FullFit:
     """The fit, with standard deviations enlarged by the change of each size under three times the tolerances.
 
     If no correction within the tolerances of the model ends at its limit, the stated tolerances hold. If one does, the
@@ -106,14 +106,14 @@ def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Ter
         chosen: The effects of the fit.
     """
     problem = plain.problem.of(chosen)
-    found = plain.evaluate(chosen)
+    found = plain.held_out_fit(chosen)
     nuisances = slice(0, problem.nuisance_count)
     if not np.any(np.abs(found.theta[nuisances]) >= rules.AT_LIMIT * problem.upper[nuisances]):
         return fitted
-    return _wider(fitted, chosen, with_wide_tolerances(plain).evaluate(chosen).theta - found.theta, 1.0)
+    return _wider(fitted, chosen, with_wide_tolerances(plain).held_out_fit(chosen).theta - found.theta, 1.0)
 
 
-def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
+def widened_by_rivals(fitted: FullFit, shown: Shown) -> FullFit:
     """The fit, with standard deviations enlarged by the change of each size where a rival replaces another finding.
 
     Each set of effects with rivals counts once, with its largest probability: one effect in place of two findings is a
@@ -129,13 +129,13 @@ def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
             sets[rivals] = max(probability, sets.get(rivals, 0.0))
     if not sets:
         return fitted
-    here = shown.plain.evaluate(shown.beside).theta
+    here = shown.plain.held_out_fit(shown.beside).theta
     for rivals, probability in sets.items():
-        fitted = _wider(fitted, rivals, shown.plain.evaluate(rivals).theta - here, probability)
+        fitted = _wider(fitted, rivals, shown.plain.held_out_fit(rivals).theta - here, probability)
     return fitted
 
 
-def _wider(fitted: JointFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> JointFit:
+def _wider(fitted: FullFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> FullFit:
     """The fit, with the shift of the coefficients that both sets share added to their covariance."""
     cov = fitted.cov.copy()
     for slices in fitted.term_slices:

@@ -12,7 +12,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.result import Finding
-from identification.diagnosis.search.plausible_sizes import implausible
+from identification.diagnosis.search.plausible_sizes import implausible_size
 from identification.diagnosis.search.refinement import found_effects
 from identification.notes import Code, Note, Said
 from phantom_dyn.effects.effect import Effect
@@ -27,8 +27,8 @@ def size_notes(shown: Shown) -> list[Note]:
     """A note for each implausible size of a finding, and for each joint whose friction drives it."""
     session, out = shown.problem.session, list[Note]()
     for term in ordered(shown.named):
-        own = shown.joint_fit.slices_of(term).coefficients
-        fault = implausible(session, term, shown.joint_fit.coefficients(term), shown.joint_fit.cov[own, own])
+        own = shown.full_fit.slices_of(term).coefficients
+        fault = implausible_size(session, term, shown.full_fit.coefficients(term), shown.full_fit.cov[own, own])
         if fault is not None and isinstance(term.effect, Effect):
             parameter, value = fault
             low, high = parameter.plausible or (-np.inf, np.inf)
@@ -40,7 +40,7 @@ def size_notes(shown: Shown) -> list[Note]:
     return [*out, *(Note(Code.FRICTION_DRIVES, names[row]) for row in _driven_by_friction(shown))]
 
 
-def all_sound(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
+def all_plausible(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
     """True if all sizes are plausible, those of single findings and those of findings and model together.
 
     Args:
@@ -48,14 +48,14 @@ def all_sound(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
         notes: Notes on the sizes of all.
     """
     faults = [note for note in notes if isinstance(note, Note)]
-    implausible = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
+    implausible_size = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
     driven = {note.joint for note in faults if note.code is Code.FRICTION_DRIVES}
-    return not any((one.effect, one.joint) in implausible or one.joint in driven for one in findings)
+    return not any((one.effect, one.joint) in implausible_size or one.joint in driven for one in findings)
 
 
 def _driven_by_friction(shown: Shown) -> list[int]:
     """Rows on which friction of the model and of all findings together drives the motion."""
-    found = found_effects(shown.found, frozenset(term for term in shown.named if _rubs(term.effect)))
+    found = found_effects(shown.found, frozenset(term for term in shown.named if _is_friction(term.effect)))
     names = shown.problem.session.robot.joint_names
     driving, apart = np.zeros(len(names)), np.zeros((len(names), 1 + len(found)))
     for operation in shown.problem.columns.operations:
@@ -72,5 +72,5 @@ def _driven_by_friction(shown: Shown) -> list[int]:
     return [row for row in sorted(changed) if np.sqrt(driving[row]) > _DRIVES * np.sqrt(apart[row]).sum()]
 
 
-def _rubs(effect: object) -> bool:
+def _is_friction(effect: object) -> bool:
     return isinstance(effect, Effect) and (effect.rubs or effect.changes_with == "friction")

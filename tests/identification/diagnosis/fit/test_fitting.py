@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from identification.diagnosis.fit.fitting import active_columns, fit, predict
-from identification.diagnosis.fit.gap import Sums, held_out_torque, judged_blocks, residual_after, sums
+from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, judged_blocks, residual_after, residual_sums
 from identification.diagnosis.fit.point_mass import point_mass_map
 from identification.diagnosis.fit.problem import set_up
 from identification.engine.numerics.bounded import bounded_solve
@@ -151,13 +151,15 @@ def test_an_empty_fit_predicts_the_given_model_where_it_is_trusted(lab, planar2,
 @pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0], [-0.5, 0.1, 0.2, 0.0]])
 def test_the_map_of_a_point_mass_is_exact_at_its_start(start):
     start = np.array(start)
-    np.testing.assert_allclose(point_mass_map(start) @ start, point_mass_parameters(start[0], start[1:] / start[0]))
+    np.testing.assert_allclose(
+        point_mass_map(start, np.zeros(6)) @ start, point_mass_parameters(start[0], start[1:] / start[0])
+    )
 
 
 @pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0]])
 def test_the_slope_of_a_point_mass_is_that_of_finite_differences(start):
     start, step = np.array(start), 1e-6
-    jacobian = point_mass_map(start)
+    jacobian = point_mass_map(start, np.zeros(6))
     for k, unit in enumerate(np.eye(4)):
         more, less = start + step * unit, start - step * unit
         slope = point_mass_parameters(more[0], more[1:] / more[0]) - point_mass_parameters(less[0], less[1:] / less[0])
@@ -165,7 +167,7 @@ def test_the_slope_of_a_point_mass_is_that_of_finite_differences(start):
 
 
 def test_a_point_mass_without_mass_has_no_inertia():
-    np.testing.assert_array_equal(point_mass_map(np.zeros(4)), np.vstack([np.eye(4), np.zeros((6, 4))]))
+    np.testing.assert_array_equal(point_mass_map(np.zeros(4), np.zeros(6)), np.vstack([np.eye(4), np.zeros((6, 4))]))
 
 
 @pytest.mark.parametrize(
@@ -268,19 +270,19 @@ def test_a_residual_of_the_size_of_the_noise_has_loss_one():
     # Contract: mean over joints of mean square over squared noise floor.
     floor = np.array([0.1, 2.0])
     counts = np.array([[50.0, 40.0], [30.0, 20.0]])
-    given = Sums(counts * floor**2, counts)
+    given = ResidualSums(counts * floor**2, counts)
     assert given.loss(floor, np.ones((1, 2)))[0] == pytest.approx(1.0)
     np.testing.assert_allclose(given.rms(), floor)
 
 
 def test_the_loss_is_the_mean_over_joints():
-    given = Sums(np.array([[100 * 0.09, 50 * 16.0]]), np.array([[100.0, 50.0]]))
+    given = ResidualSums(np.array([[100 * 0.09, 50 * 16.0]]), np.array([[100.0, 50.0]]))
     # Joint 1: rms 0.3 over 0.1; joint 2: rms 4 over 2.
     assert given.loss(np.array([0.1, 2.0]), np.ones((1, 1)))[0] == pytest.approx((9 + 4) / 2)
 
 
 def test_a_block_drawn_twice_counts_twice():
-    given = Sums(np.array([[1.0], [9.0]]), np.array([[1.0], [1.0]]))
+    given = ResidualSums(np.array([[1.0], [9.0]]), np.array([[1.0], [1.0]]))
     loss = given.loss(np.ones(1), np.array([[1.0, 1.0], [2.0, 0.0], [1.0, 3.0]]))
     np.testing.assert_allclose(loss, [5.0, 1.0, 7.0])
 
@@ -298,7 +300,7 @@ def test_held_out_recordings_are_judged_alone(two, quiet):
 
 def test_sums_are_those_of_usable_samples_of_cores(two):
     # Brute force over the judged blocks.
-    found = sums(two.problem, two.columns.residual)
+    found = residual_sums(two.problem, two.columns.residual)
     judged = [block for block in two.blocks if block.log == 1]
     for i, block in enumerate(judged):
         use = two.columns.usable[1][block.core : block.stop]
@@ -312,7 +314,7 @@ def test_a_block_without_a_sample_is_no_block_to_draw(quiet):
     usable = quiet.columns.usable[0].copy()
     usable[quiet.blocks[0].start : quiet.blocks[0].stop] = False
     problem = replace(quiet.problem, columns=replace(quiet.columns, usable=(usable,)))
-    assert len(sums(problem, quiet.columns.residual).counts) == len(quiet.blocks) - 1
+    assert len(residual_sums(problem, quiet.columns.residual).counts) == len(quiet.blocks) - 1
 
 
 def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_there(two):
@@ -320,7 +322,7 @@ def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_
     twice = tuple(np.full(r.shape, 2.0) * two.problem.weights.floor for r in two.columns.residual)
     standing = replace(two.problem, columns=replace(two.columns, standstill_std=twice))
     moving = replace(two.problem, columns=replace(two.columns, standstill_std=tuple(0.0 * part for part in twice)))
-    few, all_ = (sums(problem, two.columns.residual) for problem in (standing, moving))
+    few, all_ = (residual_sums(problem, two.columns.residual) for problem in (standing, moving))
     np.testing.assert_allclose(few.counts, 0.2 * all_.counts)
     np.testing.assert_allclose(few.squares, 0.2 * all_.squares)
     np.testing.assert_allclose(few.rms(), all_.rms())
@@ -328,7 +330,7 @@ def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_
 
 def test_each_block_is_predicted_by_the_fit_without_its_fold(two):
     term = two.term("viscous_friction", "elbow")
-    found = two.search.evaluate(frozenset([term]))
+    found = two.search.held_out_fit(frozenset([term]))
     torque = held_out_torque(two.problem, frozenset([term]), found)
     for block, fold in zip(two.blocks, two.folds, strict=True):
         theta = found.theta if fold < 0 else found.fold_theta[fold]

@@ -13,7 +13,7 @@ import pytest
 
 from identification.diagnosis.fit.cone_minimum import ENTRIES, STANDARD, best_bodies
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.possible_bodies import Binding, body_of, impossible, possible_minimum
+from identification.diagnosis.fit.possible_bodies import ActiveConstraints, body_of, impossible_bodies, possible_minimum
 from identification.engine.numerics.bounded import bounded_solve
 from identification.estimators.consistent.consistent_bodies import PSEUDO, pseudo_inertia
 from phantom_dyn.model.inertia import point_mass_parameters
@@ -49,14 +49,14 @@ def test_the_minimum_is_that_of_cvxpy_on_the_same_cone(planar2, rng, count):
     bodies = [body_of(planar2, k + 1, tuple(range(10 * k, 10 * k + 10))) for k in range(count)]
     a, b, bounds = made_up(rng, bodies)
     free = bounded_solve(a, b, *bounds)
-    assert any(not body.exists(free[list(body.columns)]) for body in bodies)
+    assert any(not body.is_possible(free[list(body.columns)]) for body in bodies)
     found, _ = possible_minimum(a, b, bounds, free, [(body, np.array(body.columns)) for body in bodies])
     wanted = by_cvxpy(a, b, bounds, bodies)
 
     def loss(x):
         return x @ a @ x - 2.0 * b @ x
 
-    assert all(body.exists(found[list(body.columns)]) for body in bodies)
+    assert all(body.is_possible(found[list(body.columns)]) for body in bodies)
     assert np.all((found >= bounds[0] - 1e-9) & (found <= bounds[1] + 1e-9))
     assert loss(found) - loss(wanted) < 1e-5 * (loss(wanted) - loss(free))
 
@@ -67,7 +67,7 @@ def test_the_minimum_is_the_same_whatever_a_search_for_it_begins_to_hold(planar2
     free, places = bounded_solve(a, b, *bounds), [(body, np.array(body.columns)) for body in bodies]
     found, _ = possible_minimum(a, b, bounds, free, places)
     bounded = np.isfinite(bounds[0])
-    wrong = Binding((False, True), bounded & (found > bounds[0]), np.zeros_like(bounded))
+    wrong = ActiveConstraints((False, True), bounded & (found > bounds[0]), np.zeros_like(bounded))
     again, binding = possible_minimum(a, b, bounds, free, places, wrong)
     assert again @ a @ again - 2.0 * b @ again == pytest.approx(found @ a @ found - 2.0 * b @ found, rel=1e-6)
     np.testing.assert_array_equal(binding.low, bounded & (again <= bounds[0]))
@@ -76,27 +76,27 @@ def test_the_minimum_is_the_same_whatever_a_search_for_it_begins_to_hold(planar2
 def test_a_load_within_reach_makes_a_body_that_exists_and_its_absence_none(planar2):
     body = body_of(planar2, 2, tuple(range(10)))
     own = planar2.model.inertias[2]
-    assert body.exists(np.zeros(10))
-    assert body.exists(point_mass_parameters(0.5 * own.mass, own.lever))
-    assert not body.exists(point_mass_parameters(-1.5 * own.mass, own.lever))
+    assert body.is_possible(np.zeros(10))
+    assert body.is_possible(point_mass_parameters(0.5 * own.mass, own.lever))
+    assert not body.is_possible(point_mass_parameters(-1.5 * own.mass, own.lever))
     # Coefficients that overflowed are no body; their eigenvalues would not converge.
-    assert not body.exists(np.full(10, np.nan))
-    assert not body.exists(np.full(10, np.inf))
+    assert not body.is_possible(np.full(10, np.nan))
+    assert not body.is_possible(np.full(10, np.inf))
 
 
 def test_the_centre_of_a_body_stays_within_reach(planar2):
     body = body_of(planar2, 1, tuple(range(10)))
     longest = np.linalg.norm(planar2.model.jointPlacements[2].translation)
     mass = 10.0 * planar2.model.inertias[1].mass
-    assert body.exists(point_mass_parameters(mass, np.array([0.0, 0.0, 0.0])))
-    assert not body.exists(point_mass_parameters(mass, np.full(3, 3.0 * longest)))
+    assert body.is_possible(point_mass_parameters(mass, np.array([0.0, 0.0, 0.0])))
+    assert not body.is_possible(point_mass_parameters(mass, np.full(3, 3.0 * longest)))
 
 
 def test_an_impossible_given_body_is_replaced_by_the_nearest_possible_one(planar2):
     model = planar2.model.copy()
     # Its principal inertias break the triangle inequality, as those of many vendors' files do.
     model.inertias[1] = pin.Inertia(1.0, np.array([0.1, 0.0, 0.0]), np.diag([1e-3, 1e-3, 5e-3]))
-    assert body_of(replace(planar2, model=model), 1, tuple(range(10))).exists(np.zeros(10))
+    assert body_of(replace(planar2, model=model), 1, tuple(range(10))).is_possible(np.zeros(10))
 
 
 @pytest.fixture(scope="module")
@@ -116,8 +116,8 @@ def test_a_fit_states_bodies_that_exist_and_what_impossible_ones_would_have_gain
     term = of_elbow(odd)
     found, nothing = fit(odd.problem, (term,)), fit(odd.problem, ())
     bodies = odd.problem.bodies_of((term,))
-    assert impossible(bodies, found.theta) == ()
-    assert all(impossible(bodies, theta) == () for theta in found.fold_theta)
+    assert impossible_bodies(bodies, found.theta) == ()
+    assert all(impossible_bodies(bodies, theta) == () for theta in found.fold_theta)
     assert found.denied_gain > nothing.objective - found.objective
 
 

@@ -4,7 +4,7 @@ from scipy.stats import chi2
 
 from identification.diagnosis.fit.covariance import covariance
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.repeated_error import GROUPS, equations, repeated_variance, same_states, scatter
+from identification.diagnosis.fit.repeated_error import GROUPS, equations, repeated_variance, scatter, state_groups
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.judged_band import narrow_search
 
@@ -16,7 +16,7 @@ def design(rng):
     """Slopes of 480 equations in three numbers, the group of each by its first column, and its block."""
     speed = rng.uniform(-1.0, 1.0, 480)
     slopes = np.column_stack([np.ones(480), speed, rng.standard_normal(480)])
-    return slopes, same_states(speed), np.repeat(np.arange(BLOCKS), 480 // BLOCKS)
+    return slopes, state_groups(speed), np.repeat(np.arange(BLOCKS), 480 // BLOCKS)
 
 
 def left_by_fit(slopes, torque):
@@ -133,4 +133,4 @@ def test_a_law_that_is_not_exact_makes_its_size_less_certain(lab, planar2):
 
 
 def test_a_joint_without_samples_has_no_states():
-    assert same_states(np.zeros(0)).shape == (0,)
+    assert state_groups(np.zeros(0)).shape == (0,)

@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.columns.terms import merged, untestable_effects
-from identification.diagnosis.fit.gap import measured_torque, sums
+from identification.diagnosis.fit.gap import measured_torque, residual_sums
 from identification.diagnosis.judge.bounds import (
     _beyond_sound_devices,
-    _claimable,
+    _detectable_deviations,
     _information,
     _inverse,
-    _largest,
-    _lasting,
+    _largest_size,
+    _least_gain_over_blocks,
     _measured_energy,
-    smallest_seen,
+    detection_limits,
 )
 from identification.engine.products.blocks import held_out_share
 from identification.pipeline import diagnose
@@ -24,7 +24,7 @@ from phantom_dyn.motion import Motion
 
 def seen(prepared, robot, chosen=frozenset(), allowed=None):
     search, allowed = prepared.search, np.zeros(robot.nv) if allowed is None else allowed
-    return smallest_seen(merged(prepared.columns.operations), search, search, chosen, allowed)
+    return detection_limits(merged(prepared.columns.operations), search, search, chosen, allowed)
 
 
 def test_every_effect_and_joint_has_a_bound_or_a_reason(quiet, planar2):
@@ -109,17 +109,17 @@ def test_a_torque_sensor_alone_cannot_show_a_torque_constant(quiet, planar2, sou
     ids=["everywhere", "mostly in one", "in one"],
 )
 def test_what_is_seen_in_few_blocks_has_to_gain_more(by_block, gain):
-    assert _lasting(by_block, 20.0) == pytest.approx(gain)
+    assert _least_gain_over_blocks(by_block, 20.0) == pytest.approx(gain)
 
 
 def test_what_a_motion_all_but_leaves_out_needs_what_its_blocks_share():
     # Closed form: a factor changes no share; the square of this one is too small for a number.
     by_block = np.array([10.0] + 10 * [1.0])
-    assert _lasting(1e-244 * by_block, 20.0) == pytest.approx(_lasting(by_block, 20.0))
+    assert _least_gain_over_blocks(1e-244 * by_block, 20.0) == pytest.approx(_least_gain_over_blocks(by_block, 20.0))
 
 
 def test_where_nothing_is_known_nothing_more_is_needed():
-    assert _lasting(np.zeros(5), 20.0) == 20.0
+    assert _least_gain_over_blocks(np.zeros(5), 20.0) == 20.0
 
 
 def column_of(quiet, number: int) -> np.ndarray:
@@ -165,7 +165,7 @@ def test_the_largest_size_has_the_energy_of_all_measured_torque_on_its_joints(qu
     torque = np.where(white.usable[0], white.model_torque[0] + white.residual[0], 0.0)
     measured = np.sum((torque**2 * quiet.weights.per_sample)[:, touched])
     problem = quiet.search.problem
-    found = _largest(problem, _measured_energy(problem), quiet.term(effect, joint), np.ones(1))
+    found = _largest_size(problem, _measured_energy(problem), quiet.term(effect, joint), np.ones(1))
     assert found == pytest.approx(np.sqrt(measured / np.sum(column**2)))
 
 
@@ -175,7 +175,7 @@ def smallest(quiet, term, direction: np.ndarray) -> float:
     information, beside = _information(problem, term, direction, base, _inverse(problem, base))
     index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
     by_block = np.einsum("i,bij,j->b", parts, problem.grams.core_a.among(index), parts)
-    needed = _claimable(quiet.search, term, by_block, 10.0)
+    needed = _detectable_deviations(quiet.search, term, by_block, 10.0)
     return needed / np.sqrt(held_out_share(quiet.blocks) * information)
 
 
@@ -219,7 +219,7 @@ def test_a_bound_states_the_share_of_the_torque_that_it_makes_on_the_joint_that_
     _, direction = effect_named(effect).probe(planar2, quiet.columns.operations[0], joint)
     made = columns_along(quiet, effect, joint, direction) / np.sqrt(quiet.weights.per_sample)
     use = quiet.white.usable[0]
-    measured = sums(quiet.problem, measured_torque(quiet.problem)).rms()
+    measured = residual_sums(quiet.problem, measured_torque(quiet.problem)).rms()
     shares = [np.sqrt(np.mean(made[use[:, j], j] ** 2)) / measured[j] for j in range(2)]
     assert bound.of_torque == pytest.approx(bound.below * max(shares))
 
@@ -227,7 +227,7 @@ def test_a_bound_states_the_share_of_the_torque_that_it_makes_on_the_joint_that_
 @pytest.mark.parametrize("factor", [0.99, 1.01])
 def test_what_would_have_to_exceed_the_measured_torque_cannot_be_tested(quiet, planar2, monkeypatch, factor):
     size = smallest(quiet, quiet.term("viscous_friction", "elbow"), np.ones(1))
-    monkeypatch.setattr("identification.diagnosis.judge.bounds._largest", lambda *_: factor * size)
+    monkeypatch.setattr("identification.diagnosis.judge.bounds._largest_size", lambda *_: factor * size)
     bounds, left = seen(quiet, planar2)
     place = ("viscous_friction", "elbow")
     why = [n.why for n in left if (n.effect, n.joint) == place]
@@ -281,7 +281,7 @@ def test_what_is_claimed_with_95_per_cent_power_exceeds_what_a_claim_needs(quiet
     # By hand: the search asks for a gain of 10, and 5 for each parameter beyond the first; spread over ten blocks alike
     # the two best are a fifth of it, and a normal number is above -1.645 in 95 of 100 cases.
     term = quiet.term(effect, joint)
-    assert _claimable(quiet.search, term, np.ones(10), 10.0) == pytest.approx(
+    assert _detectable_deviations(quiet.search, term, np.ones(10), 10.0) == pytest.approx(
         np.sqrt(max(needed + 2.0, min(16.0, needed / 0.8))) + NormalDist().inv_cdf(0.95)
     )
 
@@ -307,7 +307,7 @@ def test_what_noise_may_make_is_seen_where_it_makes_more_torque_than_noise_is_al
         return {(one.effect, one.joint): one for one in seen(quiet, planar2, allowed=allowed)[0]}
 
     problem = quiet.search.problem
-    measured = sums(problem, measured_torque(problem)).rms()
+    measured = residual_sums(problem, measured_torque(problem)).rms()
     plain, noisy = limits(np.zeros(2)), limits(np.full(2, 0.2))
     viscous = noisy["viscous_friction", "elbow"]
     assert viscous.of_torque * measured[1] == pytest.approx(0.2, rel=1e-6)

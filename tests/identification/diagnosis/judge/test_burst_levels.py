@@ -5,7 +5,15 @@ import pytest
 from scipy.stats import norm
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.judge.bursts import Causes, _grown, _level, _run, _threshold, _variance, moving_torque
+from identification.diagnosis.judge.bursts import (
+    Causes,
+    _level,
+    _run_about,
+    _threshold,
+    _variance,
+    _variance_coefficients,
+    moving_torque,
+)
 
 ALL = np.ones(60, dtype=bool)
 
@@ -57,11 +65,11 @@ def test_a_threshold_is_a_fixed_ratio_where_nothing_is_loud():
 
 @pytest.mark.parametrize(("at", "run"), [(0, (0, 1)), (1, (0, 1)), (4, (4, 6)), (5, (4, 6)), (9, (8, 9))])
 def test_a_run_ends_where_its_neighbours_are_outside(at, run):
-    assert _run(np.array([1, 1, 0, 0, 1, 1, 1, 0, 1, 1], dtype=bool), at) == run
+    assert _run_about(np.array([1, 1, 0, 0, 1, 1, 1, 0, 1, 1], dtype=bool), at) == run
 
 
 def test_a_run_may_be_everything():
-    assert _run(np.ones(5, dtype=bool), 2) == (0, 4)
+    assert _run_about(np.ones(5, dtype=bool), 2) == (0, 4)
 
 
 def test_a_peak_of_torque_reaches_two_periods_of_the_edge():
@@ -82,12 +90,12 @@ def test_a_variance_that_grows_with_a_known_part_is_found(rng, share):
     # Known truth: Student's law of four degrees of freedom, whose squared scale is 1 + share x.
     part = rng.uniform(0, 2, (20_000, 1))
     residual = np.sqrt(1.0 + share * part[:, 0]) * rng.standard_t(4.0, 20_000)
-    found = _grown(residual, np.ones(20_000), part, np.zeros(1))
+    found = _variance_coefficients(residual, np.ones(20_000), part, np.zeros(1))
     np.testing.assert_allclose(found, share, rtol=0.1)
 
 
 def test_variances_are_no_less_than_the_least(rng):
-    found = _grown(1e-3 * rng.normal(size=500), np.ones(500), np.ones((500, 2)), np.array([0.3, 0.0]))
+    found = _variance_coefficients(1e-3 * rng.normal(size=500), np.ones(500), np.ones((500, 2)), np.array([0.3, 0.0]))
     assert found[0] == pytest.approx(0.3)
     assert found[1] < 1e-3
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from identification.data.drives.joint_torque import external_torque
-from identification.diagnosis.judge.bursts import burst_notes, bursts_in, from_quiet
+from identification.diagnosis.judge.bursts import burst_notes, bursts_in, distinct_bursts
 from identification.diagnosis.result import Burst, JointGap
 from identification.pipeline import diagnose
 from identification.words.note_words import sentences
@@ -157,4 +157,4 @@ def test_a_burst_stands_out_from_a_quiet_rest(quiet, elsewhere, joint, torque, s
     t = log.motion.t[log.samples]
     residual[(t > 2.0) & (t < 2.2)] = 50.0
     burst = Burst(log.file, joint, 2.0, 2.2, torque, 5.0)
-    assert from_quiet((burst,), quiet.problem, (residual,), np.ones(2)) == ((burst,) if said else ())
+    assert distinct_bursts((burst,), quiet.problem, (residual,), np.ones(2)) == ((burst,) if said else ())

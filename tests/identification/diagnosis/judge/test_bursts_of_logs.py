@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.judge.bursts import _events, bursts_in, bursts_of, rounding_torque
+from identification.diagnosis.judge.bursts import _events_in, bursts_in, bursts_of, rounding_torque
 from identification.engine.products.blocks import Block
 
 PLACE = "identification.diagnosis.judge.bursts."
@@ -143,7 +143,7 @@ def test_an_event_lasts_as_long_as_it_is_above_a_quarter_of_its_level():
     # a push of 40 has a level of 10, which is a quarter and no more.
     relative = jumps((100, 130, 40.0))
     relative[99], relative[130] = 0.1, -0.1
-    ((first, last, ratio),) = _events(relative, np.ones(600, dtype=bool), 0.05, 1)
+    ((first, last, ratio),) = _events_in(relative, np.ones(600, dtype=bool), 0.05, 1)
     assert (first, last) == (99, 129)
     # The mean over a second of the push is the push.
     assert ratio == pytest.approx(40.0)
@@ -156,7 +156,7 @@ def test_an_event_takes_as_much_with_it_on_either_side_as_the_shortest_one_lasts
         relative = jumps((100, 130, 400.0), (other, other + 1, -200.0))
         use = np.ones(600, dtype=bool)
         use[min(other, 129) + 1 : max(other, 100)] = False
-        events = _events(relative, use, 0.05, 1)
+        events = _events_in(relative, use, 0.05, 1)
         assert events[0][:2] == (100, 129)
         assert any(first <= other <= last for first, last, _ in events[1:]) is found
 
@@ -165,7 +165,7 @@ def test_an_event_takes_as_much_with_it_on_either_side_as_the_shortest_one_lasts
 def test_an_event_is_twice_as_large_as_what_is_no_event(elsewhere, found):
     # By hand: events are six times what is expected; of 10 and 30, only the latter is twice as large as 5.1.
     relative = jumps((100, 130, 10.0), (250, 280, -30.0), (400, 430, elsewhere))
-    events = _events(relative, np.ones(600, dtype=bool), 0.05, 1)
+    events = _events_in(relative, np.ones(600, dtype=bool), 0.05, 1)
     assert sorted(ratio for *_, ratio in events) == pytest.approx([10.0, 30.0][2 - found :])
 
 
@@ -181,7 +181,7 @@ def test_what_a_controller_answers_above_the_band_is_no_event_in_it(twice, monke
     # By hand: twice the root of a mean square of 0.0625 is 0.5.
     events = tuple(("elbow", 1.0, 2.0, torque, 9.0) for torque in (0.49, -0.51))
     monkeypatch.setattr(PLACE + "bursts_in", lambda *_: events)
-    monkeypatch.setattr(PLACE + "answers_above", lambda problem, sensors: np.array([9.0, 0.0625]))
+    monkeypatch.setattr(PLACE + "torque_above_band", lambda problem, sensors: np.array([9.0, 0.0625]))
     torques = [burst.torque for burst in bursts_of(twice, twice.columns.residual, still(twice))]
     assert torques == [-0.51, -0.51]
 

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.diagnosis.fit.gap import judged_blocks, measured_torque, sums
+from identification.diagnosis.fit.gap import judged_blocks, measured_torque, residual_sums
 from identification.diagnosis.judge.floors import (
     NONE,
     REPETITIONS,
     SENSORS,
     Floor,
-    _folded,
-    answers_above,
-    counted,
-    floor_of,
-    left_in_doubt,
-    sensed_floor,
-    sensed_of,
-    sensors_of,
+    _aliased_torque,
+    floor_by_predictors,
+    floor_by_sensors,
+    judged_weights,
+    reading_noise,
+    sensor_floors,
+    torque_above_band,
+    uncertain_squares,
 )
 from identification.diagnosis.noise.repetitions import Repeated
 from identification.diagnosis.noise.sensor_floor import SensorFloor
@@ -99,7 +99,7 @@ def seen(monkeypatch, *densities: tuple[float, float, float] | None) -> None:
 def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_gets_below(steady, monkeypatch):
     # By hand: a thousandth of the torque beside the noise.
     seen(monkeypatch, None, None)
-    floor = floor_of(*steady, like(steady, 9.0, 9.0), sure(steady))
+    floor = floor_by_predictors(*steady, like(steady, 9.0, 9.0), sure(steady))
     assert floor.source == ("predictors", "predictors")
     np.testing.assert_allclose(floor.value, [0.1, 0.2])
     np.testing.assert_allclose(floor.low, [0.1, 0.2])
@@ -117,7 +117,7 @@ def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_g
 )
 def test_sensors_that_show_as_much_confirm_the_floor_and_others_lower_its_end(steady, monkeypatch, sizes, source, low):
     seen(monkeypatch, sizes, (0.19, 0.2, 0.21))
-    floor = floor_of(*steady, like(steady, 9.0, 9.0), sure(steady))
+    floor = floor_by_predictors(*steady, like(steady, 9.0, 9.0), sure(steady))
     assert floor.source == (source, "above_band")
     assert (floor.value[0], floor.low[0]) == pytest.approx((0.1, low))
     assert floor.high[0] == pytest.approx(np.hypot(0.1, 0.003))
@@ -135,7 +135,7 @@ EDGE = 2.0 * np.hypot(0.01, np.sqrt(0.0007) * 3.0)
 def test_sensors_that_show_several_times_less_are_the_floor(steady, monkeypatch, noise, left, taken):
     problem, (series,) = steady
     seen(monkeypatch, (0.004, 0.007, 0.01), (0.19, 0.2, 0.21))
-    floor = floor_of(problem, (series * [10.0 * noise, 1.0],), like(steady, left, 9.0), sure(steady))
+    floor = floor_by_predictors(problem, (series * [10.0 * noise, 1.0],), like(steady, left, 9.0), sure(steady))
     assert floor.value[0] == pytest.approx(0.007 if taken else noise)
     assert floor.low[0] == pytest.approx(0.004)
     assert floor.high[0] == pytest.approx(np.hypot(0.01 if taken else noise, 0.003))
@@ -149,7 +149,7 @@ def test_what_comes_and_goes_is_no_noise_where_it_is_several_times_louder(steady
     seen(monkeypatch, None, None)
     rare = np.where(np.arange(len(series)) % 40 < 4, loud, 0.1)
     usual = np.hypot(0.1 / norm.ppf(0.75), np.sqrt(0.0007) * 3.0)
-    floor = floor_of(problem, (np.column_stack([rare, series[:, 1]]),), like(steady, 9.0, 9.0), sure(steady))
+    floor = floor_by_predictors(problem, (np.column_stack([rare, series[:, 1]]),), like(steady, 9.0, 9.0), sure(steady))
     assert floor.value[0] == pytest.approx(usual if taken else np.sqrt(np.mean(rare[judged(problem)] ** 2)), rel=1e-6)
     assert floor.low[0] <= floor.value[0] <= floor.high[0]
     assert floor.source[0] == "predictors"
@@ -175,7 +175,7 @@ def test_what_lies_above_the_band_in_motion_comes_down_as_its_share_of_the_frequ
     share = problem.session.cutoff_hz / (0.5 * band.rate_hz - band.cutoff_hz)
     seen(monkeypatch, None, None)
     problem = answering(problem, 0.3)
-    folded = _folded(problem, sensors_of(problem.session))
+    folded = _aliased_torque(problem, reading_noise(problem.session))
     np.testing.assert_allclose(folded, [0.3 * np.sqrt(share), 0.0], rtol=0.1, atol=1e-12)
 
 
@@ -188,7 +188,7 @@ def test_noise_of_the_sensors_is_no_answer_of_a_controller(steady, monkeypatch):
         "identification.diagnosis.judge.floors.torque_noise", lambda *_, held: Density(density, density, density)
     )
     problem = answering(problem, 0.3)
-    squares = answers_above(problem, sensors_of(problem.session))
+    squares = torque_above_band(problem, reading_noise(problem.session))
     np.testing.assert_allclose(squares, [0.09 - density * width, 0.0], rtol=0.1)
 
 
@@ -197,7 +197,9 @@ def test_what_may_come_down_from_above_the_band_is_no_gap(steady, monkeypatch, h
     # Known truth: sensors of 0.007, a noise of 1 in the band, and a controller that makes as much above it.
     problem, (series,) = steady
     seen(monkeypatch, (0.004, 0.007, 0.01), (0.19, 0.2, 0.21))
-    floor = floor_of(answering(problem, 1.0, hold), (series * [10.0, 1.0],), like(steady, 1.0, 9.0), sure(steady))
+    floor = floor_by_predictors(
+        answering(problem, 1.0, hold), (series * [10.0, 1.0],), like(steady, 1.0, 9.0), sure(steady)
+    )
     assert floor.value[0] == pytest.approx(0.007 if taken else 1.0)
 
 
@@ -207,7 +209,7 @@ def test_a_controller_that_answers_now_and_then_is_no_gap(steady, monkeypatch, h
     seen(monkeypatch, None, None)
     rare = np.where(np.arange(len(series)) % 40 < 4, 1.6, 0.1)
     noise = (np.column_stack([rare, series[:, 1]]),)
-    floor = floor_of(answering(problem, 1.0, hold), noise, like(steady, 9.0, 9.0), sure(steady))
+    floor = floor_by_predictors(answering(problem, 1.0, hold), noise, like(steady, 9.0, 9.0), sure(steady))
     usual = np.hypot(0.1 / norm.ppf(0.75), np.sqrt(0.0007) * 3.0)
     assert floor.value[0] == pytest.approx(usual if taken else np.sqrt(np.mean(rare[judged(problem)] ** 2)), rel=1e-6)
 
@@ -218,7 +220,7 @@ def test_white_noise_is_believed_where_at_least_half_of_the_joints_show_it(monke
     shown = [Density(1.0, 1.0, 1.0) if j < white else None for j in range(6)]
     monkeypatch.setattr("identification.diagnosis.judge.floors.torque_noise", lambda _, j, held: shown[j])
     session = SimpleNamespace(robot=SimpleNamespace(nv=6, torque_hold="instant"), logs=())
-    assert sensors_of(session) == (shown if believed else [None] * 6)
+    assert reading_noise(session) == (shown if believed else [None] * 6)
 
 
 def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch):
@@ -226,7 +228,7 @@ def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch
     problem, (series,) = steady
     seen(monkeypatch, (0.003, 0.003, 0.003), (0.03, 0.03, 0.03))
     loud = (series * [100.0, 500.0],)
-    floor = floor_of(problem, loud, like(steady, 9.0, 90.0), sure(steady), np.array([0.004, 0.04]))
+    floor = floor_by_predictors(problem, loud, like(steady, 9.0, 90.0), sure(steady), np.array([0.004, 0.04]))
     np.testing.assert_allclose(floor.value, [0.005, 0.05])
     np.testing.assert_allclose(floor.low, [0.005, 0.05])
 
@@ -236,8 +238,8 @@ def test_the_interval_of_a_floor_is_that_of_a_bootstrap_over_blocks_for_all_join
     problem, (series,) = steady
     seen(monkeypatch, None, None)
     noise = series * rng.normal(size=series.shape)
-    floor = floor_of(problem, (noise,), like(steady, 9.0, 9.0), sure(steady))
-    by_block = sums(problem, (noise,))
+    floor = floor_by_predictors(problem, (noise,), like(steady, 9.0, 9.0), sure(steady))
+    by_block = residual_sums(problem, (noise,))
     drawn = block_counts(len(by_block.counts), random_stream("bootstrap of the noise floor"))
     size = np.sqrt(drawn @ by_block.squares / (drawn @ by_block.counts))
     low, high = (np.percentile(size, side, axis=0) / by_block.rms() * floor.value for side in (1.25, 98.75))
@@ -262,7 +264,7 @@ def test_what_does_not_repeat_is_the_floor_where_it_is_less_than_all_else(
     seen(monkeypatch, None, None)
     shown = (Repeated(repeated, 0.01), None)
     monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: shown)
-    floor = floor_of(*steady, like(steady, left, 9.0), sure(steady))
+    floor = floor_by_predictors(*steady, like(steady, left, 9.0), sure(steady))
     assert floor.source == (source, "predictors")
     assert floor.value[0] == pytest.approx(value)
 
@@ -271,7 +273,7 @@ def test_the_interval_of_what_does_not_repeat_is_that_of_its_error(steady, monke
     # Closed form: a log-normal estimate, 5 % over two joints.
     seen(monkeypatch, None, None)
     monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: (Repeated(0.02, 0.1), None))
-    floor = floor_of(*steady, like(steady, 9.0, 9.0), sure(steady))
+    floor = floor_by_predictors(*steady, like(steady, 9.0, 9.0), sure(steady))
     assert floor.low[0] == pytest.approx(0.02 * np.exp(-0.1 * norm.ppf(0.9875)))
     assert floor.high[0] == pytest.approx(np.hypot(0.02 * np.exp(0.1 * norm.ppf(0.9875)), 0.003))
 
@@ -287,7 +289,7 @@ def test_the_interval_holds_what_is_left_where_friction_is_in_doubt(steady, left
     open_, residual = np.zeros_like(noise[0]), np.array([elsewhere, 0.1]) * np.ones_like(noise[0])
     open_[: len(open_) // 4, 0] = deviation**2
     residual[: len(open_) // 4, 0] = left
-    known, wider = (floor_of(problem, noise, (residual,), doubt) for doubt in (sure(steady), (open_,)))
+    known, wider = (floor_by_predictors(problem, noise, (residual,), doubt) for doubt in (sure(steady), (open_,)))
     share = problem.columns.usable[0][: len(open_) // 4, 0].sum() / problem.columns.usable[0][:, 0].sum()
     assert wider.high[0] ** 2 - known.high[0] ** 2 == pytest.approx(share * more**2)
     assert (wider.high[1], wider.value[0]) == (known.high[1], known.value[0])
@@ -302,7 +304,7 @@ def test_a_floor_hardly_counts_what_nothing_foresees_of_a_standing_joint(steady,
     standing = np.column_stack([np.where(stands, level, 0.0), np.zeros(len(series))])
     columns = replace(problem.columns, standstill_std=(standing,))
     noise = np.column_stack([np.where(stands, 0.9, 0.1), series[:, 1]])
-    floor = floor_of(replace(problem, columns=columns), (noise,), like(steady, 9.0, 9.0), sure(steady))
+    floor = floor_by_predictors(replace(problem, columns=columns), (noise,), like(steady, 9.0, 9.0), sure(steady))
     assert floor.value[0] == pytest.approx(np.sqrt((0.1 * 0.81 + 0.01) / 1.1), rel=0.01)
 
 
@@ -314,7 +316,7 @@ def test_what_friction_in_doubt_leaves_counts_with_the_weights_of_the_figures(st
     problem = replace(problem, columns=replace(problem.columns, standstill_std=(standing,)))
     residual, doubt = (np.column_stack([np.where(stands, size, 0.0), np.zeros(len(series))]) for size in (0.5, 1.0))
     floor = np.array([0.1, 0.2])
-    more = left_in_doubt(problem, (series,), (residual,), (doubt,), floor, np.array([9.0, 9.0]))
+    more = uncertain_squares(problem, (series,), (residual,), (doubt,), floor, np.array([9.0, 9.0]))
     assert more == pytest.approx([0.25 * 0.1 / (0.1 + 2.0), 0.0], rel=0.02)
 
 
@@ -324,11 +326,11 @@ SENSED = SensorFloor(*(np.array([x, np.nan]) for x in (0.2, 0.1, 0.3, 0.2)), np.
 
 @pytest.fixture
 def floor(quiet):
-    made = replace(sensed_of(quiet.problem), floor=SENSED)
+    made = replace(sensor_floors(quiet.problem), floor=SENSED)
 
     def of(before=BEFORE):
         nothing = tuple(np.zeros_like(part) for part in quiet.noise)
-        return sensed_floor(before, made, quiet.problem, quiet.noise, nothing, nothing)
+        return floor_by_sensors(before, made, quiet.problem, quiet.noise, nothing, nothing)
 
     return of
 
@@ -351,7 +353,7 @@ def test_sensors_set_the_floor_where_they_show_it_and_nothing_better_does(floor,
 
 def test_the_upper_end_holds_what_derivatives_are_wrong_by(floor, quiet):
     # By hand: a thousandth of the torque beside the upper end of the sensors.
-    torque = sums(quiet.problem, measured_torque(quiet.problem)).rms()[0]
+    torque = residual_sums(quiet.problem, measured_torque(quiet.problem)).rms()[0]
     assert floor().high[0] == pytest.approx(np.hypot(0.3, 0.001 * torque))
 
 
@@ -363,6 +365,6 @@ def test_what_is_allowed_holds_the_discrepancy(floor):
 
 def test_samples_count_where_blocks_are_judged_and_nowhere_else(quiet):
     # By hand: cores of the judged blocks are all that figures of a gap are made of.
-    squares = sums(quiet.problem, tuple(np.ones_like(part) for part in quiet.noise))
-    counts = sum(part.sum(axis=0) for part in counted(quiet.problem))
+    squares = residual_sums(quiet.problem, tuple(np.ones_like(part) for part in quiet.noise))
+    counts = sum(part.sum(axis=0) for part in judged_weights(quiet.problem))
     np.testing.assert_allclose(counts, squares.counts.sum(axis=0))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.columns.column_variants import with_wider_band
-from identification.diagnosis.fit.gap import RowGaps, Sums
+from identification.diagnosis.fit.gap import ResidualSums, RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.floors import Floor
@@ -28,7 +28,7 @@ from identification.diagnosis.judge.judgement import (
 )
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.shares import closed_together
-from identification.diagnosis.judge.verdict import hidden_by
+from identification.diagnosis.judge.verdict import hidden_change
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
 from identification.diagnosis.result import Adjusted, Burst, Diagnosis, EffectAt, Hidden, JointGap, Unexplained
 from identification.gates import ORDER
@@ -39,7 +39,7 @@ HERE = Unexplained(0.2, True, "shoulder", "posture")
 
 
 def test_coarse_readings_take_their_mean_square_off_each_block_and_no_more_than_is_there():
-    found = Sums(np.array([[8.0, 5.0], [3.0, 9.0]]), np.array([[10.0, 20.0], [30.0, 40.0]]))
+    found = ResidualSums(np.array([[8.0, 5.0], [3.0, 9.0]]), np.array([[10.0, 20.0], [30.0, 40.0]]))
     left = _without_rounding(found, np.array([0.2, 0.1]))
     np.testing.assert_allclose(left.squares, [[6.0, 3.0], [0.0, 5.0]])
     np.testing.assert_array_equal(left.counts, found.counts)
@@ -76,10 +76,10 @@ def test_events_say_their_times_and_where_the_largest_is():
     assert _with_times(CLEAN, ()) is CLEAN
 
 
-def alike(rms: tuple[float, float], counts: tuple[float, float] = (64.0, 16.0)) -> Sums:
+def alike(rms: tuple[float, float], counts: tuple[float, float] = (64.0, 16.0)) -> ResidualSums:
     """Residuals of this size in four blocks of so many samples of each joint."""
     every = np.tile(counts, (4, 1))
-    return Sums(np.square(rms) * every, every)
+    return ResidualSums(np.square(rms) * every, every)
 
 
 @pytest.mark.parametrize(("within", "closed"), [(0.25, None), (0.5, (0.25 - 0.015625) / (0.25 - 0.0625))])
@@ -143,12 +143,12 @@ def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
         return SimpleNamespace(chosen=state.found)
 
     monkeypatch.setattr(judgement, "shown_effects", shown)
-    monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
-    monkeypatch.setattr(judgement, "_remaining", lambda *_: SimpleNamespace(judge=None))
+    monkeypatch.setattr(judgement, "after_motion_gate", lambda bench, state: state)
+    monkeypatch.setattr(judgement, "_residual_of", lambda *_: SimpleNamespace(judge=None))
     monkeypatch.setattr(judgement, "_with_predictable_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 2.0)
-    monkeypatch.setattr(judgement, "explain", lambda plain, progress: offset)
+    monkeypatch.setattr(judgement, "stepwise_search", lambda plain, progress: offset)
     judgement._shown_above_noise(
         SimpleNamespace(search=quiet.search, chosen=frozenset(), endless=endless), quiet.search, ()
     )
@@ -159,9 +159,9 @@ def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatc
     # By hand: nine tenths of the noise.
     offset = quiet.term("torque_offset", "elbow")
     monkeypatch.setattr(judgement, "shown_effects", lambda bench, state: SimpleNamespace(chosen=state.found))
-    monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
+    monkeypatch.setattr(judgement, "after_motion_gate", lambda bench, state: state)
     monkeypatch.setattr(judgement, "replace", lambda left, **_: left)
-    monkeypatch.setattr(judgement, "_remaining", lambda *_: SimpleNamespace(judge=None, floor=None))
+    monkeypatch.setattr(judgement, "_residual_of", lambda *_: SimpleNamespace(judge=None, floor=None))
     monkeypatch.setattr(judgement, "_with_predictable_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 0.9)
     search = quiet.search
@@ -174,10 +174,10 @@ def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatc
 FLOOR = Floor(np.array([0.1, 0.2]), np.array([0.09, 0.18]), np.array([0.11, 0.22]), ("above_band", "predictors"))
 
 
-def left(*rms: float, blocks: int = 4) -> Sums:
+def left(*rms: float, blocks: int = 4) -> ResidualSums:
     """Residuals of this size on the two joints, the same in every block of fifty samples."""
     counts = np.full((blocks, 2), 50.0)
-    return Sums(np.square(rms) * counts, counts)
+    return ResidualSums(np.square(rms) * counts, counts)
 
 
 def test_findings_close_together_what_they_take_off_the_loss_beyond_the_floor(quiet):
@@ -208,7 +208,7 @@ def test_no_payload_hides_beside_free_inertial_parameters_of_the_body_that_would
 def test_what_hides_behind_a_mass_is_its_tolerance_of_it(quiet, planar2, body, number):
     mass = next(one for one in quiet.columns.tolerance_parameters if one.name == f"{body} mass")
     kilograms = mass.bound * planar2.model.inertias[number].mass
-    hidden = hidden_by(planar2, mass)
+    hidden = hidden_change(planar2, mass)
     assert (hidden.kind, hidden.size) == ("payload", pytest.approx(kilograms))
 
 
@@ -277,7 +277,7 @@ def test_samples_at_standstill_hardly_count_in_plain_fits_and_in_the_noise_that_
     without = plain(columns.residual[0], held, rough.noise[0])
     beside = plain(columns.residual[0] + 0.5 * held, held, rough.noise[0] + 0.5 * held)
     np.testing.assert_allclose(beside.problem.weights.floor, without.problem.weights.floor, rtol=0.1)
-    theta, expected = (search.evaluate(frozenset()).theta for search in (beside, without))
+    theta, expected = (search.held_out_fit(frozenset()).theta for search in (beside, without))
     np.testing.assert_allclose(theta, expected, atol=0.1 * np.abs(expected).max())
 
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.findings import (
     findings_without,
-    remarks,
+    size_remarks,
 )
 from identification.diagnosis.judge.findings.shown import shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.shares import least_closed, left_by
+from identification.diagnosis.judge.shares import least_shares_closed, residual_sums_with
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.engine import contract_levels
 from identification.words.note_words import sentences
@@ -33,14 +33,16 @@ def judged(lab, planar2):
     judge = Judge(plain.problem, floor, floor)
     residuals = Residuals(lambda _: judge, lambda *_: np.full_like(judge.floor, np.inf), lambda _: True)
     shown = shown_effects(Bench(prepared.search, plain, prepared.noise, residuals), State.of(chosen))
-    return shown, judge, left_by(judge, plain, frozenset())
+    return shown, judge, residual_sums_with(judge, plain, frozenset())
 
 
 def mean_square(shown, judge, kept) -> float:
     """The contract's loss: mean over joints of the squared residual over the squared noise floor."""
     problem = shown.problem
-    torque = held_out_torque(problem, kept, shown.plain.evaluate(kept))
-    return float(np.mean(sums(problem, judge.narrow(residual_after(problem, torque))).rms() ** 2 / judge.floor**2))
+    torque = held_out_torque(problem, kept, shown.plain.held_out_fit(kept))
+    return float(
+        np.mean(residual_sums(problem, judge.narrow(residual_after(problem, torque))).rms() ** 2 / judge.floor**2)
+    )
 
 
 def test_what_a_finding_closes_is_what_is_lost_without_it_over_the_gap(judged):
@@ -77,7 +79,7 @@ def test_the_torque_without_a_finding_is_that_of_the_fit_without_it(judged):
         finding, torque = claim.finding, claim.without
         term = next(term for term in shown.chosen if term.effect_joint == (finding.effect, finding.joint))
         kept = shown.chosen - {term}
-        expected = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))
+        expected = held_out_torque(shown.problem, kept, shown.plain.held_out_fit(kept))
         np.testing.assert_array_equal(torque[0], expected[0])
 
 
@@ -90,8 +92,8 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
     term = next(term for term in shown.chosen if term.effect_joint == (most.effect, most.joint))
     squares = []
     for kept in (shown.chosen - {term}, shown.chosen):
-        torque = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))
-        squares.append(sums(shown.problem, judge.narrow(residual_after(shown.problem, torque))).rms() ** 2)
+        torque = held_out_torque(shown.problem, kept, shown.plain.held_out_fit(kept))
+        squares.append(residual_sums(shown.problem, judge.narrow(residual_after(shown.problem, torque))).rms() ** 2)
     raised = float(np.sqrt(np.maximum(squares[0] - squares[1], 0.0) / judge.floor**2).max())
     monkeypatch.setattr(contract_levels, "MINOR_SHARE", share * most.gap_closed)
     monkeypatch.setattr(contract_levels, "MINOR_FLOORS", floors * raised)
@@ -100,7 +102,7 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
 
 
 def test_sizes_of_a_sound_robot_are_not_doubted(judged):
-    assert remarks(judged[0]) == ()
+    assert size_remarks(judged[0]) == ()
 
 
 def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
@@ -110,7 +112,7 @@ def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
     weak = tuple(replace(one, torque_limit=0.1) for one in session.robot.actuators)
     session = replace(session, robot=replace(session.robot, actuators=weak))
     plain = replace(shown.plain, problem=replace(shown.problem, session=session))
-    doubts = sentences(remarks(replace(shown, plain=plain)))
+    doubts = sentences(size_remarks(replace(shown, plain=plain)))
     said = next(doubt for doubt in doubts if "coulomb friction" in doubt)
     assert said.startswith("The torque of coulomb friction on elbow comes out as 0.")
     assert "is not plausible (" in said
@@ -142,9 +144,9 @@ def closing(quiet, gains):
 
     def left(chosen):
         more = np.zeros(len(gains)) if term in chosen else np.asarray(gains, dtype=float)
-        return Sums(np.column_stack([100.0 + 100.0 * more, np.full(len(gains), 100.0)]), counts)
+        return ResidualSums(np.column_stack([100.0 + 100.0 * more, np.full(len(gains), 100.0)]), counts)
 
-    return least_closed(left, frozenset([term]), np.ones(2))[term]
+    return least_shares_closed(left, frozenset([term]), np.ones(2))[term]
 
 
 @pytest.mark.parametrize(
@@ -170,4 +172,4 @@ def test_a_near_twin_is_not_asked(quiet):
     late = quiet.term("viscous_friction", "elbow")
     twin = replace(late, effect=effect_named("reference_delay"))
     counts = np.full((4, 2), 100.0)
-    assert least_closed(lambda _: Sums(counts, counts), frozenset([late, twin]), np.ones(2)) == {}
+    assert least_shares_closed(lambda _: ResidualSums(counts, counts), frozenset([late, twin]), np.ones(2)) == {}

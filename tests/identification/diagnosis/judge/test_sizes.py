@@ -14,10 +14,15 @@ from identification.data.recording import Recording
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.shown import _noise_gate
-from identification.diagnosis.judge.findings.shown_numbers import only_shown, reach_of
-from identification.diagnosis.judge.findings.sound_sizes import all_sound, size_notes
+from identification.diagnosis.judge.findings.shown_numbers import reach_of, with_unknown_marked
+from identification.diagnosis.judge.findings.sound_sizes import all_plausible, size_notes
 from identification.diagnosis.judge.judged_band import Judge, search_below
-from identification.diagnosis.judge.moved_by_noise import _loud_until, loud_search, noise_may_make, predictable_noise
+from identification.diagnosis.judge.moved_by_noise import (
+    _strong_up_to,
+    noise_may_make,
+    predictable_noise,
+    strong_motion_search,
+)
 from identification.diagnosis.result import Value
 from identification.notes import Code
 from identification.pipeline import diagnose
@@ -34,7 +39,7 @@ def session(quiet):
 def test_a_place_that_is_known_to_no_better_than_the_robot_is_large_is_not_shown(session, planar2):
     reach = reach_of(planar2)
     values = {"center_x": Value(0.1, 0.01 * reach, "m"), "center_y": Value(0.0, 2.0 * reach, "m")}
-    found = only_shown(values, session, None)
+    found = with_unknown_marked(values, session, None)
     assert [value.shown for value in found.values()] == [True, False]
     assert found["center_x"] == values["center_x"]
 
@@ -42,20 +47,20 @@ def test_a_place_that_is_known_to_no_better_than_the_robot_is_large_is_not_shown
 def test_a_load_that_is_large_beside_the_robot_is_shown_by_its_own_size(session, planar2):
     moment = 10.0 * reach_of(planar2) * sum(float(inertia.mass) for inertia in planar2.model.inertias[1:])
     values = {"moment_x": Value(moment, 0.1 * moment, "kg m"), "moment_y": Value(0.0, 0.1 * moment, "kg m")}
-    assert [value.shown for value in only_shown(values, session, None).values()] == [True, False]
+    assert [value.shown for value in with_unknown_marked(values, session, None).values()] == [True, False]
 
 
 def test_a_torque_whose_deviation_is_above_all_that_was_measured_is_not_shown(session, planar2):
     largest = max(float(np.abs(log.tau[:, 1]).max()) for log in session.logs)
     values = {"torque": Value([0.1, 0.2], [0.01, 2.0 * largest], "N m")}
-    assert only_shown(values, session, "elbow")["torque"].std == [0.01, np.inf]
+    assert with_unknown_marked(values, session, "elbow")["torque"].std == [0.01, np.inf]
 
 
 def test_a_mass_beside_moments_is_shown_if_its_deviation_is_less_than_half_of_it(session):
     # A centre divides by the mass, so that moments are stated from 13 % on; a mass of 1.0 +- 0.2 kg is still known.
     moments = {"moment_x": Value(0.2, 0.01, "kg m")}
-    assert not only_shown({"mass": Value(1.0, 0.6, "kg"), **moments}, session, None)["mass"].shown
-    assert only_shown({"mass": Value(1.0, 0.2, "kg"), **moments}, session, None)["mass"].shown
+    assert not with_unknown_marked({"mass": Value(1.0, 0.6, "kg"), **moments}, session, None)["mass"].shown
+    assert with_unknown_marked({"mass": Value(1.0, 0.2, "kg"), **moments}, session, None)["mass"].shown
     assert not has_known_centre(1.0, 0.2)
     assert has_known_centre(1.0, 0.1)
 
@@ -84,7 +89,7 @@ def shown_with(quiet, sizes) -> Any:
         cov=np.zeros((len(theta), len(theta))),
     )
     found = SimpleNamespace(theta=theta)
-    return SimpleNamespace(problem=quiet.problem, named=frozenset(terms), found=found, joint_fit=fit)
+    return SimpleNamespace(problem=quiet.problem, named=frozenset(terms), found=found, full_fit=fit)
 
 
 @pytest.mark.parametrize(
@@ -114,15 +119,15 @@ def test_a_torque_constant_of_four_is_said_to_be_none(quiet):
 def test_only_findings_that_are_named_have_to_be_sound(quiet):
     notes = size_notes(shown_with(quiet, {"torque_constant": -0.75}))
     constant, friction = (finding(name, "elbow") for name in ("torque_constant", "other"))
-    assert not all_sound([friction, constant], notes)
-    assert all_sound([friction], notes)
+    assert not all_plausible([friction, constant], notes)
+    assert all_plausible([friction], notes)
 
 
 def test_a_joint_whose_friction_drives_it_has_no_sound_finding(quiet):
     notes = size_notes(shown_with(quiet, {"coulomb_friction": 0.02, "viscous_friction": -1.0}))
     at = [finding("viscous_friction", joint) for joint in ("elbow", "shoulder")]
-    assert not all_sound(at[:1], notes)
-    assert all_sound(at[1:], notes)
+    assert not all_plausible(at[:1], notes)
+    assert all_plausible(at[1:], notes)
 
 
 def test_a_gap_is_not_explained_by_a_torque_constant_that_no_motor_has(lab, planar2):
@@ -194,13 +199,13 @@ def test_a_torque_is_loud_up_to_where_its_power_falls_below_thirty_times_the_noi
     rng, rate, count = np.random.default_rng(3), 100.0, 60_000
     spectrum = np.fft.rfft(10.0 * rng.standard_normal(count))
     spectrum[np.fft.rfftfreq(count, 1.0 / rate) > 5.0] = 0.0
-    edge = _loud_until(rng.standard_normal(count), np.fft.irfft(spectrum, count), rate)
+    edge = _strong_up_to(rng.standard_normal(count), np.fft.irfft(spectrum, count), rate)
     assert edge == pytest.approx(5.0, abs=2 * rate / 256)
 
 
 def test_a_torque_far_above_the_noise_everywhere_is_loud_everywhere():
     x = np.random.default_rng(4).standard_normal(4000)
-    assert _loud_until(0.1 * x, x, 100.0) == np.inf
+    assert _strong_up_to(0.1 * x, x, 100.0) == np.inf
 
 
 def test_a_loud_search_judges_its_few_effects_as_one_of_all_columns_does(quiet, monkeypatch):
@@ -213,7 +218,7 @@ def test_a_loud_search_judges_its_few_effects_as_one_of_all_columns_does(quiet, 
         return search_below(search, columns, noise, edges)
 
     monkeypatch.setattr("identification.diagnosis.judge.moved_by_noise.search_below", spied)
-    loud, there = loud_search(quiet.search, frozenset(), asked, quiet.noise)
+    loud, there = strong_motion_search(quiet.search, frozenset(), asked, quiet.noise)
     every = search_below(quiet.search, quiet.columns, quiet.noise, *seen)
     assert there.keys() == asked
     assert len(loud.problem.columns.names) < len(quiet.columns.names) / 2
@@ -257,8 +262,8 @@ def test_noise_makes_no_dry_friction(quiet, name, made):
 def test_claims_of_a_loud_search_are_measured_by_what_is_left_in_its_band(quiet):
     # By hand: the whole loss of the tolerance parameters alone less one for each sample, whatever another band has.
     wide = replace(quiet.search, rows=RowGaps(np.full(2, 1e9), np.full(2, 1e9)))
-    loud, _ = loud_search(wide, frozenset(), frozenset([quiet.term("coulomb_friction", "elbow")]), quiet.noise)
-    left = loud.evaluate(frozenset()).row_losses
+    loud, _ = strong_motion_search(wide, frozenset(), frozenset([quiet.term("coulomb_friction", "elbow")]), quiet.noise)
+    left = loud.held_out_fit(frozenset()).row_losses
     counts = [row.count.sum() for row in loud.problem.grams.rows]
     np.testing.assert_allclose(loud.rows.gap, np.maximum(left - counts, 0.0), rtol=1e-9)
     assert np.all(loud.rows.accuracy < 1e9)

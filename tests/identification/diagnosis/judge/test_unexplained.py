@@ -11,7 +11,7 @@ import pytest
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regimes
-from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, hidden_by, unexplained
+from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, hidden_change, unexplained
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.result import Unexplained
 
@@ -152,7 +152,7 @@ def test_a_prediction_counts_where_it_errs_by_less_than_the_residual_itself(quie
 @pytest.mark.parametrize(("share", "at_limit"), [(0.9985, False), (0.9995, True), (-0.9995, True)])
 def test_a_move_is_at_its_limit_a_rounding_short_of_it(quiet, share, at_limit):
     # Closed form: deviations of one, in which no change is significant.
-    found = quiet.search.evaluate(frozenset())
+    found = quiet.search.held_out_fit(frozenset())
     parameters = [quiet.columns.tolerance_parameters[k] for k in quiet.problem.fitted_nuisances]
     theta = np.zeros_like(found.theta)
     theta[quiet.problem.fitted_nuisances] = [share * one.bound for one in parameters]
@@ -168,7 +168,7 @@ def test_a_move_is_at_its_limit_a_rounding_short_of_it(quiet, share, at_limit):
 
 def test_what_hides_behind_a_move_that_is_no_mass_is_more_of_it(quiet, planar2):
     friction = next(one for one in quiet.columns.tolerance_parameters if one.name == "elbow Coulomb friction")
-    hidden = hidden_by(planar2, friction)
+    hidden = hidden_change(planar2, friction)
     assert (hidden.kind, hidden.size) == ("change", pytest.approx(0.1))
 
 

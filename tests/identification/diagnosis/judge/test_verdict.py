@@ -5,7 +5,6 @@ import pytest
 
 from identification.diagnosis.judge.verdict import (
     nearly_closed,
-    not_explained,
     ordinary_effects_hide,
     torques_may_be_noise,
     verdict,
@@ -176,8 +175,7 @@ def test_losses_are_means_over_joints_in_floors_of_their_own(made_up, after, exp
     assert said([first, second], made_up(findings=1).findings) == expected
 
 
-@pytest.mark.parametrize(
-    ("before", "after"), [("explained", "partly_explained"), ("unknown", "unknown"), ("no_gap", "no_gap")]
-)
-def test_a_size_that_no_sound_robot_has_does_not_explain(before, after):
-    assert not_explained(before) == after
+@pytest.mark.parametrize(("findings", "expected"), [(1, "partly_explained"), (0, "no_gap")])
+def test_a_size_that_no_sound_robot_has_does_not_explain(made_up, findings, expected):
+    found = made_up(findings=findings).findings
+    assert verdict((joint(1.0, 1.0),), found, NOTHING, moved=True, hides=False, plausible=False) == expected

@@ -104,7 +104,7 @@ def leaving(quiet, monkeypatch):
         monkeypatch.setattr(PLACE + "held_out_torque", lambda _, chosen, found: (torque or {}).get(chosen))
         monkeypatch.setattr(PLACE + "whitening_of", lambda *_: SimpleNamespace(series=lambda series: series))
         problem = SimpleNamespace(columns=columns, white=columns, weights=weights)
-        return SimpleNamespace(problem=problem, evaluate=lambda chosen: None)
+        return SimpleNamespace(problem=problem, held_out_fit=lambda chosen: None)
 
     return search
 

@@ -93,8 +93,8 @@ def rubbing(lab, planar2):
 
 
 def trace_of(prepared, chosen):
-    torque = held_out_torque(prepared.problem, chosen, prepared.search.evaluate(chosen))
-    plain = held_out_torque(prepared.problem, frozenset(), prepared.search.evaluate(frozenset()))
+    torque = held_out_torque(prepared.problem, chosen, prepared.search.held_out_fit(chosen))
+    plain = held_out_torque(prepared.problem, frozenset(), prepared.search.held_out_fit(frozenset()))
     return np.where(prepared.columns.usable[0], torque[0] - plain[0], 0.0)
 
 

@@ -17,7 +17,7 @@ from identification.diagnosis.columns.terms import FoundEffect, Term
 from identification.diagnosis.fit.fitting import Fitted, fit
 from identification.diagnosis.fit.gap import held_out_torque
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.judge.shares import residual_sums_with
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.search import claims as claims_module
 from identification.diagnosis.search import fits
@@ -25,7 +25,7 @@ from identification.diagnosis.search.claims import energy_by_block, least_gain, 
 from identification.diagnosis.search.fits import Fits, SearchWithoutEnd
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.search import RowGaps
-from identification.diagnosis.search.squares_left import squares_left
+from identification.diagnosis.search.subset_residuals import subset_residuals
 from identification.engine.claims import GateResult
 from identification.engine.fits.bilinear import products_of
 from phantom_dyn.effects.catalogue import effect_named
@@ -114,10 +114,10 @@ def test_a_payload_without_the_tilt_weighs_in_the_gravity_of_the_model(lab, pend
     alone, both = (frozenset(prepared.term(*one) for one in places) for places in ((LOAD,), (LOAD, TILT)))
     moments = list(prepared.term(*LOAD).columns[1:4])
     for chosen, weighs in ((both, True), (alone, False)):
-        found = plain.evaluate(chosen)
+        found = plain.held_out_fit(chosen)
         assert (np.abs(found.problem.total_a[moments][:, moments]).max() > 1e-6) == weighs
     # Its inertia about the axis is all that is left of it, and that makes no spring.
-    given, after = (held_out_torque(plain.problem, some, plain.evaluate(some)) for some in (frozenset(), alone))
+    given, after = (held_out_torque(plain.problem, some, plain.held_out_fit(some)) for some in (frozenset(), alone))
     left = [np.std(prepared.columns.residual[0] + prepared.columns.model_torque[0] - one[0]) for one in (given, after)]
     assert left[1] > 0.95 * left[0]
 
@@ -149,9 +149,9 @@ class Given:
 
 def given(quiet, loss: np.ndarray, in_sample: float) -> tuple:
     """A search in which a torque offset has this held-out loss and this gain in sample, and the effect."""
-    chosen, plain = frozenset([quiet.term("torque_offset", "elbow")]), quiet.search.evaluate(frozenset())
+    chosen, plain = frozenset([quiet.term("torque_offset", "elbow")]), quiet.search.held_out_fit(frozenset())
     rich = replace(
-        quiet.search.evaluate(chosen), loss=loss, penalty=plain.penalty, objective=plain.objective - in_sample
+        quiet.search.held_out_fit(chosen), loss=loss, penalty=plain.penalty, objective=plain.objective - in_sample
     )
     return replace(quiet.search, fits=Given(plain, rich)), chosen
 
@@ -159,7 +159,7 @@ def given(quiet, loss: np.ndarray, in_sample: float) -> tuple:
 @pytest.mark.parametrize(("gains", "claims"), [([40.0, 40.0], False), ([40.0, 40.0, 15.0], True), ([150.0], True)])
 def test_a_gain_of_few_blocks_is_claimed_if_it_is_enough_without_the_best_two_or_very_large(quiet, gains, claims):
     # Closed form: a threshold of ten; all other blocks gain nothing, so two standard errors are more than the gain.
-    plain = quiet.search.evaluate(frozenset())
+    plain = quiet.search.held_out_fit(frozenset())
     loss = plain.loss.copy()
     loss[: len(gains)] -= gains
     search, chosen = given(quiet, loss, sum(gains))
@@ -174,7 +174,7 @@ def test_a_gain_is_claimed_only_if_it_is_above_the_threshold_on_held_out_data_an
     quiet, held_out, in_sample, claims
 ):
     # Closed form: a threshold of ten, and a gain that is the same in every block.
-    loss = quiet.search.evaluate(frozenset()).loss
+    loss = quiet.search.held_out_fit(frozenset()).loss
     search, chosen = given(quiet, loss - held_out / len(loss), in_sample)
     assert passes_gates(search, chosen, frozenset()) is claims
 
@@ -213,7 +213,7 @@ def test_what_an_exact_law_has_closed_is_no_gap_that_the_next_claim_has_to_close
 )
 def test_an_effect_that_is_zero_in_most_blocks_is_judged_where_it_acts(quiet, monkeypatch, acting, gains, claims):
     # Closed form: a threshold of ten, and a gain of twenty in two blocks, which the two best are not left out of.
-    plain = quiet.search.evaluate(frozenset())
+    plain = quiet.search.held_out_fit(frozenset())
     energy, loss = np.zeros(len(plain.loss)), plain.loss.copy()
     for block, share in acting.items():
         energy[block] = share
@@ -283,10 +283,10 @@ def planar(lab, planar2):
 
 def test_every_subset_leaves_what_its_residual_says(planar):
     plain, judge, terms = planar
-    left = squares_left(plain, terms)
+    left = subset_residuals(plain, terms)
     for size in range(len(terms) + 1):
         for some in map(frozenset, combinations(terms, size)):
-            expected, found = left_by(judge, plain, some), left(some)
+            expected, found = residual_sums_with(judge, plain, some), left(some)
             np.testing.assert_allclose(found.counts.sum(axis=0), expected.counts.sum(axis=0))
             # The residual is low-passed across the edges of blocks, at which the fit changes.
             np.testing.assert_allclose(found.rms(), expected.rms(), rtol=2e-3)

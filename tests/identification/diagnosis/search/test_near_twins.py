@@ -17,14 +17,25 @@ from identification.data.recording import Recording
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import claims, swaps
 from identification.diagnosis.search import search as search_module
-from identification.diagnosis.search.claims import _made_beside_twins, dropped
+from identification.diagnosis.search.claims import _torque_beside_twins, backward_elimination
 from identification.diagnosis.search.containment import are_near_twins
-from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
-from identification.diagnosis.search.plausible_sizes import RANGES, implausible
+from identification.diagnosis.search.imitation import (
+    UNCERTAIN,
+    beside_imitation,
+    imitation_of,
+    joints_on_lines,
+    with_limit,
+)
+from identification.diagnosis.search.plausible_sizes import implausible_size
 from identification.diagnosis.search.rival_sets import RivalComparison
-from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, nearest_case_of, simplest_effects
-from identification.diagnosis.search.stepwise import forward
-from identification.diagnosis.search.swaps import alternatives, swapped
+from identification.diagnosis.search.special_cases import (
+    certainty_of_difference,
+    nearest_case_at_shape,
+    simplest_effects,
+    vanishes_at_bound,
+)
+from identification.diagnosis.search.stepwise import forward_selection
+from identification.diagnosis.search.swaps import alternatives, with_swaps
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Actuator, Controller
@@ -73,11 +84,11 @@ def test_other_effects_have_no_near_twin_beside_them(servo):
 def test_beside_its_twin_an_effect_is_measured_by_the_torque_that_it_makes(servo):
     # Closed form: the squares of a column times its coefficient.
     late, viscous, dry = (servo.term(n, "pin") for n in ("reference_delay", "viscous_friction", "coulomb_friction"))
-    rich = servo.search.evaluate(frozenset([late, viscous]))
+    rich = servo.search.held_out_fit(frozenset([late, viscous]))
     (column,) = viscous.columns
     made = rich.theta[column] ** 2 * rich.problem.total_a[column, column]
-    assert _made_beside_twins(frozenset([viscous]), frozenset([late]), rich) == pytest.approx(made)
-    assert _made_beside_twins(frozenset([viscous]), frozenset([dry]), rich) == 0.0
+    assert _torque_beside_twins(frozenset([viscous]), frozenset([late]), rich) == pytest.approx(made)
+    assert _torque_beside_twins(frozenset([viscous]), frozenset([dry]), rich) == 0.0
 
 
 @pytest.fixture(scope="module")
@@ -96,16 +107,16 @@ def term(prepared, name, joint):
 
 
 def test_both_joints_are_along_a_line(in_line):
-    assert along_lines(in_line.session) == {0, 1}
+    assert joints_on_lines(in_line.session) == {0, 1}
 
 
 def test_friction_is_not_imitated_where_joints_move_freely(lab, planar2):
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
     torque = lab.acting(planar2, motion, "coulomb_friction", "elbow", 0.5)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-    assert along_lines(prepared.session) == frozenset()
+    assert joints_on_lines(prepared.session) == frozenset()
     rubs = term(prepared, "coulomb_friction", "elbow")
-    assert imitated_by(prepared.search, frozenset([rubs]), rubs) is None
+    assert imitation_of(prepared.search, frozenset([rubs]), rubs) is None
 
 
 def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
@@ -122,27 +133,27 @@ def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
     [("payload", None, 0.85), ("torque_constant", "elbow", 0.85), ("viscous_friction", "elbow", 0.99)],
 )
 def test_no_load_and_no_torque_scale_is_certain_along_a_line_and_friction_is(in_line, name, joint, most):
-    assert on_a_line(RivalComparison(0.99, ()), term(in_line, name, joint)).probability == most
-    assert on_a_line(RivalComparison(0.5, ()), term(in_line, name, joint)).probability == 0.5
+    assert with_limit(RivalComparison(0.99, ()), term(in_line, name, joint), UNCERTAIN).probability == most
+    assert with_limit(RivalComparison(0.5, ()), term(in_line, name, joint), UNCERTAIN).probability == 0.5
 
 
 @pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])
 def test_one_number_is_as_certain_as_the_normal_law_says(deviations):
     # Closed form: the square of a standard normal number.
-    found = certainty(np.array([0.2 * deviations]), np.array([[0.04]]))
+    found = certainty_of_difference(np.array([0.2 * deviations]), np.array([[0.04]]))
     assert found == pytest.approx(2.0 * norm.cdf(deviations) - 1.0)
 
 
 def test_units_do_not_matter_to_a_certainty():
     # Two independent numbers, one of them in millionths: three deviations of each are eighteen squared ones in all.
-    found = certainty(np.array([3.0, 3e-6]), np.diag([1.0, 1e-12]))
+    found = certainty_of_difference(np.array([3.0, 3e-6]), np.diag([1.0, 1e-12]))
     assert found == pytest.approx(1.0 - np.exp(-0.5 * 18.0))
 
 
 @pytest.mark.parametrize(("excess", "nothing"), [(0.0, False), (0.4, False), (9.0, True), (-0.9, True)])
 def test_a_torque_constant_at_the_ends_of_what_is_possible_is_none(quiet, planar2, excess, nothing):
     # Closed form: a ratio of 1 / (1 + excess); a tenth and ten are the ends.
-    assert ends_on_nothing(planar2, quiet.term("torque_constant", "elbow"), np.array([excess])) == nothing
+    assert vanishes_at_bound(planar2, quiet.term("torque_constant", "elbow"), np.array([excess])) == nothing
 
 
 def test_the_votes_of_stribeck_friction_at_its_bound_belong_to_coulomb_friction(lab, planar2):
@@ -151,7 +162,7 @@ def test_the_votes_of_stribeck_friction_at_its_bound_belong_to_coulomb_friction(
     torque = -np.sign(motion.v) * (0.5 + 0.2 * np.tanh(2 * np.abs(motion.v))) * [0.0, 1.0]
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
     term = prepared.term("stribeck_friction", "elbow")
-    found = prepared.search.evaluate(frozenset([term]))
+    found = prepared.search.held_out_fit(frozenset([term]))
     assert found.theta[term.columns[1]] == 0.0
     assert simplest_effects(planar2, term, found) == (("coulomb_friction", "elbow"),)
 
@@ -161,15 +172,15 @@ def test_a_fit_that_holds_a_displacement_cannot_say_that_it_differs_from_none(la
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -0.5 * np.sign(motion.v) * [0.0, 1.0]),))
     term = prepared.term("presliding_friction", "elbow")
-    found = prepared.search.evaluate(frozenset([term]))
-    certain, names = nearest_case_of(planar2, term, found)
+    found = prepared.search.held_out_fit(frozenset([term]))
+    certain, names = nearest_case_at_shape(planar2, term, found)
     assert (names, certain) == ((), pytest.approx(1.0, abs=1e-3))
-    assert nearest_case_of(planar2, term, found, ("coulomb_friction",)) is None
+    assert nearest_case_at_shape(planar2, term, found, ("coulomb_friction",)) is None
 
 
 @pytest.mark.parametrize(("excess", "ratio"), [(9.0 / 4.0, 4.0 / 13.0), (-0.2, None), (0.9, None), (-0.6, 2.5)])
 def test_a_torque_constant_is_plausible_between_a_half_and_two(quiet, excess, ratio):
-    fault = implausible(quiet.session, quiet.term("torque_constant", "elbow"), np.array([excess]))
+    fault = implausible_size(quiet.session, quiet.term("torque_constant", "elbow"), np.array([excess]))
     assert (None if fault is None else fault[1]) == (ratio if ratio is None else pytest.approx(ratio))
 
 
@@ -178,7 +189,7 @@ def test_a_size_whose_interval_reaches_into_its_range_may_be_plausible(quiet, de
     # Closed form: a size a fifth above the end of its range; two deviations of 0.15 reach into it, of 0.05 they do not.
     most = 2.0 * float(quiet.session.largest_torque[1])
     cov = np.array([[(deviation * most) ** 2]])
-    fault = implausible(quiet.session, quiet.term("coulomb_friction", "elbow"), np.array([1.2 * most]), cov)
+    fault = implausible_size(quiet.session, quiet.term("coulomb_friction", "elbow"), np.array([1.2 * most]), cov)
     assert (fault is None) is possible
 
 
@@ -188,8 +199,8 @@ def test_no_drive_moves_a_joint_against_twice_the_torque_that_it_ever_gave(quiet
     (log,) = quiet.session.logs
     most = 2.0 * np.abs(log.tau[:, 1]).max() / (np.abs(log.motion.v[log.samples, 1]).max() if by_speed else 1.0)
     term = quiet.term(effect, "elbow")
-    assert implausible(quiet.session, term, np.array([0.99 * most])) is None
-    fault = implausible(quiet.session, term, np.array([1.01 * most]))
+    assert implausible_size(quiet.session, term, np.array([0.99 * most])) is None
+    fault = implausible_size(quiet.session, term, np.array([1.01 * most]))
     assert fault is not None
     parameter, value = fault
     assert parameter.plausible is not None
@@ -200,11 +211,7 @@ def test_no_drive_moves_a_joint_against_twice_the_torque_that_it_ever_gave(quiet
 def test_what_is_no_friction_has_no_range_by_the_recorded_torque(quiet):
     # A spring may hold more than the drive does.
     term = quiet.term("torque_offset", "elbow")
-    assert implausible(quiet.session, term, np.array([5.0 * quiet.session.largest_torque[1]])) is None
-
-
-def test_each_range_says_why():
-    assert all(one.because and one.most > 0.0 for one in RANGES)
+    assert implausible_size(quiet.session, term, np.array([5.0 * quiet.session.largest_torque[1]])) is None
 
 
 @pytest.fixture(scope="module")
@@ -218,7 +225,7 @@ def made(lab, planar2):
 def steps(search) -> tuple[frozenset, int]:
     """What forward selection finds, and in how many steps."""
     said: list[str] = []
-    return forward(search, frozenset(), said.append), len(said)
+    return forward_selection(search, frozenset(), said.append), len(said)
 
 
 def test_effects_of_different_joints_join_in_one_step_and_are_the_same(made, monkeypatch):
@@ -238,15 +245,15 @@ def test_what_is_missed_least_is_what_a_fit_without_it_loses_least(made, monkeyp
     chosen = frozenset(made.term(*place) for place in (*needed, *needless) if place in known)
     assert len(chosen) > 4
     monkeypatch.setattr(claims, "_MOST_TRIED", tried)
-    assert {term.effect_joint for term in dropped(made.search, chosen)} == set(needed)
+    assert {term.effect_joint for term in backward_elimination(made.search, chosen)} == set(needed)
 
 
 @pytest.fixture
 def passes(monkeypatch) -> list[int]:
     """How many effects there are at each pass of elimination."""
     seen: list[int] = []
-    plain = claims.least_missed
-    monkeypatch.setattr(claims, "least_missed", lambda *given: seen.append(len(given[1])) or plain(*given))
+    plain = claims.least_needed
+    monkeypatch.setattr(claims, "least_needed", lambda *given: seen.append(len(given[1])) or plain(*given))
     return seen
 
 
@@ -254,11 +261,11 @@ def test_needless_effects_of_different_joints_go_in_one_pass_and_are_the_same(ma
     needed = [("coulomb_friction", "shoulder"), ("coulomb_friction", "elbow"), ("torque_offset", "shoulder")]
     needless = [("viscous_friction", "shoulder"), ("torque_offset", "elbow")]
     chosen = frozenset(made.term(*place) for place in (*needed, *needless))
-    one_by_one = dropped(made.search, chosen)
+    one_by_one = backward_elimination(made.search, chosen)
     assert passes == [5, 4, 3]
     passes.clear()
     monkeypatch.setattr(search_module, "_MANY_JOINTS", 0)
-    assert dropped(made.search, chosen) == one_by_one
+    assert backward_elimination(made.search, chosen) == one_by_one
     assert passes == [5, 3]
 
 
@@ -266,12 +273,14 @@ def test_effects_of_different_joints_are_swapped_in_one_pass_and_are_the_same(ma
     wrong = frozenset(made.term("viscous_friction", joint) for joint in ("shoulder", "elbow"))
     chosen = wrong | {made.term("torque_offset", "shoulder")}
     tried: list[frozenset] = []
-    monkeypatch.setattr(swaps, "dropped", lambda search, some: tried.append(some) or dropped(search, some))
-    one_by_one = swapped(made.search, chosen)
+    monkeypatch.setattr(
+        swaps, "backward_elimination", lambda search, some: tried.append(some) or backward_elimination(search, some)
+    )
+    one_by_one = with_swaps(made.search, chosen)
     assert len(tried) == 2
     tried.clear()
     monkeypatch.setattr(search_module, "_MANY_JOINTS", 0)
-    assert swapped(made.search, chosen) == one_by_one
+    assert with_swaps(made.search, chosen) == one_by_one
     assert len(tried) == 1
     assert {term.effect_joint for term in one_by_one} >= {
         ("coulomb_friction", "shoulder"),

@@ -10,10 +10,10 @@ from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.search.refinement import (
     found_effects,
+    matching_terms,
     needs_refinement,
     runners_up,
-    same_effects,
-    unchanged,
+    same_points,
 )
 from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import effect_named
@@ -95,13 +95,13 @@ def test_friction_under_load_is_fitted_again_where_a_payload_changes_the_load():
 def test_a_new_search_starts_from_the_shape_nearest_to_what_was_found(quiet):
     shapes = [term.shape[0] for term in quiet.search.terms if term.effect_joint == ("stribeck_friction", "elbow")]
     point = FoundEffect(effect_named("stribeck_friction"), "elbow", (1.05 * shapes[2],), np.array([0.3, 0.2]))
-    (start,) = same_effects(quiet.search, (point,))
+    (start,) = matching_terms(quiet.search, (point,))
     assert start.shape == (shapes[2],)
 
 
 def test_what_a_new_search_does_not_have_is_not_started_from(quiet):
     gone = FoundEffect(effect_named("viscous_friction"), "wrist", (), np.array([0.3]))
-    assert same_effects(quiet.search, (gone,)) == frozenset()
+    assert matching_terms(quiet.search, (gone,)) == frozenset()
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def test_without_a_gap_nothing_is_nearly_good_enough(quiet):
 def test_points_are_the_same_if_effect_and_joint_are_and_the_shape_has_hardly_moved(effect, joint, shape, same):
     before = FoundEffect(effect_named("stribeck_friction"), "elbow", (0.2,), np.array([0.3, 0.2]))
     now = FoundEffect(effect_named(effect), joint, shape, np.array([0.4, 0.1]))
-    assert unchanged((now,), (before,)) is same
+    assert same_points((now,), (before,)) is same
 
 
 def test_a_drive_that_is_asked_for_several_times_its_limit_is_still_found_once_its_limit_is_known(pendulum):

@@ -9,16 +9,16 @@ from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import richer_laws
 from identification.diagnosis.search import rival_sets as rivals
-from identification.diagnosis.search.fair_costs import costs_of, within_accuracy
+from identification.diagnosis.search.fair_costs import costs_of, without_method_errors
 from identification.diagnosis.search.richer_laws import odds_of_richer
 from identification.diagnosis.search.rival_sets import (
     RivalComparison,
-    _with_effects,
+    _with_best_shapes,
     compare_with_rivals,
     with_leading_rivals,
 )
 from identification.diagnosis.search.search import with_wide_tolerances
-from identification.diagnosis.search.stepwise import explain
+from identification.diagnosis.search.stepwise import stepwise_search
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -31,7 +31,7 @@ def silent(_: str) -> None:
 
 def comparisons(prepared) -> dict[tuple[str, str | None], object]:
     search = prepared.search
-    chosen = explain(search, silent)
+    chosen = stepwise_search(search, silent)
     return {term.effect_joint: compare_with_rivals(search, chosen, term) for term in chosen}
 
 
@@ -97,7 +97,7 @@ def test_a_rival_of_a_size_that_no_robot_has_is_none_where_another_may_be(heavie
         return (None, 0.0) if term.effect.name == "torque_constant" else None
 
     for module in (rivals, richer_laws):
-        monkeypatch.setattr(module, "implausible", impossible)
+        monkeypatch.setattr(module, "implausible_size", impossible)
     ((place, comparison),) = comparisons(heavier).items()
     options = {place[0], *(rival.effects[0].effect for rival in comparison.rivals)}
     assert options == {"rotor_inertia", "inertial_parameters", "payload"}
@@ -119,7 +119,7 @@ def test_a_plausible_cause_that_explains_most_leads_beside_a_better_fit_of_an_im
     chosen = frozenset([coulomb])
     assert compare_with_rivals(search, chosen, coulomb).probability == 1.0
     for module in (rivals, richer_laws):
-        monkeypatch.setattr(module, "implausible", impossible)
+        monkeypatch.setattr(module, "implausible_size", impossible)
     assert compare_with_rivals(search, chosen, coulomb).probability == 1.0
     # Of a robot that was diagnosed before.
     session = replace(search.problem.session, known=(KnownEffect("torque_offset", "elbow", (0.0,)),))
@@ -293,18 +293,18 @@ def test_where_a_law_ends_on_a_special_case_that_case_takes_its_place(quiet):
     # By definition: the set with exactly the effects of those places in place of the finding.
     finding, beside = quiet.term("stribeck_friction", "elbow"), quiet.term("torque_offset", "shoulder")
     places = (("coulomb_friction", "elbow"), ("viscous_friction", "elbow"))
-    leading = _with_effects(quiet.search, frozenset([finding, beside]), finding, places)
+    leading = _with_best_shapes(quiet.search, frozenset([finding, beside]), finding, places)
     assert {one.effect_joint for one in leading} == {*places, beside.effect_joint}
 
 
 def test_a_place_that_is_no_rival_leads_to_nothing(quiet):
     finding = quiet.term("coulomb_friction", "elbow")
-    assert _with_effects(quiet.search, frozenset([finding]), finding, (("coulomb_friction", "wrist"),)) is None
+    assert _with_best_shapes(quiet.search, frozenset([finding]), finding, (("coulomb_friction", "wrist"),)) is None
 
 
 def priced(prices: tuple[float, ...], penalties: tuple[float, ...]) -> SimpleNamespace:
     """A search whose sets are numbered, with a price and a penalty each."""
-    return SimpleNamespace(price_of=lambda k: prices[k], evaluate=lambda k: SimpleNamespace(penalty=penalties[k]))
+    return SimpleNamespace(price_of=lambda k: prices[k], held_out_fit=lambda k: SimpleNamespace(penalty=penalties[k]))
 
 
 @pytest.mark.parametrize(
@@ -362,8 +362,8 @@ def test_a_rival_is_left_out_only_where_it_is_hopeless_in_the_judged_band_too(
         searches.append(one)
         return everywhere or one is search
 
-    monkeypatch.setattr(rivals, "_hopeless", hopeless)
-    options, _, _ = rivals._options(search, frozenset([term]), term, frozenset(), (other,), sound=True)
+    monkeypatch.setattr(rivals, "_is_far_worse", hopeless)
+    options, _, _ = rivals._candidate_sets(search, frozenset([term]), term, frozenset(), (other,), sound=True)
     assert len({id(one) for one in searches}) == asked
     assert (len(options) > 1) == (band and not everywhere)
 
@@ -383,7 +383,9 @@ def test_a_rival_is_left_out_only_where_it_is_hopeless_in_the_judged_band_too(
 )
 def test_a_small_difference_says_nothing_for_the_law_with_more_numbers(worse, more, expected):
     losses = np.array([[5.0, 5.0 + 0.25 * worse], [2.0, 2.0 + 0.75 * worse]])
-    found = within_accuracy(losses, np.array([0.0, more]), [False, True], 10_000.0)
+    found = without_method_errors(losses, np.array([0.0, more]), [False, True], 10_000.0)
     np.testing.assert_allclose(found[:, 0], losses[:, 0])
     np.testing.assert_allclose(found[:, 1] - found[:, 0], [0.25 * expected, 0.75 * expected], atol=1e-12)
-    np.testing.assert_array_equal(within_accuracy(losses, np.array([0.0, more]), [False, False], 10_000.0), losses)
+    np.testing.assert_array_equal(
+        without_method_errors(losses, np.array([0.0, more]), [False, False], 10_000.0), losses
+    )

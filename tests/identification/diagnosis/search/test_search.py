@@ -5,12 +5,12 @@ import pytest
 
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.search import stepwise
-from identification.diagnosis.search.claims import rows_of
-from identification.diagnosis.search.containment import contains, possible, relations, with_term
+from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.containment import can_join, contains, relations, with_term
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.search import Threshold, price, ranks_of
-from identification.diagnosis.search.stepwise import explain, forward
-from identification.diagnosis.search.swaps import alternatives, replaced
+from identification.diagnosis.search.stepwise import forward_selection, stepwise_search
+from identification.diagnosis.search.swaps import alternatives, with_replacement
 from identification.gates import above_chance
 from identification.stages import Announcement, Stage
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -86,9 +86,9 @@ def test_two_rich_friction_laws_do_not_stand_side_by_side(quiet):
 
 def test_a_special_case_of_what_is_there_is_not_tried(quiet):
     chosen = frozenset([quiet.term("direction_dependent_friction", "elbow")])
-    assert not possible(chosen, quiet.term("coulomb_friction", "elbow"))
-    assert possible(chosen, quiet.term("coulomb_friction", "shoulder"))
-    assert not possible(chosen, quiet.term("direction_dependent_friction", "elbow"))
+    assert not can_join(chosen, quiet.term("coulomb_friction", "elbow"))
+    assert can_join(chosen, quiet.term("coulomb_friction", "shoulder"))
+    assert not can_join(chosen, quiet.term("direction_dependent_friction", "elbow"))
 
 
 def test_special_cases_together_are_an_alternative_to_a_richer_law(quiet):
@@ -100,7 +100,7 @@ def test_special_cases_together_are_an_alternative_to_a_richer_law(quiet):
 def test_replacing_keeps_the_other_effects(quiet):
     coulomb, viscous = quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")
     kept = quiet.term("rotor_inertia", "shoulder")
-    assert replaced(frozenset([coulomb, kept]), coulomb, frozenset([viscous])) == frozenset([viscous, kept])
+    assert with_replacement(frozenset([coulomb, kept]), coulomb, frozenset([viscous])) == frozenset([viscous, kept])
 
 
 def test_the_order_of_terms_is_that_of_their_columns(quiet):
@@ -137,18 +137,18 @@ def test_an_effect_of_a_joint_that_rests_is_no_rival(lab, planar2):
 def test_a_set_scores_its_held_out_loss_and_its_price(quiet):
     term = quiet.term("viscous_friction", "elbow")
     search = quiet.search
-    found = search.evaluate(frozenset([term]))
+    found = search.held_out_fit(frozenset([term]))
     assert search.score(frozenset([term])) == pytest.approx(found.loss.sum() + found.penalty + 5.0 + 0.02)
 
 
 def test_a_fit_is_made_once(quiet):
     search = quiet.search
     chosen = frozenset([quiet.term("viscous_friction", "elbow")])
-    assert search.evaluate(chosen) is search.evaluate(frozenset(chosen))
+    assert search.held_out_fit(chosen) is search.held_out_fit(frozenset(chosen))
 
 
 def test_nothing_is_claimed_without_a_gap(quiet):
-    assert explain(quiet.search, silent) == frozenset()
+    assert stepwise_search(quiet.search, silent) == frozenset()
 
 
 def test_two_effects_at_once_are_found_on_their_joints(lab, planar2):
@@ -156,13 +156,16 @@ def test_two_effects_at_once_are_found_on_their_joints(lab, planar2):
     motion = lab.motion(2, 3)
     torque = -np.sign(motion.v) * [0.0, 0.3] - motion.v * [0.3, 0.0]
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-    assert places(explain(prepared.search, silent)) == {("coulomb_friction", "elbow"), ("viscous_friction", "shoulder")}
+    assert places(stepwise_search(prepared.search, silent)) == {
+        ("coulomb_friction", "elbow"),
+        ("viscous_friction", "shoulder"),
+    }
 
 
 def test_a_threshold_that_no_gain_reaches_keeps_every_claim_away(lab, planar2):
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
-    assert explain(prepared.searched(1e9), silent) == frozenset()
+    assert stepwise_search(prepared.searched(1e9), silent) == frozenset()
 
 
 @pytest.mark.parametrize(("above", "found"), [(-1.0, True), (1.0, False)])
@@ -171,16 +174,16 @@ def test_a_gain_is_compared_with_chance_before_its_price_is_paid(lab, planar2, m
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.1]),))
     term, search = prepared.term("coulomb_friction", "elbow"), prepared.search
-    gain = search.quick(frozenset()) - search.quick(frozenset([term]))
+    gain = search.in_sample_loss(frozenset()) - search.in_sample_loss(frozenset([term]))
     asked = []
     monkeypatch.setattr(stepwise, "passes_gates", lambda search, rich, plain: asked.extend(rich - plain))
-    forward(prepared.searched(gain + above), frozenset(), silent)
+    forward_selection(prepared.searched(gain + above), frozenset(), silent)
     assert (term in asked) == found
 
 
 def test_the_search_tells_what_it_does(quiet):
     said: list[Announcement] = []
-    explain(quiet.search, said.append)
+    stepwise_search(quiet.search, said.append)
     assert said[0] == Announcement(Stage.RIVALS_TRIED, detail={"found": 0})
     assert Announcement(Stage.ALTERNATIVES) in said
 
@@ -195,7 +198,7 @@ def test_what_gives_way_and_what_contains_is_looked_up_as_it_is_computed(quiet):
 
 def test_what_is_possible_is_looked_up_as_it_is_computed(quiet):
     search, chosen = quiet.search, frozenset([quiet.term("stribeck_friction", "elbow")])
-    assert [search.possible(chosen, term) for term in search.terms] == [possible(chosen, term) for term in search.terms]
+    assert [search.can_join(chosen, term) for term in search.terms] == [can_join(chosen, term) for term in search.terms]
 
 
 def test_gains_above_what_is_asked_for_are_those_of_the_fits_of_all(lab, planar2):
@@ -224,8 +227,8 @@ def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(lab, planar
         visited.append(chosen if len(chosen) < 2 else frozenset())
         return visited[-1]
 
-    monkeypatch.setattr(stepwise, "dropped", all_or_nothing)
-    found = stepwise.forward(prepared.search, frozenset(), silent)
+    monkeypatch.setattr(stepwise, "backward_elimination", all_or_nothing)
+    found = stepwise.forward_selection(prepared.search, frozenset(), silent)
     assert found == min(visited, key=prepared.search.score)
 
 
@@ -280,7 +283,7 @@ def test_free_inertias_stay_where_single_effects_explain_less(lab, arm):
 def test_the_search_tries_single_effects_in_place_of_richer_laws(quiet, monkeypatch):
     others = frozenset([quiet.term("rotor_inertia", "elbow")])
     monkeypatch.setattr(stepwise, "_by_single_effects", lambda search, chosen, progress: others)
-    assert explain(quiet.search, silent) == others
+    assert stepwise_search(quiet.search, silent) == others
 
 
 def test_sets_of_the_same_rivals_have_the_same_order_however_often_they_are_made(quiet):
@@ -314,7 +317,7 @@ def test_of_several_structures_without_a_name_the_best_is_taken_and_not_the_firs
     one, other = [term for term in quiet.search.terms if not term.named][:2]
     nothing, first, best = frozenset(), frozenset([one]), frozenset([other])
     monkeypatch.setattr(stepwise, "passes_gates", lambda _, tried, __: tried in (first, best))
-    monkeypatch.setattr(stepwise, "possible", lambda base, _: not base)
+    monkeypatch.setattr(stepwise, "can_join", lambda base, _: not base)
     scores = {nothing: 400.0, first: 300.0, best: 298.0}
     found = stepwise.with_nameless(Outside(quiet.search.problem, (one, other), scores), nothing, silent)
     assert found == best
@@ -327,30 +330,30 @@ def test_of_one_law_with_fewer_numbers_than_several_effects_nothing_is_asked(qui
     gone = frozenset([quiet.term("viscous_friction", "elbow"), quiet.term("stribeck_friction", "elbow")])
     search = Outside(quiet.search.problem, (drag, *gone), {})
     search.sizes = {term: numbers for term in gone} | {drag: 5}
-    assert stepwise._asked_of_nameless(search, drag, gone, 2.0, in_one_sine=in_one_sine) == needed
+    assert stepwise._least_nameless_gain(search, drag, gone, 2.0, in_one_sine=in_one_sine) == needed
 
 
 def test_a_single_effect_does_not_imitate_a_structure_whatever_its_numbers(quiet):
     drag, gone = quiet.term("drag", "elbow"), quiet.term("direction_dependent_friction", "elbow")
     search = Outside(quiet.search.problem, (drag, gone), {})
     search.sizes = {drag: 2, gone: 4}
-    assert stepwise._asked_of_nameless(search, drag, frozenset([gone]), 2.0, in_one_sine=False) == 7.0
+    assert stepwise._least_nameless_gain(search, drag, frozenset([gone]), 2.0, in_one_sine=False) == 7.0
 
 
 def test_a_structure_makes_needless_no_effect_that_touches_none_of_its_joints(quiet, monkeypatch):
     # Oracle: the statement itself. `passes_gates` says no to all that it is asked, so all that is doubted goes.
     problem, terms = quiet.search.problem, quiet.search.terms
     structure = next(term for term in terms if not term.named)
-    rows = rows_of(problem, structure)
+    rows = rows_touched_by(problem, structure)
     friction = [term for term in terms if term.effect.name == "viscous_friction"]
-    here = next(term for term in friction if rows_of(problem, term) & rows)
-    elsewhere = next(term for term in friction if not rows_of(problem, term) & rows)
+    here = next(term for term in friction if rows_touched_by(problem, term) & rows)
+    elsewhere = next(term for term in friction if not rows_touched_by(problem, term) & rows)
     chosen, nothing = frozenset([here, elsewhere]), frozenset()
     scores = {chosen: 400.0, chosen | {structure}: 350.0, frozenset([structure, elsewhere]): 300.0}
     asked = []
     monkeypatch.setattr(stepwise, "passes_gates", lambda _, tried, without: asked.append(tried ^ without))
     search = Outside(problem, (structure,), scores)
     for base in (chosen, nothing):
-        assert stepwise._only_needed(search, structure, base, chosen) == {structure, elsewhere}
+        assert stepwise._with_needed_only(search, structure, base, chosen) == {structure, elsewhere}
     assert all(elsewhere not in doubted for doubted in asked)
     assert asked

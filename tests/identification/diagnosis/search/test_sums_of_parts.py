@@ -107,7 +107,7 @@ def test_a_structure_for_one_or_two_causes_gains_more_than_their_laws_are_inaccu
 ):
     # By hand: so many thresholds of chance, and the inaccuracy.
     monkeypatch.setattr(stepwise, "_count_of_causes", lambda _: causes)
-    asked = stepwise._asked_of_nameless(
+    asked = stepwise._least_nameless_gain(
         quiet.search, quiet.term("rhythm", "elbow"), frozenset(), 7.0, in_one_sine=False
     )
     assert asked == pytest.approx(margin * quiet.search.threshold.overall + 7.0 * accurate)

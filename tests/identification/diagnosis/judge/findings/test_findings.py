@@ -16,13 +16,13 @@ import pytest
 import phantom_dyn as dyn
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.joint_fit import joint_fit
+from identification.diagnosis.fit.full_fit import full_fit
 from identification.diagnosis.judge.findings import shown as shown_module
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
 from identification.diagnosis.judge.findings.findings import one_sided_notes
 from identification.diagnosis.judge.findings.shown import (
     _with_exchanges_undone,
-    replacements_of,
+    effects_in_place_of,
     shown_effects,
     with_equal_probabilities,
     with_replacements,
@@ -58,7 +58,7 @@ def bench_of(prepared) -> Bench:
 @pytest.fixture
 def all_sure(monkeypatch):
     """Every effect closes for sure, so that the other gates decide."""
-    monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, 1.0))
+    monkeypatch.setattr(shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, 1.0))
 
 
 def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_sure):
@@ -67,7 +67,7 @@ def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_sure):
     friction = rubbing.term("coulomb_friction", "elbow")
     shown = shown_effects(bench, State.of(frozenset([friction, offset])))
     assert shown.chosen == {friction}
-    assert [slices.term for slices in shown.joint_fit.term_slices] == [friction]
+    assert [slices.term for slices in shown.full_fit.term_slices] == [friction]
     results = {result.gate: result for result in bench.record.results_of(offset.effect_joint)}
     assert not results["differs from simpler"].passed
 
@@ -82,9 +82,8 @@ def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     # Known truth: Coulomb friction; nothing is looked for where nothing was left out, nor what is barred.
     plain = narrow_search(rubbing.search, rubbing.noise)
     friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
-    assert replacements_of(plain, offset, frozenset(), frozenset()) == {friction}
-    assert replacements_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
-    assert friction not in replacements_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
+    assert effects_in_place_of(plain, offset, frozenset(), frozenset()) == {friction}
+    assert friction not in effects_in_place_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
 
 
 def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing, monkeypatch):
@@ -120,7 +119,7 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
     # By hand: viscous friction opens the gap in some draws; Coulomb friction, its rival, does so or does not.
     viscous, coulomb = (rubbing.term(name, "elbow") for name in ("viscous_friction", "coulomb_friction"))
     least = {viscous: -0.5, coulomb: of_rival}
-    monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: {one: least[one] for one in chosen})
+    monkeypatch.setattr(shown_module, "least_shares_closed", lambda _, chosen, __: {one: least[one] for one in chosen})
     elsewhere = ((frozenset([coulomb]), 0.4),)
     monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: RivalComparison(0.6, (), rival_sets=elsewhere))
     bench = bench_of(rubbing)
@@ -132,7 +131,7 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
 def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbing, monkeypatch):
     # By hand: what closes nothing of the gap may as well be noise.
     viscous = rubbing.term("viscous_friction", "elbow")
-    monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, -1.0))
+    monkeypatch.setattr(shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, -1.0))
     monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: pytest.fail("a rival was looked for"))
     assert not shown_module._closing_gate(bench_of(rubbing), State.of(frozenset([viscous]))).shown
 
@@ -143,7 +142,7 @@ def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown
     structure = next(term for term in rubbing.search.terms if not term.named)
     by_set = {frozenset([viscous, structure]): 0.5, frozenset([viscous]): -1.0}
     monkeypatch.setattr(
-        shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, by_set.get(chosen, 0.5))
+        shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, by_set.get(chosen, 0.5))
     )
     after = shown_module._closing_gate(bench_of(rubbing), State.of(frozenset([viscous, structure])))
     assert after.shown == {structure}
@@ -298,8 +297,8 @@ def shown_on(lab, robot, torque_of) -> Shown:
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque_of(motion)),))
     term = next(t for t in prepared.columns.terms if t.effect_joint == ("inertial_parameters", "elbow"))
     found = fit(prepared.problem, (term,))
-    fitted = joint_fit(prepared.problem, (term,), found)
-    return cast(Shown, SimpleNamespace(problem=prepared.problem, joint_fit=fitted, named=frozenset([term])))
+    fitted = full_fit(prepared.problem, (term,), found)
+    return cast(Shown, SimpleNamespace(problem=prepared.problem, full_fit=fitted, named=frozenset([term])))
 
 
 def test_a_body_on_the_edge_has_an_interval_to_one_side(lab, planar2):

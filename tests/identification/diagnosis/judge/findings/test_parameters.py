@@ -12,17 +12,17 @@ import pytest
 
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.joint_fit import joint_fit
+from identification.diagnosis.fit.full_fit import full_fit
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.missing_parts import (
+    bodies_expressing_part,
+    likeliest_missing_part,
     missing_part_notes,
-    missing_shares,
-    named_as_part,
+    missing_part_shares,
     payload_of,
-    share_without,
 )
 from identification.diagnosis.judge.findings.parameters import _named, finding_loadings, finding_parameters
-from identification.diagnosis.judge.findings.shown_numbers import with_other_causes
+from identification.diagnosis.judge.findings.shown_numbers import widened_by_rivals
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.special_case import more_than_a_missing_part
@@ -45,7 +45,7 @@ def loaded(lab, planar2):
 
 
 def estimates(loaded, planar2, *terms):
-    fitted = joint_fit(loaded.problem, terms, fit(loaded.problem, terms, held_out=False))
+    fitted = full_fit(loaded.problem, terms, fit(loaded.problem, terms, held_out=False))
     return fitted, [finding_parameters(planar2, term, fitted) for term in terms]
 
 
@@ -212,7 +212,7 @@ def test_the_part_is_found_whose_absence_makes_most_of_the_torque(handed, left, 
     problem, term = handed
     rest = left * rng.normal(size=20)
     own = rest - np.concatenate([np.zeros(10), parameters(HAND)])
-    share, body, part = share_without(problem, term, own)
+    share, body, part = likeliest_missing_part(problem, term, own)
     a = problem.total_a[3:23, 3:23]
     assert (body, part) == (2, HAND)
     assert share == pytest.approx(1.0 - (rest @ a @ rest) / (own @ a @ own))
@@ -220,26 +220,26 @@ def test_the_part_is_found_whose_absence_makes_most_of_the_torque(handed, left, 
 
 def test_a_part_of_the_first_link_is_found_too(handed):
     problem, term = handed
-    share, body, part = share_without(problem, term, np.concatenate([-parameters(RING), np.zeros(10)]))
+    share, body, part = likeliest_missing_part(problem, term, np.concatenate([-parameters(RING), np.zeros(10)]))
     assert (share, body, part) == (pytest.approx(1.0), 1, RING)
 
 
 def test_columns_of_some_links_alone_have_their_own_place(handed):
     problem, _ = handed
     last = SimpleNamespace(columns=tuple(range(13, 23)))
-    assert share_without(problem, last, -parameters(HAND))[0] == pytest.approx(1.0)
+    assert likeliest_missing_part(problem, last, -parameters(HAND))[0] == pytest.approx(1.0)
 
 
 def test_a_robot_without_such_parts_lacks_none(handed):
     problem, term = handed
     problem.session.robot.attached = ((), (), ())
-    assert share_without(problem, term, np.ones(20)) is None
+    assert likeliest_missing_part(problem, term, np.ones(20)) is None
     assert missing_part_notes(problem, term, np.ones(20)) == []
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.74, False), (0.75, True), (0.994, True)])
 def test_a_part_is_told_that_explains_three_quarters(planar2, monkeypatch, share, said):
-    monkeypatch.setattr(PLACE + "share_without", lambda *_: (share, 2, HAND))
+    monkeypatch.setattr(PLACE + "likeliest_missing_part", lambda *_: (share, 2, HAND))
     words = sentences(missing_part_notes(SimpleNamespace(), SimpleNamespace(joint=None), np.zeros(20)))
     assert len(words) == said
     if said:
@@ -257,20 +257,20 @@ CASES = [(0.89, 2, False), (0.9, 2, True), (0.99, 1, False)]
 
 @pytest.mark.parametrize(("share", "body", "taken"), CASES)
 def test_a_payload_says_it_where_nine_tenths_are_a_part_of_its_link(quiet, monkeypatch, share, body, taken):
-    monkeypatch.setattr(PLACE + "share_without", lambda *_: (share, body, HAND))
+    monkeypatch.setattr(PLACE + "likeliest_missing_part", lambda *_: (share, body, HAND))
     rich, other = quiet.term("inertial_parameters", None), quiet.term("coulomb_friction", "elbow")
     fitted = SimpleNamespace(coefficients=lambda term: np.zeros(len(term.columns)))
-    found = missing_shares(quiet.search, (other, rich), fitted)
+    found = missing_part_shares(quiet.search, (other, rich), fitted)
     assert {term: not more_than_a_missing_part(part).passed for term, part in found.items()} == {rich: taken}
     assert payload_of(quiet.search) == quiet.term("payload", None)
-    assert missing_shares(quiet.search, (other,), fitted) == {}
+    assert missing_part_shares(quiet.search, (other,), fitted) == {}
 
 
 @pytest.mark.parametrize(("share", "body", "taken"), CASES)
 def test_inertial_parameters_that_say_the_same_as_a_payload_are_named(quiet, monkeypatch, share, body, taken):
-    monkeypatch.setattr(PLACE + "share_without", lambda *_: (share, body, HAND))
+    monkeypatch.setattr(PLACE + "likeliest_missing_part", lambda *_: (share, body, HAND))
     payload = quiet.term("payload", None)
-    found = named_as_part(quiet.search, frozenset([payload]), payload)
+    found = bodies_expressing_part(quiet.search, frozenset([payload]), payload)
     rich = {term.effect_joint for term in quiet.search.terms if term.effect.inertial == "free"}
     assert rich
     assert found == (rich if taken else frozenset())
@@ -285,7 +285,7 @@ def rubbing(lab, planar2):
     coulomb, viscous = (prepared.term(name, "elbow") for name in ("coulomb_friction", "viscous_friction"))
     plain = narrow_search(prepared.search, prepared.noise)
     chosen = frozenset([coulomb])
-    fit = joint_fit(plain.problem.of(chosen), ordered(chosen), plain.evaluate(chosen))
+    fit = full_fit(plain.problem.of(chosen), ordered(chosen), plain.held_out_fit(chosen))
     return coulomb, frozenset([coulomb, viscous]), Shown(plain.of(chosen), chosen, fit, {}, chosen)
 
 
@@ -293,10 +293,10 @@ def test_a_size_is_uncertain_by_what_it_is_beside_a_likely_rival(rubbing):
     # Closed form: a variance of p (x' - x)^2 on top of its own.
     coulomb, both, shown = rubbing
     shown = replace(shown, comparisons={coulomb: RivalComparison(0.7, (), rival_sets=((both, 0.3),))})
-    column, at = coulomb.columns[0], shown.joint_fit.slices_of(coulomb).coefficients.start
-    shift = shown.plain.evaluate(both).theta[column] - shown.plain.evaluate(shown.chosen).theta[column]
+    column, at = coulomb.columns[0], shown.full_fit.slices_of(coulomb).coefficients.start
+    shift = shown.plain.held_out_fit(both).theta[column] - shown.plain.held_out_fit(shown.chosen).theta[column]
     assert abs(shift) > 0.0
-    more = with_other_causes(shown.joint_fit, shown).cov[at, at] - shown.joint_fit.cov[at, at]
+    more = widened_by_rivals(shown.full_fit, shown).cov[at, at] - shown.full_fit.cov[at, at]
     assert more == pytest.approx(0.3 * shift**2)
 
 
@@ -308,16 +308,16 @@ def test_a_set_that_is_a_rival_of_two_findings_counts_once(rubbing):
         replace(shown, comparisons={term: RivalComparison(0.7, (), rival_sets=((both, p),)) for term, p in shares})
         for shares in (((coulomb, 0.3),), ((coulomb, 0.3), (viscous, 0.2)))
     )
-    np.testing.assert_array_equal(*(with_other_causes(one.joint_fit, one).cov for one in (once, twice)))
+    np.testing.assert_array_equal(*(widened_by_rivals(one.full_fit, one).cov for one in (once, twice)))
 
 
 def test_without_rivals_deviations_stay_as_they_are(rubbing):
     coulomb, _, shown = rubbing
     shown = replace(shown, comparisons={coulomb: RivalComparison(1.0, ())})
-    assert with_other_causes(shown.joint_fit, shown) is shown.joint_fit
+    assert widened_by_rivals(shown.full_fit, shown) is shown.full_fit
 
 
 def test_a_rival_that_has_not_the_effect_says_nothing_of_its_size(rubbing):
     coulomb, both, shown = rubbing
     shown = replace(shown, comparisons={coulomb: RivalComparison(0.7, (), rival_sets=((both - {coulomb}, 0.3),))})
-    np.testing.assert_array_equal(with_other_causes(shown.joint_fit, shown).cov, shown.joint_fit.cov)
+    np.testing.assert_array_equal(widened_by_rivals(shown.full_fit, shown).cov, shown.full_fit.cov)

@@ -23,13 +23,13 @@ from identification.diagnosis.fit.whole_model import (
     Linearised,
     ModelLayout,
     TermSlices,
-    by_other_law,
-    change_by_model,
     columns_of,
     in_band,
-    law_of,
     lay_out,
     linearised,
+    other_law_torque,
+    term_torque,
+    torque_change,
 )
 from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Array, Float, Int
@@ -61,41 +61,41 @@ _EXCHANGED = 0.1
 
 
 @dataclass(frozen=True)
-class JointFit:
+class FullFit:
     """Parameters and covariance of a Gauss-Newton fit over all parameters.
 
     Attributes:
         term_slices: Slices of each term's parameters in the vector.
         x: All parameters.
         cov: Their covariance.
-        by_law: For each term the part of the covariance from other laws that fit the definition of its effect as well.
+        law_covariances: For each term the part of the covariance from other laws that fit the definition of its effect.
     """
 
     term_slices: tuple[TermSlices, ...]
     x: Float[Array, " p"]
     cov: Float[Array, "p p"]
-    by_law: tuple[Float[Array, "p p"], ...]
+    law_covariances: tuple[Float[Array, "p p"], ...]
 
     def slices_of(self, term: Term) -> TermSlices:
         """Slices of the parameters of one term."""
         return next(slices for slices in self.term_slices if slices.term is term)
 
-    def shown_by(self, term: Term) -> Float[Array, "k k"]:
-        """Covariance of the coefficients and the shape of one term, for the test whether the term is there.
+    def presence_covariance(self, term: Term) -> Float[Array, "k k"]:
+        """Covariance of the coefficients and the shape of one term, for the test whether the effect is present.
 
-        The doubt which of its own laws the effect follows is left out: it does not bear on that. The doubt which law
-        another effect follows does.
+        It leaves out the uncertainty of which of its own laws the effect follows, as this does not decide whether the
+        effect is present. The uncertainty of the laws of other effects is included.
         """
         slices = self.slices_of(term)
-        at = slices.indices
-        return (self.cov - self.by_law[self.term_slices.index(slices)])[np.ix_(at, at)]
+        own = np.ix_(slices.indices, slices.indices)
+        return (self.cov - self.law_covariances[self.term_slices.index(slices)])[own]
 
     def coefficients(self, term: Term) -> Float[Array, " k"]:
         """Coefficients of one term."""
         return self.x[self.slices_of(term).coefficients]
 
 
-def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> JointFit:
+def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFit:
     """Fit tolerance parameters, coefficients and shapes together, starting from a fit with fixed shapes.
 
     Args:
@@ -104,32 +104,34 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
         found: Their fit.
     """
     layout, x = lay_out(problem, terms, found)
-    precision, lower, upper = _limits(layout, x)
+    precision, lower, upper = _priors_and_bounds(layout, x)
     nuisances = slice(0, problem.nuisance_count)
     start = x[nuisances]
-    layout = layout.adjusted(start) if layout.of_model else layout
-    x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
-    if layout.of_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL**2):
+    layout = layout.adjusted(start) if layout.depends_on_model else layout
+    x, model, (a, b, _) = _gauss_newton(layout, x, precision, lower, upper)
+    if layout.depends_on_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL**2):
         layout = layout.adjusted(x[nuisances])
-        x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
-    # Unobservable parameters (an inertia of a link that never turns about that axis) stay where they are.
+        x, model, (a, b, _) = _gauss_newton(layout, x, precision, lower, upper)
+    # Unobservable parameters (an inertia of a link that never turns about that axis) keep their values.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
-    free = free_parameters(b, precision, x, (lower, upper))
-    cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
-    if layout.of_model:
-        cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
+    total, free = a.sum(axis=0) + np.diag(precision), free_parameters(b, precision, x, (lower, upper))
+    given, repeated = equations(layout, model), np.zeros(len(x))
+    repeated[free] = repeated_variance(
+        given.slopes[:, free], given.residual, total[np.ix_(free, free)], given.states, given.blocks
+    )
+    cov = covariance(a, b, precision, x, free, repeated)
+    if layout.depends_on_model:
+        cov = cov + _model_covariance(layout, model, x, cov, total)
     cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)
-    by_law, rotors = [], by_rotors(layout, model, a.sum(axis=0) + np.diag(precision))
+    by_law: list[Array] = []
     for slices in layout.term_slices:
-        laws = (
-            _by_law(layout, model, x, slices, law, a.sum(axis=0) + np.diag(precision))
-            for law in slices.term.effect.other_laws
-        )
-        by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(slices, x), *laws)))
-        if slices.term.effect.inertial == "point mass":
-            shift = by_extent(layout, model, x, slices, a.sum(axis=0) + np.diag(precision))
-            by_law[-1] = by_law[-1] + only_at(slices.coefficients, np.outer(shift, shift) + rotors)
-    return JointFit(layout.term_slices, x, cov + sum(by_law), tuple(by_law))
+        effect, at = slices.term.effect, slices.coefficients
+        laws = (_other_law_shift(layout, model, x, slices, law, total) for law in effect.other_laws)
+        by_law.append(sum((np.outer(shift, shift) for shift in (_share_shift(slices, x), *laws)), np.zeros_like(cov)))
+        if effect.inertial == "point mass":
+            shift = load_extent_shift(layout, model, x, slices, total)
+            by_law[-1][at, at] += (np.outer(shift, shift) + rotor_covariance(layout, model, total))[at, at]
+    return FullFit(layout.term_slices, x, cov + sum(by_law), tuple(by_law))
 
 
 def within_tolerances(
@@ -139,11 +141,18 @@ def within_tolerances(
     lower: Float[Array, " p"],
     upper: Float[Array, " p"],
 ) -> Float[Array, "p p"]:
-    """Covariance of those draws of all parameters in which every tolerance parameter stays within its bounds.
+    """Covariance of all parameters, restricted to values at which every tolerance parameter stays within its bounds.
 
-    Values that a parameter could only have if the model were beyond its tolerance do not count. So near a
-    bound of a tolerance parameter the deviations of all parameters that correlate with it get smaller. A tolerance
-    parameter at its bound keeps its own deviation.
+    Random draws from the given covariance are kept if they are within the bounds. So near a bound of a tolerance
+    parameter the deviations of all parameters that correlate with it get smaller. A tolerance parameter at its bound
+    keeps its own deviation.
+
+    Args:
+        x: All parameters, the tolerance parameters first.
+        cov: Their covariance.
+        nuisance_count: Number of tolerance parameters.
+        lower: Lower bounds of all parameters.
+        upper: Upper bounds of all parameters.
     """
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     rng = random_stream("sizes within the tolerances")
@@ -153,7 +162,7 @@ def within_tolerances(
         np.abs(correlation[:nuisance_count, nuisance_count:]).max(axis=1, initial=0.0) > _EXCHANGED
     )
     values, vectors = np.linalg.eigh(correlation)
-    # The symmetric root is unique: with another one the draws would depend on the rounding of the matrix.
+    # The symmetric root is unique: with another root the draws would depend on the rounding of the matrix.
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     drawn = rng.standard_normal((_TRUNCATED, len(x))) @ root
     low, high = ((end - x)[exchanged] / std[exchanged] for end in (lower, upper))
@@ -165,7 +174,7 @@ def within_tolerances(
     return cov * np.outer(less, less)
 
 
-def _by_share(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
+def _share_shift(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
     """First-order error of a shape, from the deviation of its share from one.
 
     A backlash gap or a limit has no other coefficient than a share of one. Where another share fits, the shape is
@@ -177,7 +186,7 @@ def _by_share(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
     return shift
 
 
-def _by_law(
+def _other_law_shift(
     layout: ModelLayout,
     model: Linearised,
     x: Float[Array, " p"],
@@ -191,13 +200,13 @@ def _by_law(
     meaning.
     """
     at = slices.indices
-    own = tuple(law_of(layout, slices, x))
+    own = tuple(term_torque(layout, slices, x))
     shift = np.zeros(len(x))
     for _ in range(_STEPS):
         candidate = x + shift
         candidate[slices.shape] = np.clip(candidate[slices.shape], 0.5 * x[slices.shape], 2.0 * x[slices.shape])
-        other = by_other_law(layout, slices, candidate, law)
-        # How much less torque it gives than the linearised law of the term.
+        other = other_law_torque(layout, slices, candidate, law)
+        # Torque of the linearised law of the term minus that of the other law.
         less = tuple(
             o + slopes[:, :, at] @ (candidate - x)[at] - t
             for o, slopes, t in zip(own, model.slopes, other, strict=True)
@@ -206,20 +215,20 @@ def _by_law(
     return shift
 
 
-def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
-    """Covariance that rotors which the model does not state add to all parameters: a load has an inertia as well.
+def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
+    """Covariance of all parameters from the unknown inertia of rotors that the model does not state.
 
     Models often lack the rotor, whose inertia behind a gear is as large as that of the links. Parameters of a load that
-    show by its inertia alone, as the mass of a pendulum of known first moment does, are then uncertain. A rotor that
-    the model states has its tolerance, and one that was found its own deviation. A difference of two recordings has the
-    same rotors, but anything else that delays the torque looks like an inertia as well.
+    are identified by its inertia alone, such as the mass of a pendulum of known first moment, are then uncertain. A
+    rotor that the model states has its tolerance, and a rotor among the effects has its own deviation. Two compared
+    recordings have the same rotors, but any other delay of the torque looks like an inertia as well.
     """
     robot = layout.problem.session.robot
     found = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR}
-    between = any(isinstance(slices.term.effect, OwnEffect) for slices in layout.term_slices)
-    beside = total.copy()
+    of_difference = any(isinstance(slices.term.effect, OwnEffect) for slices in layout.term_slices)
+    without_rotors = total.copy()
     for row, joint in enumerate(robot.joint_names):
-        if joint in found or (robot.rotor_inertia[row] > 0.0 and not between):
+        if joint in found or (robot.rotor_inertia[row] > 0.0 and not of_difference):
             continue
         less = []
         for log, operation in enumerate(layout.operations):
@@ -228,17 +237,17 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
             torque = np.zeros_like(operation.a)
             torque[:, row] = _UNSTATED * carried * operation.a[:, row]
             less.append(in_band(layout, log, torque))
-        # One more column, with a prior deviation of one, is eliminated.
+        # The column of the rotor, with a prior deviation of one, is eliminated.
         _, across, own = _products(layout, model, tuple(less))
-        beside -= np.outer(across.sum(axis=0), across.sum(axis=0)) / (own.sum() + 1.0)
+        without_rotors -= np.outer(across.sum(axis=0), across.sum(axis=0)) / (own.sum() + 1.0)
     identity = np.eye(layout.size)
-    return solve(beside, identity) - solve(total, identity)
+    return solve(without_rotors, identity) - solve(total, identity)
 
 
-def by_extent(
+def load_extent_shift(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], slices: TermSlices, total: Float[Array, "p p"]
 ) -> Float[Array, " p"]:
-    """Shift of all parameters if a load is no point mass, but has an inertia about its own centre, as real loads do."""
+    """Shift of all parameters if a load has an inertia about its own centre, as real loads do, and is no point mass."""
     mass = float(x[slices.coefficients][0])
     own = np.array(slices.term.columns)[_MOMENTS_OF_INERTIA]
     less = tuple(
@@ -248,21 +257,14 @@ def by_extent(
     return solve(total, _products(layout, model, less)[1].sum(axis=0))
 
 
-def only_at(at: slice, cov: Float[Array, "p p"]) -> Float[Array, "p p"]:
-    """A covariance with all entries set to zero but those of a slice of parameters."""
-    out = np.zeros_like(cov)
-    out[at, at] = cov[at, at]
-    return out
-
-
-def _descended(
+def _gauss_newton(
     layout: ModelLayout,
     x: Float[Array, " p"],
     precision: Float[Array, " p"],
     lower: Float[Array, " p"],
     upper: Float[Array, " p"],
 ) -> tuple[Array, Linearised, tuple[Array, Array, Array]]:
-    """Parameters after Gauss-Newton steps within bounds that lower the loss, with the model and its products there."""
+    """Parameters after Gauss-Newton steps within bounds, with the linearised model and its products at that point."""
     model = linearised(layout, x)
     products = _products(layout, model)
     bodies = _bodies(layout)
@@ -270,10 +272,9 @@ def _descended(
         a, b, c = products
         total, gradient = a.sum(axis=0) + np.diag(precision), b.sum(axis=0) - precision * x
         step = bounded_solve(total, gradient, lower - x, upper - x)
-        if not all(body.exists((x + step)[at]) for body, at in bodies):
-            shown = np.where(np.diag(total) < _NO_TRACE, 1.0, 0.0)
-            held = total + np.diag(shown)
-            best, _ = possible_minimum(held, gradient + held @ x, (lower, upper), x + step, bodies)
+        if not all(body.is_possible((x + step)[at]) for body, at in bodies):
+            regular = total + np.diag(np.where(np.diag(total) < _NO_TRACE, 1.0, 0.0))
+            best, _ = possible_minimum(regular, gradient + regular @ x, (lower, upper), x + step, bodies)
             step = best - x
         if 2 * gradient @ step - step @ total @ step < _LEAST_GAIN:
             break
@@ -302,7 +303,7 @@ def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
     return [(body, np.array([where[column] for column in body.columns])) for body in layout.problem.bodies_of(terms)]
 
 
-def _by_model(
+def _model_covariance(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], cov: Float[Array, "p p"], total: Float[Array, "p p"]
 ) -> Float[Array, "p p"]:
     """Covariance that the uncertain model adds through the columns that depend on it.
@@ -314,12 +315,12 @@ def _by_model(
     shifts = []
     for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
         adjusted = layout.adjusted(x[:count] + draw)
-        _, b, _ = _products(layout, model, change_by_model(layout, adjusted, x))
+        _, b, _ = _products(layout, model, torque_change(layout, adjusted, x))
         shifts.append(solve(total, b.sum(axis=0)))
     return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _DRAWS
 
 
-def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
+def _priors_and_bounds(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
     """Prior precision and bounds of all parameters; a shape stays within a factor of two of its value in the search."""
     problem = layout.problem
     precision, lower, upper = np.zeros(layout.size), np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
@@ -357,15 +358,3 @@ def _products(
         b.append(slopes.T @ left)
         c.append(left @ left)
     return np.array(a), np.array(b), np.array(c)
-
-
-def _repeated(
-    layout: ModelLayout, model: Linearised, total: Float[Array, "p p"], free: Int[Array, " f"]
-) -> Float[Array, " p"]:
-    """Variance of all parameters by what the residual of each joint repeats at the same state."""
-    given = equations(layout, model)
-    out = np.zeros(len(total))
-    out[free] = repeated_variance(
-        given.slopes[:, free], given.residual, total[np.ix_(free, free)], given.states, given.blocks
-    )
-    return out

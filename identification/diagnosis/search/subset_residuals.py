@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.gap import Sums, judged_blocks, sample_weights
+from identification.diagnosis.fit.gap import ResidualSums, judged_blocks, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.search import Search
 from phantom_dyn.array_types import Array, Bool, Float, Int
@@ -30,7 +30,7 @@ class _Row:
     counts: Float[Array, " G"]
 
 
-def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
+def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], ResidualSums]:
     """Squared residuals in the judged band of the model with some of the effects, on blocks held out of their fit.
 
     The columns are in the judged band already, so that each block is predicted by one fit from end to end, and no fit
@@ -56,11 +56,11 @@ def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[T
 
     counts = np.column_stack([row.counts for row in rows_of(True)])
 
-    def left(chosen: frozenset[Term]) -> Sums:
+    def left(chosen: frozenset[Term]) -> ResidualSums:
         scaled = [term.columns[0] for term in chosen if term.effect.scales_joint]
         theta = coefficients(chosen)[fits]
         rows = rows_of(problem.of(chosen) is problem)
-        return Sums(np.column_stack([_squares(row, theta, scaled) for row in rows]), counts)
+        return ResidualSums(np.column_stack([_squares(row, theta, scaled) for row in rows]), counts)
 
     return left
 

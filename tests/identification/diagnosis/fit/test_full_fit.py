@@ -10,7 +10,7 @@ from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.columns.tolerance_parameters import tolerance_parameters
 from identification.diagnosis.fit.covariance import covariance, free_parameters
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.joint_fit import joint_fit, within_tolerances
+from identification.diagnosis.fit.full_fit import full_fit, within_tolerances
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.findings.parameters import finding_parameters
@@ -29,7 +29,7 @@ def judged(lab, robot, motion, torque, near, *, seed=0):
 
 
 def fitted_with(robot, prepared, problem, *terms):
-    return joint_fit(problem, terms, fit(problem, terms, held_out=False))
+    return full_fit(problem, terms, fit(problem, terms, held_out=False))
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,7 @@ def test_a_gap_of_which_only_a_share_fits_is_known_no_better_than_the_share(lab,
     assert share < 0.95
     assert gap.std > (1.0 - share) * gap.value
     # Which law of a play it is says nothing on whether there is one.
-    assert np.sqrt(fitted.shown_by(term)[-1, -1]) < (1.0 - share) * gap.value
+    assert np.sqrt(fitted.presence_covariance(term)[-1, -1]) < (1.0 - share) * gap.value
 
 
 @pytest.mark.whole
