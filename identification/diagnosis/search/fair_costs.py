@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.fits import Chosen
+from identification.diagnosis.search.plausible_sizes import rarity
 from identification.diagnosis.search.search import Search
 from identification.gates import fair_part, rivalry
 from phantom_dyn.array_types import Array, Float
@@ -37,6 +38,23 @@ def costs_of(
         prices[list(free)] = prices[0]
         more = np.where(np.array(free) & (more * dearer < 0.0), 0.0, more)
     return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
+
+
+def rarities_of(search: Search, sets: list[frozenset[Term]]) -> Float[Array, " m"]:
+    """How rare the sizes of the effects of each set are together, as minus two log likelihoods."""
+    session, fits = search.problem.session, [search.held_out_fit(chosen) for chosen in sets]
+    return np.array(
+        [
+            sum(rarity(session, one, *fit.coefficients_of(one)) for one in chosen)
+            for chosen, fit in zip(sets, fits, strict=True)
+        ]
+    )
+
+
+def weighted_by_rarity(shares: Float[Array, " m"], rarities: Float[Array, " m"]) -> Float[Array, " m"]:
+    """Probabilities by the data, ``(m,)``, times the prior of the sizes that each set needs; their sum is kept."""
+    likely = shares * np.exp(-0.5 * (rarities - rarities.min()))
+    return likely * (shares.sum() / likely.sum())
 
 
 def without_method_errors(

@@ -62,6 +62,34 @@ def implausible_size(
     return None
 
 
+def rarity(session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
+    """How rare the size of a fitted effect is, as minus two log likelihoods of a normal distribution (prior).
+
+    It counts effects that every device has a little of, in either direction. The ends of their plausible range are two
+    deviations from a device as it is stated. Other effects are there or not, with any size of their range: zero.
+
+    Args:
+        session: The given model, and what its drives did.
+        term: An effect.
+        theta: Coefficients of its columns.
+        cov: Their covariance.
+    """
+    if not isinstance(term.effect, Effect):
+        return 0.0
+    parameters = term.effect.parameters(session.robot, term.joint)
+    if not any(one.either_sign for one in parameters):
+        return 0.0
+    values, neutral = (_sizes(session, term, at, len(parameters)) for at in (theta, np.zeros_like(theta)))
+    deviations = _deviations(session, term, theta, cov, values)
+    out = 0.0
+    for parameter, own, without, deviation in zip(parameters, values, neutral, deviations, strict=True):
+        if parameter.either_sign and parameter.plausible is not None:
+            low, high = parameter.plausible
+            usual = 0.5 * np.where(own < without, without - low, high - without)
+            out += float(np.sum((own - without) ** 2 / (usual**2 + deviation**2)))
+    return out
+
+
 def _sizes(session: Session, term: Term, theta: Float[Array, " k"], count: int) -> Float[Array, "p n"]:
     """Sizes of an effect, one row for each of its parameters."""
     assert isinstance(term.effect, Effect)

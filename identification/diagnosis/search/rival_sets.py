@@ -11,7 +11,13 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import are_parts, contains, has_parts, is_nested, scales_all_bodies
-from identification.diagnosis.search.fair_costs import costs_of, does_not_cancel, without_method_errors
+from identification.diagnosis.search.fair_costs import (
+    costs_of,
+    does_not_cancel,
+    rarities_of,
+    weighted_by_rarity,
+    without_method_errors,
+)
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible_size
 from identification.diagnosis.search.record import EffectJoint
@@ -130,6 +136,7 @@ def compare_with_rivals(
         for other in other_conditions
     ]
     won = probabilities(*losses_and_costs(search, losses), conditions, by_halves=bool(conditions))
+    won = weighted_by_rarity(won, rarities_of(search, fitted))
     shares: dict[tuple[EffectJoint, ...], float] = defaultdict(float)
     for key, share in zip(keys, won, strict=True):
         shares[effects.get(key, ())] += float(share)

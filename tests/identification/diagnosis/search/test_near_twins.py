@@ -19,6 +19,7 @@ from identification.diagnosis.search import claims, swaps
 from identification.diagnosis.search import search as search_module
 from identification.diagnosis.search.claims import _torque_beside_twins, backward_elimination
 from identification.diagnosis.search.containment import are_near_twins
+from identification.diagnosis.search.fair_costs import weighted_by_rarity
 from identification.diagnosis.search.imitation import (
     UNCERTAIN,
     beside_imitation,
@@ -26,7 +27,7 @@ from identification.diagnosis.search.imitation import (
     joints_on_lines,
     with_limit,
 )
-from identification.diagnosis.search.plausible_sizes import implausible_size
+from identification.diagnosis.search.plausible_sizes import implausible_size, rarity
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.special_cases import (
     certainty_of_difference,
@@ -182,6 +183,26 @@ def test_a_fit_that_holds_a_displacement_cannot_say_that_it_differs_from_none(la
 def test_a_torque_constant_is_plausible_between_a_half_and_two(quiet, excess, ratio):
     fault = implausible_size(quiet.session, quiet.term("torque_constant", "elbow"), np.array([excess]))
     assert (None if fault is None else fault[1]) == (ratio if ratio is None else pytest.approx(ratio))
+
+
+@pytest.mark.parametrize(
+    ("ratio", "std", "expected"), [(2.0, 0.0, 4.0), (0.75, 0.0, 1.0), (1.0, 0.0, 0.0), (1.5, 0.05, 1.0 / 1.01)]
+)
+def test_a_torque_constant_is_the_rarer_the_nearer_it_is_to_an_end_of_its_range(quiet, ratio, std, expected):
+    # Closed form: the ends, a half and two, are two deviations from one; the excess is 1 / ratio - 1.
+    excess, cov = np.array([1.0 / ratio - 1.0]), np.array([[(std / ratio**2) ** 2]])
+    found = rarity(quiet.session, quiet.term("torque_constant", "elbow"), excess, cov)
+    assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_a_size_of_an_effect_that_is_there_or_not_is_never_rare(quiet):
+    assert rarity(quiet.session, quiet.term("coulomb_friction", "elbow"), np.array([50.0]), np.zeros((1, 1))) == 0.0
+
+
+def test_a_rare_size_lowers_the_probability_by_its_prior():
+    # Closed form: exp(-1.5) to one.
+    found = weighted_by_rarity(np.array([0.5, 0.5]), np.array([4.0, 1.0]))
+    np.testing.assert_allclose(found, [np.exp(-1.5) / (1.0 + np.exp(-1.5)), 1.0 / (1.0 + np.exp(-1.5))])
 
 
 @pytest.mark.parametrize(("deviation", "possible"), [(0.0, False), (0.05, False), (0.15, True)])
