@@ -125,7 +125,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     simulated = simulated_recordings(session, columns, steps)
     noise, judged_noise = estimate_noise(session, columns)
     noise = at_least_encoder_noise(noise, simulated.residual, columns.usable)
-    sensed = sensed_noise(session, columns)
+    sensed = sensed_noise(session, columns, judged_noise)
     noise = at_least_sensor_noise(columns, noise, sensed)
     search = _set_up(session, columns, noise, allowed)
     spurious = spurious_gains(search, simulated, noise)
@@ -133,11 +133,11 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     del simulated
     search = _with_thresholds(search, noise, spurious, progress)
     record = search.record
-    last = Explanation(search, frozenset(), noise) if allowed is None else _searched(search, noise, progress)
+    last = Explanation(search, frozenset(), noise) if allowed is None else _searched(search, noise, sensed, progress)
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(0 if allowed is None else _REFINEMENTS):
-        noise, ratio = _noise_after(last, columns, sensed)
+        noise, ratio = _noise_after(last.search, last.chosen, last.noise, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.held_out_fit(last.chosen)
         found = found_effects(fitted, last.chosen)
@@ -156,7 +156,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
         search = _with_thresholds(_set_up(session, columns, noise, allowed, record), noise, spurious, progress)
-        last = _searched(search, noise, progress, matching_terms(search, found))
+        last = _searched(search, noise, sensed, progress, matching_terms(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, judged_noise, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
@@ -165,8 +165,8 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     return replace(last, chosen=chosen, fits=fits, in_band=quiet, coarse=coarse, encoders=encoders)
 
 
-def _noise_after(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
-    """Noise estimated from the residual of an explanation, with fits that are weighted by that residual itself.
+def _noise_after(search: Search, chosen: frozenset[Term], before: Series, sensed: Series) -> tuple[Series, float]:
+    """Noise estimated from the residual of a set of effects, with fits that are weighted by that residual itself.
 
     A fit that is weighted by too large a noise leaves a larger residual. The result is at least the noise of the
     sensors.
@@ -174,17 +174,18 @@ def _noise_after(last: Explanation, columns: Columns, sensed: Series) -> tuple[S
     Returns:
         The noise, and the smallest ratio of new to old over the rows.
     """
-    noise, ratio = smaller_noise(last.search, last.chosen, last.noise)
+    noise, ratio = smaller_noise(search, chosen, before)
     if ratio >= rules.LOWER_NOISE:
         return noise, ratio
-    few, there = columns_for(columns, last.chosen)
-    chosen = frozenset(there.values())
+    columns = search.problem.columns
+    few, there = columns_for(columns, chosen)
+    kept = frozenset(there.values())
     for _ in range(_WEIGHED_AGAIN):
-        noise, lower = smaller_noise(_set_up(last.search.problem.session, few, noise), chosen, noise)
+        noise, lower = smaller_noise(_set_up(search.problem.session, few, noise), kept, noise)
         if lower >= rules.LOWER_NOISE:
             break
     noise = at_least_sensor_noise(columns, noise, sensed)
-    new, old = (sum(np.sum(part**2, axis=0) for part in series) for series in (noise, last.noise))
+    new, old = (sum(np.sum(part**2, axis=0) for part in series) for series in (noise, before))
     return noise, float(np.min(np.sqrt(new / np.maximum(old, 1e-300)), where=old > 0, initial=1.0))
 
 
@@ -227,6 +228,7 @@ def _with_thresholds(
 def _searched(
     search: Search,
     noise: Series,
+    sensed: Series,
     progress: Progress,
     start: frozenset[Term] = frozenset(),
 ) -> Explanation:
@@ -235,8 +237,8 @@ def _searched(
     The flexible fits that estimate the noise cannot make every effect: its torque then counts as noise, which raises
     the threshold of chance and lowers the weight of slow signals. So the best rival below the threshold is tried: the
     threshold is measured again with the noise that it leaves, and if its gain is above that, it is kept. If not,
-    everything is set up again for the noise without the part that the effect explains. Where there is no such effect,
-    fitting one changes the noise too little to matter, and held-out fits find no part of it.
+    everything is set up again for less noise, see `_with_less_noise`. Where there is no such effect, fitting one
+    changes the noise too little to matter, and held-out fits find no part of it.
     """
     chosen, left = stepwise_search(search, progress, start), noise
     for _ in range(_PROBATIONS):
@@ -253,13 +255,43 @@ def _searched(
                 lower.record.add_passed(tried - chosen, *gate_results(lower, tried, chosen))
                 search, chosen, left = lower, stepwise_search(lower, progress, tried), quiet
                 continue
-        quiet, gain = noise_without(search, tried, chosen, left)
-        if gain < rules.LEAST_TRACE:
+        quieter = _with_less_noise(search, chosen, tried, left, sensed, progress)
+        if quieter is None:
             break
-        quieter = _set_up(search.problem.session, search.problem.columns, quiet, search.fits.allowed, search.record)
-        quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
-        if not passes_gates(quieter, tried, chosen):
-            break
-        quieter.record.add_passed(tried - chosen, *gate_results(quieter, tried, chosen))
-        search, chosen, noise, left = quieter, stepwise_search(quieter, progress, tried), quiet, quiet
+        search, noise = quieter
+        chosen, left = stepwise_search(search, progress, tried), noise
     return Explanation(search, chosen, noise)
+
+
+def _with_less_noise(
+    search: Search,
+    chosen: frozenset[Term],
+    tried: frozenset[Term],
+    noise: Series,
+    sensed: Series,
+    progress: Progress,
+) -> tuple[Search, Series] | None:
+    """A search weighted by less noise, in which effects pass the gates; None if there is none.
+
+    First the noise is what the effects themselves leave: where recordings are short, flexible fits predict less than
+    they do. Then it is the given noise without the trace of the effects.
+
+    Args:
+        search: The search in which the effects fail.
+        chosen: The set without them.
+        tried: The set with them.
+        noise: What weighs that search.
+        sensed: Noise of the sensors.
+        progress: Takes the stages.
+    """
+    own, ratio = _noise_after(search, tried, noise, sensed)
+    untraced, gain = noise_without(search, tried, chosen, noise)
+    for quiet, less in ((own, ratio < rules.LOWER_NOISE), (untraced, gain >= rules.LEAST_TRACE)):
+        if less:
+            session, columns = search.problem.session, search.problem.columns
+            quieter = _set_up(session, columns, quiet, search.fits.allowed, search.record)
+            quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
+            if passes_gates(quieter, tried, chosen):
+                quieter.record.add_passed(tried - chosen, *gate_results(quieter, tried, chosen))
+                return quieter, quiet
+    return None

@@ -17,6 +17,7 @@ from identification.data.log import Log
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.noise.balance_noise import balance_noise, balance_parts, reading_errors
+from identification.diagnosis.noise.certain_samples import root_weights
 from identification.diagnosis.noise.discrepancy import shown_error
 from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
@@ -169,28 +170,49 @@ def _noise_gain(session: Session) -> float:
     return float(np.mean(squares))
 
 
-def sensed_noise(session: Session, columns: Columns) -> Series:
+def sensed_noise(session: Session, columns: Columns, unpredicted: Series) -> Series:
     """Noise of each log's torque, ``(n, nv)``, drawn from the sensors; zero where a sample is not usable.
 
     It is white noise of the torque plus spurious torque from errors of the position readings; zero for a joint whose
     recording does not show the noise of its torque. Errors of the model that were found in another recording are added,
     so that they are not reported again as a new cause.
 
+    White noise is seen above the judged band. Where a controller answers the noise of its encoder, the torque is much
+    noisier there than in the band. So the white noise is at most what models do not predict on held-out blocks.
+
     Args:
         session: Recordings at their full rate, and their judged band.
         columns: Which samples are usable.
+        unpredicted: Part of each joint's residual that no model predicts in the judged band.
     """
     robot, rng = session.robot, random_stream("noise of the sensors")
     readings = _readings_of(session)
     densities = torque_densities(session, readings)
     density = np.array([0.0 if one is None else one.value for one in densities])
     known = np.array([one is not None for one in densities])
-    out = []
-    for k, (log, own, use) in enumerate(zip(session.logs, readings, columns.usable, strict=True)):
-        white = rng.normal(size=log.tau.shape) * np.sqrt(0.5 * log.band.rate_hz * density)
-        drawn = np.where(use & known, log.band(white + reading_error_torque(robot, log, own, rng)), 0.0)
-        out.append(drawn + np.where(use, _model_error_noise(session, k), 0.0))
-    return tuple(out)
+    white, encoders = [], []
+    for log, own, use in zip(session.logs, readings, columns.usable, strict=True):
+        drawn = rng.normal(size=log.tau.shape) * np.sqrt(0.5 * log.band.rate_hz * density)
+        white.append(np.where(use & known, log.band(drawn), 0.0))
+        encoders.append(np.where(use & known, log.band(reading_error_torque(robot, log, own, rng)), 0.0))
+    share = _share_in_band(session, columns, tuple(white), unpredicted)
+    return tuple(
+        share * white[k] + encoders[k] + np.where(use, _model_error_noise(session, k), 0.0)
+        for k, use in enumerate(columns.usable)
+    )
+
+
+def _share_in_band(session: Session, columns: Columns, white: Series, unpredicted: Series) -> Float[Array, " nv"]:
+    """Factor of each joint's white noise, at most one, that makes it as large as another noise in the judged band."""
+    weights = [root_weights(columns, [part[:, j] for part in unpredicted], j) for j in range(white[0].shape[1])]
+    squares = []
+    for series in (white, unpredicted):
+        narrow, size = session.in_judged_band(series), np.zeros(len(weights))
+        for k, use in enumerate(columns.usable):
+            weighed = narrow[k] * np.column_stack([own[k] for own in weights])
+            size += np.sum(np.where(use, weighed, 0.0) ** 2, axis=0)
+        squares.append(size)
+    return np.sqrt(np.minimum(squares[1] / np.maximum(squares[0], 1e-300), 1.0))
 
 
 def _model_error_noise(session: Session, log: int) -> Float[Array, "n nv"]:

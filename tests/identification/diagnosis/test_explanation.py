@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis import explanation
+from identification.diagnosis.search.claims import passes_gates
 from identification.diagnosis.search.search import Threshold
 from identification.pipeline import diagnose
 from identification.words.note_words import sentences
@@ -35,9 +36,25 @@ def test_chance_is_measured_by_the_filters_of_the_problem_after_a_second_effect_
     monkeypatch.setattr(explanation, "smaller_noise", lambda *_: (tuple(0.9 * x for x in prepared.noise), 0.9))
     monkeypatch.setattr(explanation, "null_threshold", lambda *_: Threshold(1.0, {}))
     monkeypatch.setattr(explanation, "passes_gates", lambda *_: True)
-    found = explanation._searched(prepared.search, prepared.noise, lambda _: None)
+    found = explanation._searched(prepared.search, prepared.noise, prepared.noise, lambda _: None)
     assert found.chosen == frozenset(effects)
     assert [noise is prepared.noise for noise in filtered_by] == [True, True]
+
+
+def test_an_effect_below_chance_is_found_once_the_noise_is_what_it_leaves_itself(lab, planar2):
+    # Known truth: friction of 0.2 N m, and a noise that was estimated four hundred times too large.
+    motion = lab.motion(2, 3)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -0.2 * np.sign(motion.v) * [0.0, 1.0]),))
+    none, tried = frozenset(), frozenset([prepared.term("coulomb_friction", "elbow")])
+    loud = tuple(400.0 * part for part in prepared.noise)
+    search = explanation._with_thresholds(
+        explanation._set_up(prepared.session, prepared.columns, loud), loud, {}, lambda _: None
+    )
+    assert not passes_gates(search, tried, none)
+    quieter = explanation._with_less_noise(search, none, tried, loud, prepared.noise, lambda _: None)
+    assert quieter is not None
+    assert passes_gates(quieter[0], tried, none)
+    assert np.std(quieter[1][0][:, 1]) < 0.2 * np.std(loud[0][:, 1])
 
 
 def test_a_search_without_an_end_names_no_cause_and_says_so(lab, planar2, monkeypatch):

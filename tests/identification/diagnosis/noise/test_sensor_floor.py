@@ -99,7 +99,20 @@ def test_noise_that_is_drawn_from_the_sensors_is_as_large_as_the_true_one(made):
     # In the judged band, on usable samples.
     session, true = made(noise=0.05)
     columns = build_columns(session, FitPoint())
-    (drawn,) = session.in_judged_band(sensed_noise(session, columns))
+    unpredicted = tuple(np.full(part.shape, 1e3) for part in columns.residual)
+    np.testing.assert_allclose(in_band(session, columns, unpredicted) / true, 1.0, atol=0.3)
+
+
+def test_white_noise_is_at_most_what_models_do_not_predict_in_the_band(made):
+    # Known truth: a third of the noise that is seen above the band, as where a controller answers its encoder there.
+    session, true = made(noise=0.05)
+    columns = build_columns(session, FitPoint())
+    third = tuple(np.broadcast_to(true / 3.0, part.shape) for part in columns.residual)
+    np.testing.assert_allclose(in_band(session, columns, third) / true, 1.0 / 3.0, atol=0.1)
+
+
+def in_band(session, columns, unpredicted):
+    """Root mean square of the noise of the sensors in the judged band, on usable samples."""
+    (drawn,) = session.in_judged_band(sensed_noise(session, columns, unpredicted))
     use = columns.usable[0]
-    found = np.sqrt(np.sum(np.where(use, drawn, 0.0) ** 2, axis=0) / use.sum(axis=0))
-    np.testing.assert_allclose(found / true, 1.0, atol=0.3)
+    return np.sqrt(np.sum(np.where(use, drawn, 0.0) ** 2, axis=0) / use.sum(axis=0))
