@@ -192,9 +192,10 @@ def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
 
 
 def volts_notes(shown: Shown) -> tuple[Note, ...]:
-    """A note on joints whose torques are perhaps volts: both torque constant and viscous friction are wrong.
+    """A note on joints whose torques are perhaps volts: torque constant, or a rival of it, and viscous friction.
 
     The voltage of a motor is its torque times resistance over torque constant, plus its speed times torque constant.
+    On a single joint a load may look like the wrong torque constant.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -211,6 +212,8 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
         return out
 
     scaled = joints_of("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
+    rivals = (rival for term in ordered(shown.named) for rival in shown.comparisons[term].rivals)
+    scaled |= {one.joint for rival in rivals for one in rival.effects if one.effect == "torque_constant" and one.joint}
     joints = scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)
     computed = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
     joints -= computed
