@@ -170,10 +170,11 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
             return certain
         return size / _with_predictable_noise(left, plain, chosen, noise, joints).floor.allowed
 
-    def has_structure(chosen: frozenset[Term]) -> bool:
-        left = left_by_all(chosen)
-        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.predictable)
-        return over.structured or bool(_distinct_events(plain.problem, left))
+    def has_structure(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> bool:
+        left, names = left_by_all(chosen), plain.problem.session.robot.joint_names
+        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.predictable, joints)
+        events = _distinct_events(plain.problem, left)
+        return over.structured or any(joints[names.index(event.joint)] for event in events)
 
     residuals = Residuals(lambda chosen: left_by_all(chosen).judge, over_allowed, has_structure)
     bench = Bench(explanation.search, plain, noise, residuals)

@@ -105,8 +105,13 @@ def _in_strong_search(loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) 
 
 
 def noise_may_make(term: Term) -> bool:
-    """True for an effect that noise may imitate: one that depends on the motion, or friction of slow joints."""
-    return term.named and bool(term.effect.goes_with_motion or term.effect.acts_when_slow)
+    """True for an effect that noise may imitate.
+
+    It depends on the motion, or is friction of slow joints, or its torque is computed from the acceleration: this has
+    the noise of the encoder, which a controller answers by torque.
+    """
+    effect = term.effect
+    return term.named and bool(effect.goes_with_motion or effect.acts_when_slow or effect.uses_acceleration)
 
 
 def _motion_gate(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> GateResult:

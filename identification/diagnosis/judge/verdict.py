@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
@@ -10,7 +12,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.columns.tolerance_parameters import ToleranceParameter
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
-from identification.diagnosis.fit.gap import held_out_torque, residual_after, residual_sums
+from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_split
@@ -23,9 +25,10 @@ from identification.diagnosis.result import (
     JointGap,
     Unexplained,
 )
+from identification.diagnosis.search.claims import rows_touched_by
 from identification.diagnosis.search.search import Search
 from identification.engine import contract_levels
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
@@ -115,6 +118,7 @@ def unexplained(
     residual: Series,
     whole: Series,
     of_sound: Float[Array, " nv"] | None = None,
+    joints: Bool[Array, " nv"] | None = None,
 ) -> Unexplained:
     """Share of the explainable gap that is not explained, and where it is if it has structure.
 
@@ -125,13 +129,20 @@ def unexplained(
         residual: Residual after the named effects, in the judged band.
         whole: Residual after all effects, structures without a name included.
         of_sound: What a flexible model may predict of the residual of a sound joint, ``(nv,)``; None: nothing.
+        joints: The joints whose residual counts; None: all.
     """
-    floor, problem, nameless = judge.floor, plain.problem, frozenset(term for term in chosen if not term.named)
+    floor, problem = judge.floor, plain.problem
+    nameless = frozenset(
+        term
+        for term in chosen
+        if not term.named and (joints is None or joints[list(rows_touched_by(problem, term))].any())
+    )
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
     predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
     within = held_out_torque(problem, frozenset(), plain.held_out_fit(frozenset()))
     within, after, smooth = (
-        residual_sums(problem, series) for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
+        _of_joints(residual_sums(problem, series), joints)
+        for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
     )
     once = np.ones((1, len(after.counts)))
     allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
@@ -153,6 +164,11 @@ def unexplained(
         of_structures = (term.effect.regime for term in ordered(nameless) if term.joint == joint)
         regime = next(of_structures, None) or regime_split(judge.problem, predicted, row).best
     return Unexplained(fraction, structured, joint, regime)
+
+
+def _of_joints(found: ResidualSums, joints: Bool[Array, " nv"] | None) -> ResidualSums:
+    """Squared residuals of some joints; zero on the others."""
+    return found if joints is None else replace(found, squares=np.where(joints, found.squares, 0.0))
 
 
 def flexible_prediction(problem: Problem, residual: Series) -> Series:

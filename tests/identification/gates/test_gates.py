@@ -140,12 +140,12 @@ def test_what_is_claimed_where_the_motion_is_loud_is_shown_whatever_its_scatter(
 )
 def test_a_joint_has_to_grow_beyond_its_noise_or_to_be_left_with_structure(growth, without, has_structure, passed):
     never = (0.0, 20.0)
-    found = shown_above_noise(np.array(growth), lambda _: np.array(without), lambda: has_structure, lambda: never)
+    found = shown_above_noise(np.array(growth), lambda _: np.array(without), lambda _: has_structure, lambda: never)
     assert found.passed is passed
 
 
 @pytest.mark.parametrize(("gain", "passed"), [(19.0, False), (21.0, True)])
 def test_within_noise_of_unknown_size_a_gain_has_to_exceed_chance_in_the_loudest(gain, passed):
     within = np.array([0.8])
-    found = shown_above_noise(np.array([1.0]), lambda _: within, lambda: False, lambda: (gain, 20.0))
+    found = shown_above_noise(np.array([1.0]), lambda _: within, lambda _: False, lambda: (gain, 20.0))
     assert (found.passed, found.needed) == (passed, 20.0)

@@ -103,12 +103,12 @@ class Residuals:
         judge_of: Noise floors of the joints beside a set of effects.
         over_allowed: Residual of some joints beside a set of effects, divided by the largest that noise and the error
             of a sound model may leave. Where the quotient is certainly above one, it may be too small.
-        has_structure: Whether the state predicts a part of the residual, or events make a part of it.
+        has_structure: Whether the state predicts a part of the residual of some joints, or events make a part of it.
     """
 
     judge_of: Callable[[frozenset[Term]], Judge]
     over_allowed: Callable[[frozenset[Term], Bool[Array, " nv"]], Float[Array, " nv"]]
-    has_structure: Callable[[frozenset[Term]], bool]
+    has_structure: Callable[[frozenset[Term], Bool[Array, " nv"]], bool]
 
 
 @dataclass(frozen=True, eq=False)

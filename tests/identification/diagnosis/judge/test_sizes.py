@@ -249,12 +249,14 @@ def test_an_inertia_that_noise_may_make_is_shown_where_there_would_be_a_gap_with
     made = lab.prepared(planar2, (lab.recording(planar2, motion, effect),))
     chosen = frozenset([made.term("rotor_inertia", "elbow")])
     judge = Judge(made.problem, np.full(2, 0.01), np.full(2, loudest))
-    residuals = Residuals(lambda _: judge, lambda *_: np.full(2, over), lambda _: has_structure)
+    residuals = Residuals(lambda _: judge, lambda *_: np.full(2, over), lambda *_: has_structure)
     after = _noise_gate(Bench(made.search, made.search, made.noise, residuals), State.of(chosen))
     assert after.shown == (chosen if shown else frozenset())
 
 
-@pytest.mark.parametrize(("name", "made"), [("rotor_inertia", True), ("coulomb_friction", False)])
+@pytest.mark.parametrize(
+    ("name", "made"), [("rotor_inertia", True), ("coulomb_friction", False), ("transmission_compliance", True)]
+)
 def test_noise_makes_no_dry_friction(quiet, name, made):
     assert noise_may_make(quiet.term(name, "elbow")) is made
 

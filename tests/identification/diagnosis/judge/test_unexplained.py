@@ -29,7 +29,7 @@ class Case:
     def series(self, size) -> tuple[np.ndarray, ...]:
         return (np.ones_like(self.quiet.columns.residual[0]) * size * FLOOR,)
 
-    def left(self, given, residual, smooth, *, whole=None, nameless=frozenset()) -> Unexplained:
+    def left(self, given, residual, smooth, *, whole=None, nameless=frozenset(), joints=None) -> Unexplained:
         """What is left where a flexible model leaves ``smooth`` and tolerances explain nothing of the residual."""
         rest = self.series(residual if whole is None else whole)
         session = replace(self.quiet.session, cutoff_hz=1e3)
@@ -40,7 +40,8 @@ class Case:
         self.patch.setattr(PLACE + "flexible_prediction", lambda problem, whole: foretold)
         self.patch.setattr(PLACE + "held_out_torque", lambda *_: columns.model_torque)
         plain = replace(search, problem=problem)
-        return unexplained(plain, nameless, Judge(problem, FLOOR, FLOOR), self.series(residual), rest)
+        judge = Judge(problem, FLOOR, FLOOR)
+        return unexplained(plain, nameless, judge, self.series(residual), rest, joints=joints)
 
 
 @pytest.fixture
@@ -75,6 +76,13 @@ def test_a_residual_has_structure_of_which_a_twelfth_can_be_foretold_in_all_bloc
     left = case.left([3.0, 3.0], [size, size], [size, size * np.sqrt(1.0 - 2.0 * share)])
     assert left.structured is structured
     assert left.joint == ("elbow" if structured else None)
+
+
+@pytest.mark.parametrize(("joints", "structured"), [(None, True), ([True, False], True), ([False, True], False)])
+def test_structure_of_one_joint_is_none_of_another(case, joints, structured):
+    # By hand: a flexible model takes nine tenths off the squares of the first joint, and nothing off the second.
+    asked = None if joints is None else np.array(joints)
+    assert case.left([3.0, 3.0], [1.0, 1.0], [np.sqrt(0.1), 1.0], joints=asked).structured is structured
 
 
 def in_blocks(quiet, numbers: list[int], inside: float, outside: float) -> np.ndarray:
