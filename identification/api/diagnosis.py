@@ -220,7 +220,7 @@ class Diagnosis:
 
     @takes(effect=TEXT, joint=or_none(TEXT))
     def why(self, effect: str, joint: str | None = None) -> str:
-        """Why an effect was named, or was not: a sentence, and the gates that it met, with their figures.
+        """Why an effect was named, or was not: a sentence, and the gates at which it was tested, with their figures.
 
         Args:
             effect: Name of the effect in the catalogue, such as ``payload``.

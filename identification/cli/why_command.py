@@ -13,7 +13,7 @@ def parser() -> argparse.ArgumentParser:
     out = Parser(
         prog="phantom-dyn why",
         description="Say why an effect was named in a diagnosis, or was not: how much of the gap it would close, what "
-        "is named in its place, and the gates that it met, each with its figure and its threshold.",
+        "is named in its place, and the gates at which it was tested, each with its figure and its threshold.",
         examples=("why report/ payload", "why diagnosis.json coulomb_friction --joint j2"),
     )
     out.add_argument("diagnosis", metavar="DIAGNOSIS", help="diagnosis.json, or the folder of diagnose --out")

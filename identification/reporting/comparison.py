@@ -160,7 +160,7 @@ def comparison_text(found: Comparison) -> str:
         lines += ["", "RMS residual on held-out samples: given model -> corrected model", *_joint_table(found)]
     runs = [diagnosis.run for diagnosis in found.diagnoses if diagnosis.run]
     if len(set(runs)) < len(runs):
-        lines += ["", "Two of these files are of the very same run."]
+        lines += ["", "At least two of these files are of the very same run."]
     return "\n".join(_wrapped(line) for line in lines).replace(NO_BREAK, " ")
 
 

@@ -51,12 +51,13 @@ def _findings_table(found: Comparison) -> str:
     for row in found.findings:
         name = capital(effect_at(row.at))
         for size in row.sizes:
-            cells = [size_words(value) or gone for value, gone in zip(size.values, row.missing, strict=True)]
-            verdict = "changed" if any(row.missing) and not size.changed else _CHANGED[size.changed]
+            cells = [size_words(value) or statement for value, statement in zip(size.values, row.missing, strict=True)]
+            verdict = _CHANGED[any(row.missing) or size.changed]
             rows.append((f"{name}, {parameter_name(size.parameter)}", *map(_plain, cells), verdict))
         if not row.sizes:
-            cells = ["found" if finding else gone for finding, gone in zip(row.findings, row.missing, strict=True)]
-            rows.append((name, *map(_plain, cells), "changed" if any(row.missing) else "the same"))
+            pairs = zip(row.findings, row.missing, strict=True)
+            cells = ["found" if finding else statement for finding, statement in pairs]
+            rows.append((name, *map(_plain, cells), _CHANGED[any(row.missing)]))
     return table(("finding", *found.names, ""), rows)
 
 
@@ -67,22 +68,22 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
     changed = size.changed or any(row.missing)
     entries = max(len(value.numbers) for value in size.values if value is not None)
     curves = tuple(_entry_curve(size, k, BEFORE if changed else AFTER) for k in range(entries))
-    name = f"{capital(effect_at(row.at))}, {parameter_name(size.parameter)}"
+    title = f"{capital(effect_at(row.at))}, {parameter_name(size.parameter)}"
     label = f"{short_name(parameter_name(size.parameter))} [{unit}]"
     hidden = [
-        next((b.below for b in diagnosis.bounds if (b.effect, b.joint, b.parameter) == place), 0.0) if gone else 0.0
-        for diagnosis, gone in zip(found.diagnoses, row.missing, strict=True)
+        next((b.below for b in diagnosis.bounds if (b.effect, b.joint, b.parameter) == place), 0.0) if missing else 0.0
+        for diagnosis, missing in zip(found.diagnoses, row.missing, strict=True)
     ]
-    gone = [f"{at}: {words}" for at, words in zip(found.names, row.missing, strict=True) if words]
+    notes = [f"{name}: {statement}" for name, statement in zip(found.names, row.missing, strict=True) if statement]
     panel = Panel(label, (_hidden_curve(hidden), *curves), least=(0.0,), zero=True)
     svg = chart(
         (panel,),
         "diagnosis",
         _SIZE,
-        name,
+        title,
         x_names=tuple(short_name(name, max(8, _LETTERS // len(found.names))) for name in found.names),
     )
-    return figure(name, svg, [_plain(words) for words in gone])
+    return figure(title, svg, [_plain(note) for note in notes])
 
 
 def _hidden_curve(below: list[float]) -> Curve:
@@ -126,7 +127,7 @@ def _residual_figure(found: Comparison, unit: str, rows: list[int]) -> str:
         )
         curves = tuple(_marks(values, colour, label, unit) for label, colour, values in levels)
         panels.append(Panel(f"[{unit}]", curves, title=short_name(name, 40), least=(0.0,)))
-    legend = f"Orange: given model. Blue: corrected model. {'N m' if unit == 'N m' else unit}, one panel per diagnosis."
+    legend = f"Orange: given model. Blue: corrected model. {unit}, one panel per diagnosis."
     size = (_WIDE if len(rows) > 3 else _SIZE[0], 0.7 + 1.2 * len(panels))
     return figure("", chart(tuple(panels), "joint", size, "Residuals of each joint", same_scale=True, x_names=names),
                   [legend])  # fmt: skip

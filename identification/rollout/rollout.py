@@ -1,8 +1,9 @@
 """Errors of simulated motion of the given and the corrected model, started from many recorded states.
 
-Errors are compared with those of a right model, which noise alone causes. Noise acts in three ways: in the initial
-state of a simulation, as torque during it, and through the uncertainty of the changes within the tolerances. Each is
-simulated once in every window. A share of a joint's travel is added for errors of the filters and of the integration.
+Errors are compared with those of a right model, which noise alone causes. Besides noise of the recorded states with
+which the simulation is compared, noise acts in three ways: in the initial state, as torque during the simulation, and
+through the fit of the model's parameters within their tolerances. Each of these is simulated once in every window. A
+share of a joint's travel is added for errors of the filters and of the integration.
 """
 
 from __future__ import annotations
@@ -82,12 +83,12 @@ def motion_deviations(
         # Factor from the difference of two leave-one-fold-out fits to the error of a fit (jackknife).
         jackknife = np.sqrt(0.5 * (len(folds) - 1))
         parts = (
-            simulated - shot.read,
-            under_torque(shot, model, drive, start_shift) - simulated,
-            under_torque(shot, model, drive + torque_noise) - simulated,
-            jackknife * (under_torque(shot, other, drive) - simulated),
-            np.broadcast_to(shot.states.scatter, simulated.shape),
-            rules.MODEL_SHARE * (shot.read - shot.read[0]),
+            simulated - shot.read,  # the error; all others are what a right model may have
+            under_torque(shot, model, drive, start_shift) - simulated,  # noise of the initial state
+            under_torque(shot, model, drive + torque_noise) - simulated,  # noise as torque
+            jackknife * (under_torque(shot, other, drive) - simulated),  # noise through the fit
+            np.broadcast_to(shot.states.scatter, simulated.shape),  # noise of the recorded states
+            rules.MODEL_SHARE * (shot.read - shot.read[0]),  # filters and integration
         )
         squares.append([np.mean(part[kept] ** 2, axis=0) for part in parts])
     error, *expected = np.mean(squares, axis=0)

@@ -18,7 +18,8 @@ _FACES = 12_000
 _POSTURES = 60
 """Number of frames from which the extent of the robot is computed."""
 _DRUM = 0.75
-"""Size of a joint relative to the report, in which the robot is drawn much smaller."""
+"""Factor on the size of the solids of joints, compared with the report: there the robot is drawn much smaller, so that
+joints need to be larger."""
 _PASSIVE = 0.8
 """Size of a passive joint relative to active ones, which have a colour and may be at the same place."""
 _RAIL = 0.008

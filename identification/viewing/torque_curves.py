@@ -68,9 +68,9 @@ def torque_curves(
 
 
 def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]:
-    """Moving root mean square of each model's residual over `WINDOW_S`, relative to that of the measured torque.
+    """Moving root mean square of each model's residual over `WINDOW_S`, relative to the rms of the measured torque.
 
-    It is zero for a joint without torque.
+    The latter is taken over the whole recording. The ratio is zero for a joint without torque.
     """
     measured_rms = _root_mean_square(curves.measured)
     count = max(1, round(WINDOW_S / float(np.median(np.diff(curves.t)))))

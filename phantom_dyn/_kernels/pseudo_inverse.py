@@ -14,21 +14,21 @@ _ORTHOGONAL = 1e-15
 
 
 @fused
-def pseudo_inverse(slope: Array, singular: float, inverse: Array) -> bool:
+def pseudo_inverse(matrix: Array, singular: float, inverse: Array) -> bool:
     """Write the pseudo-inverse of a matrix with no more columns than rows, by one-sided Jacobi rotations.
 
     Args:
-        slope: The matrix, ``(m, n)``.
+        matrix: The matrix, ``(m, n)``.
         singular: Ratio of smallest to largest singular value below which the matrix counts as singular.
         inverse: Receives the pseudo-inverse, ``(n, m)``.
 
     Returns:
         False if the matrix is singular or has more columns than rows.
     """
-    m, n = slope.shape
+    m, n = matrix.shape
     if m < n:
         return False
-    U, V, squares = slope.copy(), np.eye(n), np.zeros(n)
+    U, V, squares = matrix.copy(), np.eye(n), np.zeros(n)
     for _ in range(_SWEEPS):
         turned_any = False
         for i in range(n):

@@ -12,7 +12,7 @@ from phantom_dyn.errors import ParameterError, known_names
 
 TIP_AXES = ("x", "y", "z")
 MOST_POINTS = 20_000_000
-"""Largest number of points of a grid, over which one matrix takes 1.4 GB."""
+"""Largest number of points of a grid: one 3 x 3 matrix for each of so many points takes 1.4 GB."""
 # Largest coordinate of a grid [m or rad], far beyond any robot; figures can still be drawn of it.
 _FARTHEST = 1e6
 

@@ -39,8 +39,8 @@ class LinearExpression:
         return LinearExpression(self.constant + other.constant, factors)
 
 
-def followed_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> dict[str, LinearExpression]:
-    """Expression of each passive joint in joints that are not passive.
+def following_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> dict[str, LinearExpression]:
+    """Passive joints, which follow others, each with its expression in joints that are not passive.
 
     Args:
         loops: Linear loops with their indices in the list ``loops``.

@@ -19,8 +19,8 @@ from phantom_dyn.model.files.settings_file import describe, read_settings
 # The limits are far beyond any robot in SI units; squares and quotients of such numbers still fit into a float.
 NonNegative = Annotated[float, Meta(ge=0, le=1e12, description="a number of 0 or more, at most 1e12")]
 Positive = Annotated[float, Meta(ge=1e-12, le=1e12, description="a number above 0, from 1e-12 to 1e12")]
-Share = Annotated[float, Meta(ge=0, le=100, description="a number of 0 or more, at most 100")]
-Part = Annotated[float, Meta(ge=0, le=1, description="a share from 0 to 1")]
+RelativeDeviation = Annotated[float, Meta(ge=0, le=100, description="a number of 0 or more, at most 100")]
+Share = Annotated[float, Meta(ge=0, le=1, description="a share from 0 to 1")]
 Delay = Annotated[float, Meta(ge=0, le=10, description="a number of 0 or more, at most 10 s")]
 Ratio = Annotated[float, Meta(ge=-1e6, le=1e6, description="a number other than 0, from -1e6 to 1e6")]
 Place = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -37,7 +37,19 @@ class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class ControllerConfig(_Strict, frozen=True):
-    """Position controller of a joint: ``pd`` has gains on the joint side, ``duty`` has shares of the supply voltage."""
+    """Position controller of a joint: ``pd`` has gains on the joint side, ``duty`` has shares of the supply voltage.
+
+    Attributes:
+        kind: Which of the two it is.
+        kp: Gain on the position error [N m/rad or N/m], of ``pd``.
+        kd: Gain on the velocity [N m s/rad or N s/m], of ``pd``.
+        delay: Delay of the whole torque [s].
+        reference_delay: Additional delay of the reference [s].
+        gain: Share of the supply voltage per rad or m of position error, of ``duty``.
+        limit: Largest share; None: the whole supply.
+        drops_beyond: Position error [rad or m] beyond which the limit drops to ``drops_to``.
+        drops_to: Largest share beyond that error.
+    """
 
     kind: Literal["pd", "duty"] = "pd"
     kp: NonNegative | None = None
@@ -45,13 +57,17 @@ class ControllerConfig(_Strict, frozen=True):
     delay: Delay = 0.0
     reference_delay: Delay = 0.0
     gain: Positive | None = None
-    limit: Part | None = None
+    limit: Share | None = None
     drops_beyond: Positive | None = None
-    drops_to: Part | None = None
+    drops_to: Share | None = None
 
 
 class JointConfig(_Strict, frozen=True):
-    """Drive of a joint; None where the file says nothing."""
+    """Drive of a joint; None where the file says nothing.
+
+    ``drive: unknown`` states that nobody knows the torque that moves the joint: its motion is used, its torque is not
+    judged.
+    """
 
     rotor_inertia: NonNegative | None = None
     gear_ratio: Ratio = 1.0
@@ -69,9 +85,9 @@ class JointConfig(_Strict, frozen=True):
 class ToleranceConfig(_Strict, frozen=True):
     """Relative standard deviations of the model's values; 0 means exact."""
 
-    inertia: Share = 0.05
-    friction: Share = 0.05
-    rotor_inertia: Share = 0.10
+    inertia: RelativeDeviation = 0.05
+    friction: RelativeDeviation = 0.05
+    rotor_inertia: RelativeDeviation = 0.10
 
 
 class LinearLoop(_Strict, frozen=True):
@@ -109,7 +125,11 @@ class FrameLoop(_AnchorLoop, frozen=True, kw_only=True):
 
 
 class RobotConfig(_Strict, frozen=True):
-    """Content of a ``robot.yaml``. The names in it are not checked yet, because this needs the robot."""
+    """Content of a ``robot.yaml``. The names in it are not checked yet, because this needs the robot.
+
+    With ``torque_hold: zoh`` a logged torque acts until the next sample; with ``instant`` it was read at its sample.
+    ``reference_hold`` states the same of logged references; None: the recording decides.
+    """
 
     gravity: Vector | None = None
     base: Literal["fixed", "floating"] | None = None

@@ -17,7 +17,7 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import RobotError
 from phantom_dyn.loops.assembly import assembled, require_determined
 from phantom_dyn.loops.chain import Anchor, ClosedChain
-from phantom_dyn.model.linear_loops import LinearExpression, followed_joints
+from phantom_dyn.model.linear_loops import LinearExpression, following_joints
 from phantom_dyn.model.robot_config import FrameLoop, LinearLoop, PointLoop, RobotConfig
 
 
@@ -43,7 +43,7 @@ def closed_chain(
         RobotError: If the loops contradict each other, cannot be closed, or do not say what every passive joint does.
     """
     names = list(model.names)[1:]
-    followed = followed_joints(
+    following = following_joints(
         [(index, loop) for index, loop in enumerate(stated.loops) if isinstance(loop, LinearLoop)], config
     )
     loops: dict[str, PointLoop | FrameLoop] = {
@@ -52,18 +52,18 @@ def closed_chain(
         if not isinstance(loop, LinearLoop)
     }
     for label, loop in (carried or {}).items():
-        if not followed.keys() & set(_around(model, loop)):
+        if not following.keys() & set(_around(model, loop)):
             loops[label] = loop
-    if not followed and not loops:
+    if not following and not loops:
         return None
     idle = without_drive | {name for name, joint in stated.joints.items() if not joint.actuated}
-    unknown = _unknown_joints(model, loops, followed, idle, config)
-    passive = tuple(k for k, name in enumerate(names) if name in followed or name in unknown)
+    unknown = _unknown_joints(model, loops, following, idle, config)
+    passive = tuple(k for k, name in enumerate(names) if name in following or name in unknown)
     active = tuple(k for k, name in enumerate(names) if k not in passive)
     if not active:
         raise RobotError(f"{config}: the loops leave no active joint: give at least one joint that is not passive.")
     free = [*(names[k] for k in active), *unknown]
-    linear_map, offset = _linear_map(names, followed, free)
+    linear_map, offset = _linear_map(names, following, free)
     start = {joint: position for loop in loops.values() for joint, position in (loop.start or {}).items()}
     chain = ClosedChain(
         active=active,
@@ -97,7 +97,7 @@ def frame_index(model: pin.Model, name: str) -> int:
 def _unknown_joints(
     model: pin.Model,
     loops: dict[str, PointLoop | FrameLoop],
-    followed: dict[str, LinearExpression],
+    following: dict[str, LinearExpression],
     idle: set[str] | frozenset[str],
     config: Path,
 ) -> tuple[str, ...]:
@@ -111,14 +111,14 @@ def _unknown_joints(
                 f"{config}: no joint moves one of the frames of {label} and not the other: give frames on two "
                 "branches of the robot."
             )
-        wrong = [name for name in loop.active or () if name not in around or name in followed]
+        wrong = [name for name in loop.active or () if name not in around or name in following]
         if wrong:
-            what = "passive in a linear loop" if wrong[0] in followed else "not one of its joints"
+            what = "passive in a linear loop" if wrong[0] in following else "not one of its joints"
             raise RobotError(
                 f"{config}: {label} names {wrong[0]!r} as active, which is {what}: its joints are {', '.join(around)}."
             )
         passive = idle if loop.active is None else set(around) - driven
-        mine = [name for name in around if name in passive and name not in followed]
+        mine = [name for name in around if name in passive and name not in following]
         if not mine:
             raise RobotError(
                 f"{config}: {label} has no passive joint: of {', '.join(around)}, list the driven ones under active, "
@@ -135,11 +135,11 @@ def _around(model: pin.Model, loop: PointLoop | FrameLoop) -> tuple[str, ...]:
     return tuple(model.names[joint] for joint in sorted(a ^ b))
 
 
-def _linear_map(names: list[str], followed: dict[str, LinearExpression], free: list[str]) -> tuple[Array, Array]:
+def _linear_map(names: list[str], following: dict[str, LinearExpression], free: list[str]) -> tuple[Array, Array]:
     """Matrix ``S`` and vector ``o`` of `ClosedChain`; the columns of ``S`` are the joints ``free``."""
     linear_map, offset = np.zeros((len(names), len(free))), np.zeros(len(names))
     for row, name in enumerate(names):
-        expression = followed.get(name, LinearExpression(0.0, {name: 1.0}))
+        expression = following.get(name, LinearExpression(0.0, {name: 1.0}))
         offset[row] = expression.constant
         for joint, factor in expression.factors.items():
             linear_map[row, free.index(joint)] = factor

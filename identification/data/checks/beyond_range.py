@@ -11,16 +11,16 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
 
 _TURN = 2 * np.pi  # [rad]
-# Smallest share of samples that far outside with which the positions are wrong. A smaller share may be a spike, or a
-# turn that was miscounted for a while.
+# The positions are wrong only if at least this share of the samples is that far outside. A smaller share may be a
+# spike, or a turn that was miscounted for a while.
 _LEAST_SHARE = 0.05
 
 
 def beyond_range(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
     """The fault of positions that are more than a turn outside a joint's range.
 
-    Positions that are inside after whole turns were subtracted are no fault: the encoder counts turns. No torque is
-    needed.
+    Positions that are inside after whole turns were subtracted are no fault: the encoder counts turns. The check works
+    without torque.
 
     Args:
         recording: Raw samples.

@@ -75,17 +75,31 @@ def certain_faults(
     wrong = [one for one in found if one.suspect.outcome == "wrong"]
     faults = tuple(_fault(recording, robot, reading, one) for one in wrong)
     offers = tuple(_offer(recording, one) for one in found if one.suspect.outcome == "offer")
+    # Corrections are found one after the other, so the last fit has all of them. If a part of the torque stays
+    # unexplained even then, none is certain, unless one was very likely before any fit (`expected`): they become
+    # offers.
     if wrong and not (any(one.suspect.expected for one in wrong) or explains_nearly_all(wrong[-1])):
-        shares = wrong[-1].unexplained
-        j = int(np.nanargmax(np.nanmax(shares, axis=0)))
-        more = f"{100 * float(np.nanmax(shares[:, j])):.2g} % of the torque of {robot.joint_names[j]} are left then"
-        offers += tuple(
-            f"{recording.file}: it may be that {fault.what} ({fault.why}): {fault.mend}; but {more}, so that there is "
-            "another mistake, or this is none."
-            for fault in faults
-        )
-        faults = ()
+        return (), offers + _uncertain(recording, robot, faults, wrong[-1])
     return faults, offers
+
+
+def _uncertain(recording: Recording, robot: Robot, faults: tuple[Fault, ...], last: ReadingFit) -> tuple[str, ...]:
+    """Sentences on faults that are not certain, as they leave a part of the torque unexplained.
+
+    Args:
+        recording: The recording.
+        robot: The given model.
+        faults: The faults.
+        last: Fit with all of them corrected.
+    """
+    j = int(np.nanargmax(np.nanmax(last.unexplained, axis=0)))
+    share = float(np.nanmax(last.unexplained[:, j]))
+    left_over = f"{100 * share:.2g} % of the torque of {robot.joint_names[j]} are left then"
+    return tuple(
+        f"{recording.file}: it may be that {fault.what} ({fault.why}): {fault.mend}; but {left_over}, so that there is "
+        "another mistake, or this is none."
+        for fault in faults
+    )
 
 
 def _offer(recording: Recording, found: ReadingFit) -> str:
@@ -132,6 +146,7 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: ReadingF
         )
         return Fault(what, why, mend)
     j = int(np.nanargmax(found.joint_gains))
+    # A gain is the logarithm of (unexplained before + ENOUGH) over (unexplained after + ENOUGH).
     after, gain = np.nanmax(found.unexplained[:, j]), found.joint_gains[j]
     before = min(1.0, (after + ENOUGH) * np.exp(gain))
     why = (
@@ -155,7 +170,8 @@ def _advice(recording: Recording, suspect: Suspect) -> str:
         # Gravity is added to the torque itself, even if the torque was computed from a current.
         taken = {}
     computed = [column for column in suspect.entries if taken.get(column, column) != column]
-    if computed or ("tau" in suspect.entries and set(taken.values()) - set(taken)):
+    any_computed = any(source != target for target, source in taken.items())
+    if computed or ("tau" in suspect.entries and any_computed):
         columns = listed([taken[column] for column in computed] or list(dict.fromkeys(taken.values())))
         return (
             f"the torque was computed from {columns}: mend these columns with a column map (--columns), or "
@@ -168,5 +184,5 @@ def _advice(recording: Recording, suspect: Suspect) -> str:
             "i.<joint>, as these factors are only as right as the masses of the model"
         )
     if suspect.kind == "time" and np.all(np.diff(recording.t) == 1.0):
-        words += "; or, if t counts the rows, write ignore: [t] and rate: with the rows a second into it"
+        words += "; or, if t only counts the rows, write ignore: [t] and rate: <rows per second> into the column map"
     return words

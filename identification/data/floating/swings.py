@@ -15,7 +15,8 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 _MARGIN = 0.02
-"""Time left out before a contact begins and after it ends [s], as thresholds on forces detect it late."""
+"""Time left out before a contact begins and after it ends [s], as thresholds on forces detect its beginning
+late and its end early."""
 _IMPACT = 0.01
 """Time left out for all joints around a change of any contact [s]: the impact shakes the sensors of the base."""
 _PERIODS = 6.0

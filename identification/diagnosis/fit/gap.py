@@ -22,8 +22,9 @@ from phantom_dyn.motion import Motion
 class ResidualSums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
-    Blocks without a sample are left out, as a bootstrap replicate of such blocks alone would be empty. Samples at
-    standstill get a low weight, as friction is hardly known there.
+    The core of a block has those of its samples that share no filtered noise with the block before. Blocks without a
+    sample are left out, as a bootstrap replicate of such blocks alone would be empty. Samples at standstill get a low
+    weight, as friction is hardly known there.
 
     Attributes:
         squares: Summed squared residuals, ``(B, nv)``.
@@ -38,7 +39,15 @@ class ResidualSums:
         return np.sqrt(self.squares.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1))
 
     def loss(self, floor: Float[Array, " nv"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        """The contract's loss with each block taken ``weights`` times."""
+        """Mean over joints of squared residual over squared noise floor, with each block counted ``weights`` times.
+
+        Args:
+            floor: Noise floor of each joint.
+            weights: How often each block counts, one row for each loss.
+
+        Returns:
+            One loss per row of ``weights``.
+        """
         mean = (weights @ self.squares) / np.maximum(weights @ self.counts, 1e-12)
         return (mean / floor**2).mean(axis=1)
 
@@ -71,6 +80,7 @@ def residual_sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) 
     weights = [sample_weights(problem, *part) for part in parts]
     counts = np.array([use.sum(axis=0) for use in weights])
     squares = [(residual[log][part] ** 2 * use).sum(axis=0) for (log, part), use in zip(parts, weights, strict=True)]
+    # If all blocks are empty, all stay.
     filled = counts.any(axis=1) | ~counts.any()
     return ResidualSums(np.array(squares)[filled], counts[filled])
 
@@ -96,9 +106,9 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band; if no joint is actuated, the torque of each joint's own inertia.
+    """Measured torque of every log in the judged band, with which gaps are compared.
 
-    Gaps are then compared with the torque that accelerates the joints.
+    If no joint has a known drive, unactuated joints get the torque that accelerates their own inertia.
     """
     columns, session = problem.columns, problem.session
     torque = [model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True)]
@@ -125,11 +135,13 @@ def row_counts(problem: Problem) -> Float[Array, " nv"]:
 
 @dataclass(frozen=True)
 class RowGaps:
-    """Gap of each row that a claim has to explain a share of: squares over the noise, summed over the samples.
+    """Gap of each row (one per joint): squared residual over squared noise, summed over samples.
+
+    What noise alone makes is subtracted. A claim has to explain a share of the gap.
 
     Attributes:
-        gap: Residual of the given model beyond the noise, with the model fitted within its tolerances, ``(nv,)``.
-        accuracy: Residual that the method's own inaccuracy may cause, ``(nv,)``.
+        gap: Gap of the given model, fitted within its tolerances, ``(nv,)``.
+        accuracy: Gap that the method's own inaccuracy may cause, ``(nv,)``.
     """
 
     gap: Float[Array, " nv"]
@@ -137,7 +149,7 @@ class RowGaps:
 
 
 def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
-    """Gap and accuracy of each row for the fits of one problem, with its own weights and in its own band.
+    """Gaps of each row for the fits of one problem, with its own weights and in its own band.
 
     Args:
         problem: Columns and fits.

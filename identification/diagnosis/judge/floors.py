@@ -37,11 +37,13 @@ class Floor:
     Attributes:
         value: Noise, root mean square, ``(nv,)``.
         low, high: Interval at 95 % over all joints together, ``(nv,)``.
-        source: Of each joint: ``repetitions`` where the motion is repeated; else, after `floor_by_sensors`, ``sensors``
-            or ``none``; before it ``above_band`` where the noise above the judged band agrees with the unpredicted
-            residual inside it, and else ``predictors``, an upper limit.
+        source: Where the floor of each joint was read from: ``repetitions`` where the motion is repeated. For other
+            joints, `floor_by_predictors` writes ``above_band`` if the noise above the judged band agrees with the
+            unpredicted residual inside it, else ``predictors``, an upper limit. `floor_by_sensors` replaces these two
+            by ``sensors`` if the sensors show their noise, else by ``none``.
         discrepancy: Error of a sound model on each joint, ``(nv,)``; None before `floor_by_sensors`.
-        in_doubt: Residual that ``high`` has for uncertain friction, root mean square, ``(nv,)``; None: none.
+        in_doubt: Residual by which ``high`` was raised because friction is uncertain, root mean square, ``(nv,)``;
+            None: it was not raised.
     """
 
     value: Float[Array, " nv"]
@@ -64,11 +66,15 @@ class Floor:
         return self.high if self.discrepancy is None else np.hypot(self.high, self.discrepancy)
 
     def without(self, squares: Float[Array, " nv"]) -> Floor:
-        """The floor less the mean square of coarse encoders' rounding, at least a share of itself."""
+        """The floor less the rounding of coarse encoders, but no less than `COARSE_REMAINDER` times itself.
+
+        Args:
+            squares: Mean square of the torque that the rounding makes, ``(nv,)``.
+        """
         if not np.any(squares):
             return self
-        left = np.sqrt(np.maximum(1.0 - squares / self.value**2, rules.COARSE_REMAINDER**2))
-        return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
+        kept = np.sqrt(np.maximum(1.0 - squares / self.value**2, rules.COARSE_REMAINDER**2))
+        return replace(self, value=self.value * kept, low=self.low * kept, high=self.high * kept)
 
     def raised_by(self, squares: Float[Array, " nv"]) -> Floor:
         """The floor with a mean square added to its upper end."""
@@ -84,23 +90,28 @@ def floor_by_predictors(
 ) -> Floor:
     """Noise floor of each joint in the judged band.
 
-    The value is the residual of flexible predictors on held-out blocks, with an interval by block bootstrap. It is an
-    upper limit, as it contains events that nothing predicts. White noise of the torque readings above the band changes
-    it: if that noise is as large, it confirms the floor; if it is somewhat smaller, it is the lower end, as predictors
-    have errors; if it is several times smaller, beyond the errors of the method, it is the floor. Without such noise,
-    and where the residual is several times larger at some times than usual, as with impacts of play, the floor is the
-    usual size. Neither is done where torque that is read at instants is as large above the band while the joint moves,
-    as that may alias into the band. Where the motion is repeated and its repetitions differ by less, that difference is
-    the floor.
+    The value is the residual of flexible predictors on held-out blocks, with an interval by block bootstrap: an upper
+    limit, as it contains events that nothing predicts. It is then corrected, in this order:
 
-    The residual where friction is uncertain is added to the upper end, up to that uncertainty: flexible predictors
-    learn how one robot sticks and creeps, a model does not.
+    1. White noise of the torque readings above the band is extrapolated into the band. If it is smaller than the value,
+       the lower end is at most this noise. If it is smaller by more than `SENSOR_TIMES`, it replaces the value. If it
+       agrees with the value, or has replaced it, the source is ``above_band``.
+    2. Without agreement in step 1: if the residual is by more than `SENSOR_TIMES` larger than its usual size (from the
+       median of its squares), as with impacts of play, the usual size replaces the value.
+    3. Steps 1 and 2 replace nothing where torque that is read at instants is so large above the band in motion that,
+       aliased into the band, it may be the value.
+    4. If the motion is repeated and the difference of the repetitions is smaller than the value, that difference
+       replaces it.
+    5. The residual where friction is uncertain is added to the upper end, up to that uncertainty: flexible predictors
+       learn how one robot sticks and creeps, a model does not.
+
+    The value is replaced only if the residual of the explanation is larger by as much, too.
 
     Args:
         problem: Recordings, blocks and columns.
         noise: Residual of flexible predictors of each log's torque.
         residual: Residual of the explanation of each log's torque, in the judged band.
-        doubt: Variance of the friction torque of joints that stand, creep or reverse.
+        doubt: Variance of the friction torque of joints that stand still, creep or reverse.
         encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
     """
     from scipy.special import ndtri
@@ -108,38 +119,34 @@ def floor_by_predictors(
     session, robot = problem.session, problem.session.robot
     unpredicted = residual_sums(problem, session.in_judged_band(noise))
     value = np.maximum(unpredicted.rms(), least_noise(problem.columns))
-    drawn = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
-    mean = (drawn @ unpredicted.squares) / np.maximum(drawn @ unpredicted.counts, 1e-12)
+    draws = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
+    mean = (draws @ unpredicted.squares) / np.maximum(draws @ unpredicted.counts, 1e-12)
     relative = np.sqrt(mean) / np.maximum(unpredicted.rms(), 1e-300)
     wrong = 100.0 * rules.FLOOR_ERROR / len(value)
     low, high = (value * np.percentile(relative, side, axis=0) for side in (wrong / 2, 100.0 - wrong / 2))
     low, high = np.minimum(low, value), np.maximum(high, value)
     encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
-    torque, left, source = (
-        residual_sums(problem, measured_torque(problem)).rms(),
-        residual_sums(problem, residual).rms(),
-        [],
-    )
-    sensors = reading_noise(session)
-    folded = _aliased_torque(problem, sensors)
+    torque = residual_sums(problem, measured_torque(problem)).rms()
+    unexplained = residual_sums(problem, residual).rms()
+    sensors, source = reading_noise(session), []
+    aliased = _aliased_torque(problem, sensors)
     for j, seen in enumerate(sensors):
         if seen is None:
             source.append(PREDICTORS)
             continue
         least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
-        heard = np.hypot(most, folded[j])
-        if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(heard, np.sqrt(fair_part.ACCURACY) * torque[j]):
+        plausible = np.hypot(np.hypot(most, aliased[j]), np.sqrt(fair_part.ACCURACY) * torque[j])
+        if min(low[j], unexplained[j]) > rules.SENSOR_TIMES * plausible:
             # Sensor noise in the band is not several times that above it: the rest is an unpredicted gap.
             value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
-    # Sensor noise is not several times louder at some times than usual: the rest is an unpredicted gap, too.
-    most = np.sqrt(_usual_size(problem, noise) ** 2 + encoder_noise**2 + fair_part.ACCURACY * torque**2)
-    heard = np.hypot(most, folded)
-    comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * heard)
-    quieter = np.where(comes_and_goes, most / value, 1.0)
-    value, low, high = value * quieter, low * quieter, high * quieter
+    # Sensor noise is not several times larger at some times than usual: the rest is an unpredicted gap, too.
+    usual = np.sqrt(_usual_size(problem, noise) ** 2 + encoder_noise**2 + fair_part.ACCURACY * torque**2)
+    has_events = np.minimum(low, unexplained) > rules.SENSOR_TIMES * np.hypot(usual, aliased)
+    factor = np.where((np.array(source) == PREDICTORS) & has_events, usual / value, 1.0)
+    value, low, high = value * factor, low * factor, high * factor
     moving = zip(problem.columns.usable, problem.columns.standstill_std, strict=True)
     free = tuple(use & (held == 0.0) for use, held in moving)
     counts = tuple(sample_weights(problem, k) for k in range(len(residual)))
@@ -148,16 +155,16 @@ def floor_by_predictors(
             continue
         reach = float(np.exp(ndtri(1.0 - wrong / 200.0) * seen.error))
         least, most = seen.value / reach, seen.value * reach
-        if min(low[j], left[j]) > np.hypot(most, np.sqrt(fair_part.ACCURACY) * torque[j]):
+        if min(low[j], unexplained[j]) > np.hypot(most, np.sqrt(fair_part.ACCURACY) * torque[j]):
             value[j], low[j], high[j] = seen.value, least, most
         if least <= high[j]:
             # Otherwise something drifts between the repetitions, which predictors, an upper limit, can predict.
             low[j], source[j] = min(low[j], least), REPETITIONS
-    # Accuracy of derivatives and filters, however quiet the sensors are.
+    # Derivatives and filters have errors, however quiet the sensors are.
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    more = uncertain_squares(problem, session.in_judged_band(noise), residual, doubt, value, wide)
-    return Floor(value, low, np.sqrt(high**2 + more), tuple(source), in_doubt=np.sqrt(more))
+    uncertain = uncertain_squares(problem, session.in_judged_band(noise), residual, doubt, value, wide)
+    return Floor(value, low, np.sqrt(high**2 + uncertain), tuple(source), in_doubt=np.sqrt(uncertain))
 
 
 def _usual_size(problem: Problem, noise: Series) -> Float[Array, " nv"]:
@@ -215,10 +222,19 @@ def uncertain_squares(
     floor: Float[Array, " nv"],
     wide: Float[Array, " nv"],
 ) -> Float[Array, " nv"]:
-    """Mean square of the residual where friction is uncertain by more than the floor, limited to two deviations of it.
+    """Mean square of the residual where friction is uncertain by more than the floor, ``(nv,)``.
 
-    Samples have the weights of the figures of a gap. It is zero on a joint whose other residual is above ``wide``, too:
-    then friction is not the cause.
+    The residual counts up to two standard deviations of the friction. Samples have the weights of the figures of a gap.
+    It is zero on a joint whose residual is above ``wide`` times the noise even where friction is certain: then friction
+    is not the cause.
+
+    Args:
+        problem: Recordings, blocks and columns.
+        noise: Residual of flexible predictors of each log's torque, in the judged band.
+        residual: Residual of the explanation of each log's torque, in the judged band.
+        doubt: Variance of the friction torque of joints that stand still, creep or reverse.
+        floor: Noise floor of each joint.
+        wide: Upper end of each joint's floor over the floor, at least `FLOORS_LEFT`, ``(nv,)``.
     """
     out = np.zeros(len(floor))
     weights = tuple(sample_weights(problem, k) for k in range(len(residual)))
@@ -290,7 +306,7 @@ def floor_by_sensors(
         problem: Recordings, blocks and columns.
         noise: Residual of flexible predictors of each log's torque.
         residual: Residual of the explanation of each log's torque, in the judged band.
-        doubt: Variance of the friction torque of joints that stand, creep or reverse.
+        doubt: Variance of the friction torque of joints that stand still, creep or reverse.
     """
     own_floor = sensed.floor
     repeated = np.array([source == REPETITIONS for source in floor.source])
@@ -308,12 +324,12 @@ def floor_by_sensors(
     )
     high = np.where(taken, np.hypot(high, rules.MODEL_SHARE * sensed.torque), high)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    open_ = uncertain_squares(problem, problem.session.in_judged_band(noise), residual, doubt, value, wide)
-    high = np.where(taken, np.sqrt(high**2 + open_), high)
+    uncertain = uncertain_squares(problem, problem.session.in_judged_band(noise), residual, doubt, value, wide)
+    high = np.where(taken, np.sqrt(high**2 + uncertain), high)
     source = tuple(
         REPETITIONS if again else SENSORS if own else NONE for again, own in zip(repeated, known, strict=True)
     )
-    in_doubt = np.where(taken, np.sqrt(open_), 0.0 if floor.in_doubt is None else floor.in_doubt)
+    in_doubt = np.where(taken, np.sqrt(uncertain), 0.0 if floor.in_doubt is None else floor.in_doubt)
     return replace(
         floor, value=value, low=low, high=high, source=source, discrepancy=sensed.discrepancy, in_doubt=in_doubt
     )

@@ -1,13 +1,16 @@
 """Smooth functions of one or two inputs: the share of a residual that each predicts on held-out blocks, and by chance.
 
 A function is a table with linear interpolation between its nodes (hat functions, for two inputs their products), fitted
-by ridge regression together with tolerance parameters and findings. The gain by chance is that on the residual with its
-blocks permuted: each block keeps its spectrum, and time, which predicts every slow drift, gets no advantage.
+by ridge regression together with tolerance parameters and findings. The share that it predicts is called its gain. The
+gain by chance is that on residuals whose blocks are permuted, with random signs. Each block keeps its spectrum. Slow
+drifts inside blocks stay, and the input time, which fits any drift, predicts some of them by chance: its gain has to
+exceed that as well.
 
-A frequency is an input, too: the residual may be a response to motion or torque whose gain and phase change with the
-frequency, which is no function of the present value of an input. A sum of the input and its series behind low passes
-and all-passes (Laguerre's) represents any response that decays within seconds, whatever its order. It is linear in its
-coefficients, and so it is fitted and tested as a table over an input is.
+A response with memory is tried like an input, under the name of a frequency: the residual may be a response to motion
+or torque whose gain and phase change with the frequency, which is no function of the present value of an input. A sum
+of the input and its series behind low passes and all-passes (Laguerre's) represents any response that decays within
+seconds, whatever its order. It is linear in its coefficients, and so it is fitted and tested as a table over an input
+is.
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ _DRAWS = 60  # permutations of the blocks
 _CHANCE = 0.95  # quantile, over these permutations, of the largest gain
 _PAIRS = 6  # largest number of pairs that are listed
 _CURVE = 25  # points of a curve
-_CLEARLY = 0.03  # share of the residual's squares that a response with memory has to predict beyond all without memory
+# By this share of the squared residual, a response with memory must be better than the best function without memory.
+_CLEARLY = 0.03
 _UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
 _CORNERS = (0.05, 0.25)  # corner frequencies, as a share of the edge of the judged band
 _ORDER = 5  # number of series behind each corner
@@ -63,9 +67,9 @@ class Gains:
 
     Attributes:
         listed: Those that the report lists, the largest first.
-        frequency: Name of the frequency that predicts the residual clearly better than every function without memory,
-            None where there is none.
-        left: Squared residual of each block with the response over that frequency, ``(B,)``; infinite without one.
+        frequency: Name of the input whose response with memory predicts the residual clearly better than every function
+            without memory; None if there is none.
+        left: Squared residual of each block with that response, ``(B,)``; infinite without one.
         judged: Blocks on which gains are compared, ``(b,)``.
     """
 
@@ -80,7 +84,7 @@ class Gains:
 
 
 def input_gains(residual: JointResidual) -> Gains:
-    """Held-out gain of every input, of the best pairs and of the frequency of motion and torque."""
+    """Held-out gain of every input, of the best pairs and of the responses with memory to motion and torque."""
     used = residual.weight > 0
     samples = _samples(residual, used)
     tables = {name: _table(residual, name)[used] * samples.root[:, None] for name in residual.inputs}
@@ -171,7 +175,7 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], residual: JointResidual) 
     prior[k:, k:] = residual.prior.precision
     prior[np.arange(k), np.arange(k)] = _RIDGE * float(samples.root @ samples.root) / _NODES
     pull = np.zeros((x.shape[1], samples.y.shape[1]))
-    # The permuted residuals are those around the fit of the nuisances, so that the mean of their prior is zero.
+    # In the permuted residuals the fitted nuisances are already subtracted, so their prior has zero mean.
     pull[k:, 0] = residual.prior.right
     out = np.zeros_like(total)
     for fold in np.unique(folds):
@@ -238,13 +242,12 @@ def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse
     low, high = residual.frequencies(name)
     hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
     # The torque on the joint is the opposite of that which the drive has to give.
-    drawn = -(theta / size) @ complex_gains(residual, name, hz).T
-    gains = np.abs(drawn)
-    middle = np.degrees(np.unwrap(np.angle(drawn[0])))
-    # Phases are periodic: those of the draws are taken relative to the fit's.
-    away = np.degrees(np.angle(drawn[1:] / np.where(gains[0] > 0.0, drawn[0], 1.0)))
-    parts = (gains[0], *interval(gains[1:]), middle,
-             *(middle + end for end in interval(away)))  # fmt: skip
+    responses = -(theta / size) @ complex_gains(residual, name, hz).T
+    gains = np.abs(responses)
+    phase = np.degrees(np.unwrap(np.angle(responses[0])))
+    # Phases are periodic: those of the bootstrap draws are taken relative to that of the fit.
+    differences = np.degrees(np.angle(responses[1:] / np.where(gains[0] > 0.0, responses[0], 1.0)))
+    parts = (gains[0], *interval(gains[1:]), phase, *(phase + end for end in interval(differences)))
     per = _unit(residual, name)
     unit = "" if per == residual.unit else f"{residual.unit}/({per})" if "/" in per else f"{residual.unit}/{per}"
     return FrequencyResponse(frequency_of(name), unit, *(tuple(z.tolist()) for z in (hz, *parts)))
@@ -272,19 +275,19 @@ def _curves_over(residual: JointResidual, name: str, *, by_direction: bool) -> l
     return out
 
 
-def _coefficients(residual: JointResidual, columns: Float[Array, "n C"], nodes: int) -> Float[Array, "D k"]:
+def _coefficients(residual: JointResidual, columns: Float[Array, "n C"], ridge_divisor: int) -> Float[Array, "D k"]:
     """Coefficients of columns, fitted together with the nuisances: first on all blocks, then on each bootstrap draw.
 
     Args:
         residual: Residual of the joint.
         columns: Columns at the kept samples, the nuisances last.
-        nodes: Number of nodes that share the samples, for the ridge.
+        ridge_divisor: The ridge is `_RIDGE` times the weight of all samples over this: the number of nodes of a table.
     """
     size = columns.shape[1]
     count = size - residual.prior.count
     prior = np.zeros((size, size))
     prior[count:, count:] = residual.prior.precision
-    prior[np.arange(count), np.arange(count)] = _RIDGE * float(residual.weight.sum()) / nodes
+    prior[np.arange(count), np.arange(count)] = _RIDGE * float(residual.weight.sum()) / ridge_divisor
     pull = np.concatenate([np.zeros(count), residual.prior.right])
     products = block_products(columns, residual.y, residual.weight, residual.blocks, len(residual.folds))
     return products.of_draws(residual.draws("blocks of a curve"), prior, pull)[:, :count]

@@ -19,7 +19,8 @@ from phantom_dyn.random_streams import random_stream
 
 _ORDERS = (2, 3, 4, 6)  # orders of differences: each removes more of the motion; the smallest estimate is taken
 _FEWEST = 50  # smallest number of readings: fewer say little about a joint
-_COARSER = 1.5  # a lattice that would cause more than this multiple of the seen differences is not that of the readings
+# If rounding to the supposed step would make differences more than this many times those seen, the step is wrong.
+_COARSER = 1.5
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def reading_noise(log: Log, row: int) -> ReadingNoise | None:
     rounding = ReadingNoise(0.0, step).errors(smooth, random_stream("rounding of a smooth motion"))
     rounded = white_part(smooth + rounding, log.valid)
     if rounded > _COARSER * seen:
-        # The readings do not follow this lattice: the few levels of a joint at rest fit any.
+        # The supposed step is too coarse for these readings: the few levels of a joint at rest fit any step.
         return ReadingNoise(seen, 0.0)
     return ReadingNoise(float(np.sqrt(max(seen**2 - rounded**2, 0.0))), float(step))
 

@@ -19,7 +19,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 TWINS = 1e-11
 # Newton steps that remove the rounding of the inverse.
 _REFINED = 3
-# A multiplier has the wrong sign only beyond this share of the largest product of a column with the residual.
+# A slope counts as nonzero only beyond this share of the largest entry of the linear part.
 _ROUNDING = 1e-12
 
 
@@ -27,9 +27,9 @@ class Entering(NamedTuple):
     """Unknowns that enter a solved problem, in scaled units.
 
     Attributes:
-        cross: Products of the entering unknowns with those of the solved problem, ``(m, n)``.
+        cross: Entries of the quadratic part between the entering unknowns and those of the solved problem, ``(m, n)``.
         response: Response of the solved problem's unknowns to a shift of each entering one, ``(m, n)``.
-        square: Products among the entering unknowns, ``(m, m)``.
+        square: Entries of the quadratic part among the entering unknowns, ``(m, m)``.
         schur_complement: Second derivatives of the loss by the entering unknowns after the free unknowns of the solved
             problem have been eliminated, ``(m, m)``.
         slope: Derivative of the loss by each entering unknown, at zero, ``(m,)``.
@@ -71,15 +71,17 @@ class Tableau(NamedTuple):
     def entering_parts(
         self, cross: Float[Array, "m n"], diagonal: Float[Array, " m"], b: Float[Array, " m"]
     ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, " m"], Float[Array, " m"]]:
-        """Parts of `Entering` that do not depend on other entering unknowns: cross products, response, slope and scale.
+        """Parts of `Entering` that do not depend on other entering unknowns: cross, response, slope and scale.
 
         Args:
-            cross: Products of the entering unknowns with those of the solved problem.
-            diagonal: Product of each entering unknown with itself, prior included.
+            cross: Entries of the quadratic part between the entering unknowns and those of the solved problem.
+            diagonal: Diagonal entry of each entering unknown, prior included.
             b: Linear part of the entering unknowns.
         """
         scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
         cross = cross * self.scale * scale[:, None]
+        # A shift of an entering unknown is a force on the free unknowns, and changes the slopes of the held ones
+        # directly.
         response = -np.where(self.held, 0.0, cross) @ self.response
         response[:, self.held] += cross[:, self.held]
         return cross, response, cross @ self.x - b * scale, scale
@@ -92,7 +94,7 @@ class Tableau(NamedTuple):
         scale: Float[Array, " m"],
         square: Float[Array, "m m"],
     ) -> Entering:
-        """Entering unknowns, from the arrays of `entering_parts` and the products among them, priors included."""
+        """Entering unknowns, from the arrays of `entering_parts` and the entries among them, priors included."""
         square = square * scale[:, None] * scale
         square.flat[:: len(square) + 1] += TWINS
         free = ~self.held

@@ -33,15 +33,17 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import hidden_behind_drive, moving_average, stated_limit
 
-# The needed torque is the torque that the model needs for the recorded motion.
+# The needed torque is what the model needs for the recorded motion: without findings when limits are proposed (`tau`),
+# with the findings so far when they are checked (`expected`).
 _BEYOND = (0.4, 0.2, 0.1, 0.05, 0.02, 0.01)
 """Limits are tried that the command exceeds in these shares of the recording."""
 # One more limit is tried, which the needed torque exceeds in this share of the recording.
 _NEEDED_BEYOND = 0.02
 # The command must exceed a limit for this time at least once [s].
 _LEAST_SECONDS = 0.03
-# If the command exceeds the limit in more than this share of the samples, the needed torque must certainly not rise
-# with the command: friction that the model lacks looks like a limit that is exceeded most of the time.
+# If the command exceeds the limit in more than this share of the samples, it must be statistically certain that the
+# needed torque does not rise with the command: friction that the model lacks looks like a limit that is exceeded most
+# of the time.
 _OFTEN = 0.45
 # If the command exceeds the limit in more than this share of the samples, no limit is accepted: hardly any sample then
 # shows that the drive follows commands below the limit.
@@ -57,7 +59,8 @@ _SLOPE = 0.12
 _SPREAD = 0.8
 # Slope of the needed torque over the command if the supply of the drive is weak.
 _WEAK_SUPPLY = 1.0 / 3.0
-# Largest log odds of the slope of a weak supply against `_SLOPE` with which a limit is still accepted.
+# A limit is rejected if the slope of a weak supply (`_WEAK_SUPPLY`) is more likely than the largest slope of a limit
+# (`_SLOPE`) by more than this, as a log likelihood ratio.
 _MOST_ODDS = 1.0
 # Commands from this share of the limit up to the limit show how noisy the needed torque is.
 _BELOW = 0.3
@@ -194,7 +197,7 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
 
 
 def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: Array) -> bool:
-    """True if the slope of the needed torque over the command is certainly small, given the scatter about the line.
+    """True if the slope of the needed torque over the command is below `_SLOPE` by more than two standard errors.
 
     The command must vary by more than the limit: otherwise missing friction, which is constant too, may be the cause.
     """
@@ -207,8 +210,8 @@ def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: A
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
     """True if, beyond the limit, the slope of the needed torque over the command is small within its noise.
 
-    False if a weak supply is clearly more likely, whose slope of a third would otherwise pass with a standard error of
-    a tenth.
+    False if a weak supply explains the slope clearly better: with a standard error of 0.11, its slope of a third would
+    pass the first test.
 
     The noise is that of the needed torque minus the command below the limit, or the scatter about the line beyond the
     limit if this is smaller: friction that the model lacks makes the first one large.
@@ -221,15 +224,22 @@ def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> boo
     below = ~beyond & (np.abs(command) > _BELOW * limit)
     if not below.any():
         return abs(slope) < _SLOPE
-    off = (needed - command)[below]
-    noise = min(noise, 1.4826 * float(np.median(np.abs(off - np.median(off)))))
+    difference = (needed - command)[below]
+    noise = min(noise, 1.4826 * float(np.median(np.abs(difference - np.median(difference)))))
     error = _slope_error(operation, noise, square)
-    above, below_weak = max(abs(slope) - _SLOPE, 0.0), max(_WEAK_SUPPLY - abs(slope), 0.0)
-    return above <= 2.0 * error and above**2 - below_weak**2 <= 2.0 * _MOST_ODDS * error**2
+    beyond_limit_slope = max(abs(slope) - _SLOPE, 0.0)
+    short_of_weak_slope = max(_WEAK_SUPPLY - abs(slope), 0.0)
+    weak_is_likelier = beyond_limit_slope**2 - short_of_weak_slope**2 > 2.0 * _MOST_ODDS * error**2
+    return beyond_limit_slope <= 2.0 * error and not weak_is_likelier
 
 
 def _line(excess: Array, needed: Array) -> tuple[float, float, float]:
-    """Slope of the needed torque over the size of the excess, the latter's squares about its mean, and the scatter."""
+    """Straight line through the needed torque over the size of the excess.
+
+    Returns:
+        Slope of the needed torque over ``|excess|``, sum of squares of ``|excess|`` about its mean, and standard
+        deviation of the needed torque about the line.
+    """
     x = np.abs(excess) - np.abs(excess).mean()
     square = float(x @ x)
     slope = float(x @ needed) / square if square > 0.0 else 0.0

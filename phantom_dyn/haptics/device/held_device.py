@@ -5,9 +5,11 @@ The sensor is between hand and body. If the hand has the impedance :math:`Z_h` a
 
 .. math:: \frac{X_d}{U} = \frac{k_c + b_c s}{p_r (p_d + Z_h) - (k_c + b_c s)^2}
 
-for the two masses of `phantom_dyn.haptics.device.axis`, and by :math:`1 / (m s^2 + b s + k + Z_h)` for a rigid device.
-The motor acts on one mass and the sensor on the other. So above the resonance the phase of the loop is lower by another
-180 degrees than that of a rigid model. The sensor has a first-order low pass, as in (31) of the chapter.
+for the two masses of `phantom_dyn.haptics.device.axis`, with the polynomials of the motor,
+:math:`p_r = m_r s^2 + (b_r + b_c) s + k_c`, and of the body, :math:`p_d = m_d s^2 + (b_d + b_c) s + k_c`. It moves a
+rigid device by :math:`1 / (m s^2 + b s + k + Z_h)`. The motor acts on one mass and the sensor on the other. So above
+the resonance the phase of the loop is lower by another 180 degrees than that of a rigid model. The sensor has a
+first-order low pass, as in equation (31) of [Gil]_.
 
 References:
     Equations (18), (30) and (31) of [Gil]_ (`phantom_dyn.haptics.device.axis`). The chapter models the vibration for
@@ -88,9 +90,11 @@ class HeldDevice:
         pushed = np.zeros(len(mechanics.B) + 1)
         if isinstance(self.device, TwoMassAxis):
             held = self.device.held_by(self.hand)
+            # States: positions of motor and body, then their velocities divided by the resonance.
             pushed[3] = 1.0 / (held.body_mass * held.free_frequency)
             share = self.hand.mass / held.body_mass
         else:
+            # States: position and velocity, on which hand and motor act alike.
             pushed[1] = mechanics.B[1]
             share = self.hand.mass * mechanics.B[1]
         # The sensor reads F_h - m_h a - ..., which is the part of the hand's force that does not accelerate the hand.
@@ -121,9 +125,10 @@ def felt_impedance(
 ) -> Complex[Array, " k"]:
     r"""Impedance of the device at the hand, force over position [N/m], shape ``(k,)``.
 
-    With the motor force per force of the hand, :math:`G = K_f C(s)`, the impedance is :math:`(m s^2 + b s + k) / (1 +
-    G)` for a rigid device. For two masses it is :math:`p / (p_r + (k_c + b_c s) G)`, which approaches that of a rigid
-    device for a stiff cable.
+    The motor force per force of the hand is :math:`G = K_f C(s)`, with the force gain :math:`K_f` and the response
+    :math:`C(s)` of sensor, filter, hold and delay. The impedance is :math:`(m s^2 + b s + k) / (1 + G)` for a rigid
+    device. For two masses it is :math:`p / (p_r + (k_c + b_c s) G)` with :math:`p = p_r p_d - (k_c + b_c s)^2` and the
+    polynomials of the module; it approaches that of a rigid device for a stiff cable.
 
     Args:
         device: Rigid device, or a device with two masses, without a hand.

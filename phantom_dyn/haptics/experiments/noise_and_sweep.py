@@ -3,10 +3,10 @@ r"""White-noise and swept-sine experiments on a device, for its frequency respon
 **White noise**: the force is noise, and the position is recorded.
 
 **Swept sine**: the force is a sine whose frequency rises over a period P, :math:`f(t) = f_1 (f_2/f_1)^{t/P}`, and
-starts again. All of its power is between f1 and f2, and its crest factor is :math:`\sqrt 2`. White noise with the same
-greatest force has a third of the standard deviation, and its power extends to the Nyquist frequency. The sweep is
-periodic, so that its spectrum has no leakage, needs no window, and has independent lines. Differences between periods
-are noise, from which the coherence follows.
+starts again. All of its power is between f1 and f2. Its standard deviation is 0.71 of its greatest force. That of white
+noise is a third of it, if three standard deviations are the greatest force, and its power extends to the Nyquist
+frequency. The sweep is periodic, so that its spectrum has no leakage, needs no window, and has independent lines.
+Differences between periods are noise, from which the coherence follows.
 
 As in `phantom_dyn.haptics.experiments.frequency_response`, the second difference of the position is used, because a
 free device drifts. The first period, in which the vibration builds up, is left out.
@@ -142,10 +142,10 @@ class Sweep:
                 f"The sweep ends at {self.highest:g} rad/s and is sampled every {period:g} s: give one that ends below "
                 f"{math.pi / period:.5g} rad/s."
             )
-        octaves = math.log(self.highest / self.lowest)
+        log_ratio = math.log(self.highest / self.lowest)
         t = period * np.arange(count)
-        turned = self.lowest * self.duration / octaves * np.expm1(t / self.duration * octaves)
-        return amplitude * np.sin(turned)
+        phase = self.lowest * self.duration / log_ratio * np.expm1(t / self.duration * log_ratio)
+        return amplitude * np.sin(phase)
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,9 @@ class SweptSineExperiment(ReadOnlyArrays):
 
     def frequency_response(self) -> FrequencyResponse:
         """Position over force at the spectral lines within the sweep."""
-        response = response_of_periods(self.force, self.position, period=self.period, periods=self.sweep.periods)
+        response = response_of_periods(
+            self.force, self.position, sampling_period=self.period, periods=self.sweep.periods
+        )
         return response.between(self.sweep.lowest, self.sweep.highest)
 
 
@@ -202,18 +204,19 @@ def simulate_swept_sine(
 
 
 def response_of_periods(
-    force: Float[Array, " N"], position: Float[Array, " N"], *, period: float, periods: int
+    force: Float[Array, " N"], position: Float[Array, " N"], *, sampling_period: float, periods: int
 ) -> FrequencyResponse:
-    r"""Frequency response from the last ``periods`` of ``periods + 1`` equal periods of force and position.
+    r"""Frequency response from force and position over ``periods + 1`` equal periods of a sweep, without the first one.
 
-    With the spectra :math:`U_i, Y_i` of period i, the response is :math:`H = \sum Y_i \bar U_i / \sum |U_i|^2` and the
-    coherence is :math:`|\sum Y_i \bar U_i|^2 / (\sum |U_i|^2 \sum |Y_i|^2)`.
+    With the spectra :math:`U_i, Y_i` of the i-th period of the sweep, the response is
+    :math:`H = \sum Y_i \bar U_i / \sum |U_i|^2` and the coherence is
+    :math:`|\sum Y_i \bar U_i|^2 / (\sum |U_i|^2 \sum |Y_i|^2)`.
 
     Args:
         force: Force [N or N m], shape ``(N,)``.
         position: Position [m or rad], shape ``(N,)``.
-        period: Sampling period [s].
-        periods: Number of periods that are evaluated, two or more.
+        sampling_period: Time between two samples [s].
+        periods: Number of periods of the sweep that are evaluated, two or more.
 
     Returns:
         All lines between 0 and the Nyquist frequency at which the force has more than a millionth of its largest
@@ -223,7 +226,7 @@ def response_of_periods(
         ParameterError: If the columns are not ``periods + 1`` equal lengths of 16 samples or more, or force or position
             never changes.
     """
-    require_positive(period=period)
+    require_positive(period=sampling_period)
     require_whole(2, periods=periods)
     require_columns(np.size(force), force=force, position=position)
     length, over = divmod(len(force), periods + 1)
@@ -234,20 +237,20 @@ def response_of_periods(
         )
     # Periods start one sample earlier, so that each second difference has both neighbours.
     now = slice(length - 1, len(force) - 1)
-    bent = position[length:] - 2.0 * position[now] + position[length - 2 : -2]
-    drive, answer = (np.fft.rfft(part.reshape(periods, length), axis=1) for part in (force[now], bent))
+    second_difference = position[length:] - 2.0 * position[now] + position[length - 2 : -2]
+    drive, answer = (np.fft.rfft(part.reshape(periods, length), axis=1) for part in (force[now], second_difference))
     inside = slice(1, (length + 1) // 2)
     drive, answer = drive[:, inside], answer[:, inside]
-    w = 2 * np.pi * np.fft.rfftfreq(length, period)[inside]
-    given, got = (np.sum(np.abs(part) ** 2, axis=0) for part in (drive, answer))
-    if not given.any() or not got.any():
-        what = "force" if not given.any() else "position"
+    w = 2 * np.pi * np.fft.rfftfreq(length, sampling_period)[inside]
+    drive_power, answer_power = (np.sum(np.abs(part) ** 2, axis=0) for part in (drive, answer))
+    if not drive_power.any() or not answer_power.any():
+        what = "force" if not drive_power.any() else "position"
         raise ParameterError(f"The {what} never changes: record the device while its motor is driven by the sweep.")
     cross = np.sum(answer * np.conj(drive), axis=0)
-    driven = given > 1e-12 * given.max()
-    w, given, got, cross = w[driven], given[driven], got[driven], cross[driven]
-    response = cross / given / (-4.0 * np.sin(0.5 * w * period) ** 2)
-    coherence = np.clip(np.abs(cross) ** 2 / (given * got), 0.0, MOST_COHERENT)
+    driven = drive_power > 1e-12 * drive_power.max()
+    w, drive_power, answer_power, cross = w[driven], drive_power[driven], answer_power[driven], cross[driven]
+    response = cross / drive_power / (-4.0 * np.sin(0.5 * w * sampling_period) ** 2)
+    coherence = np.clip(np.abs(cross) ** 2 / (drive_power * answer_power), 0.0, MOST_COHERENT)
     # Each of n periods is compared with their mean, which leaves n - 1 degrees of freedom.
     scatter = (1.0 - coherence) / coherence / (2.0 * (periods - 1))
-    return FrequencyResponse(period, w, response, coherence, np.sqrt(scatter), float(periods), 1.0)
+    return FrequencyResponse(sampling_period, w, response, coherence, np.sqrt(scatter), float(periods), 1.0)

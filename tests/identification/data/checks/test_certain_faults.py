@@ -91,7 +91,7 @@ def test_times_that_count_rows_may_be_milliseconds_or_no_times(clean, arm, chang
     recording = clean(rate=1000.0)
     fault = only(checked(replace(recording, t=np.arange(1.0, len(recording.t) + 1), v=None), arm).wrong)
     assert "write t: {from: t, unit: ms}" in fault.mend
-    assert fault.mend.endswith("if t counts the rows, write ignore: [t] and rate: with the rows a second into it")
+    assert fault.mend.endswith("write ignore: [t] and rate: <rows per second> into the column map")
 
 
 def test_a_motion_that_is_really_so_slow_is_right(clean, arm):

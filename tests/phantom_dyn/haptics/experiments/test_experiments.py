@@ -167,12 +167,12 @@ def test_the_size_of_numbers_makes_no_difference(rng, scale):
             id="a sweep past half the sampling",
         ),
         pytest.param(
-            lambda: response_of_periods(np.ones(101), np.ones(101), period=T, periods=4),
+            lambda: response_of_periods(np.ones(101), np.ones(101), sampling_period=T, periods=4),
             "give 5 periods of equal length",
             id="periods of unequal length",
         ),
         pytest.param(
-            lambda: response_of_periods(np.zeros(100), np.arange(100.0) ** 2, period=T, periods=4),
+            lambda: response_of_periods(np.zeros(100), np.arange(100.0) ** 2, sampling_period=T, periods=4),
             "force never changes",
             id="a motor that stands still",
         ),
