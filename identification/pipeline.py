@@ -216,7 +216,7 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
         judgement = with_law(judgement, shown)
     progress(Announcement(Stage.SIMULATION))
     floor = np.array([joint.noise_floor for joint in judgement.joints])
-    rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
+    rollout = rollout_of(Explained(shown.problem, shown.named, shown.named_fit, floor))
     judgement = unknown_if_motion_deviates(
         without_gain_ambiguities(judgement, session.recordings, rollout, robot), rollout
     )

@@ -1,4 +1,4 @@
-"""Alternates the search for effects and the estimate of noise until both agree: session in, explanation out."""
+"""The effects that explain recordings: the search for effects and the estimate of noise, repeated until both agree."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Float
 
-# Most searches, each with laws linearised about the result of the last one.
+# Largest number of searches after the first, each with laws linearised about the result of the last one.
 _REFINEMENTS = 3
-# Most times that a fit is repeated with its own residual as the noise, without another search.
+# Largest number of times that a fit is repeated with its own residual as the noise, without another search.
 _WEIGHED_AGAIN = 2
-# Most effects that are tested although they gain less than the threshold of chance.
+# Largest number of effects that are tested although they gain less than the threshold of chance.
 _PROBATIONS = 3
 
 
@@ -70,12 +70,13 @@ class Explanation:
         search: All candidate effects of the session, and the scores of sets of them.
         chosen: The effects that explain the recordings.
         noise: Residual of each log's torque after these effects and flexible fits.
-        in_band: The same of the fits that predict most in the judged band; empty where it was not computed.
+        in_band: The same residual after the fits that predict most in the judged band; empty if not computed.
         coarse: Encoders that are coarser than stated, or than those of other joints.
-        encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None
-            where it was not computed.
+        encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None if
+            not computed.
         fits: Number of sets of effects that the searches fitted.
-        endless: Whether they were stopped, as they went from set to set without an end. Then no effect is chosen.
+        endless: True if the searches were stopped, as they went from set to set without an end. Then no effect is
+            chosen.
     """
 
     search: Search
@@ -91,31 +92,31 @@ class Explanation:
 def explanation_of(session: Session, progress: Progress = lambda _: None) -> Explanation:
     """The effects that explain the recordings of a session, by a stepwise search with held-out blocks.
 
-    Nonlinear laws are linearised; after each search they are linearised again about its result, and the noise is
-    estimated from its residual. A search that goes from set to set without an end is stopped: where the cause is not in
-    the catalogue, many sets explain some of its torque, and none explains it.
+    Nonlinear laws are linearised. After each search they are linearised again about its result, and the noise is
+    estimated from its residual. A search that goes from set to set without an end is stopped: if the cause is not in
+    the catalogue, many sets explain some of its torque, and none explains all of it.
 
     Args:
         session: Robot, logs, blocks.
-        progress: Takes the stages.
+        progress: Receives the stages of the diagnosis.
     """
     most = most_fits(session.robot.nv)
-    # What the stopped search holds is freed only outside of the block that meets its exception.
+    # The memory of the stopped search is freed only after the block that handles its exception.
     with suppress(SearchWithoutEnd):
         return _explanation_of(session, progress, iter(range(most)))
     return replace(_explanation_of(session, progress, None), fits=most, endless=True)
 
 
 def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int] | None) -> Explanation:
-    """The effects that explain the recordings.
+    """The effects that explain the recordings, by a limited number of fits.
 
     Args:
         session: Robot, logs, blocks.
-        progress: Takes the stages.
-        allowed: Has an item for each fit that may be made; None: no effect is searched for.
+        progress: Receives the stages of the diagnosis.
+        allowed: Has one item for each allowed fit; None: no effect is searched for.
 
     Raises:
-        SearchWithoutEnd: By the first fit that is not allowed.
+        SearchWithoutEnd: At the first fit that is not allowed.
     """
     progress(Announcement(Stage.REGRESSORS))
     point = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
@@ -124,8 +125,8 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     steps = coarsest_steps(session.logs)
     simulated = simulated_recordings(session, columns, steps)
     noise, judged_noise = estimate_noise(session, columns)
-    noise = at_least_encoder_noise(noise, simulated.residual, columns.usable)
     sensed = sensed_noise(session, columns, judged_noise)
+    noise = at_least_encoder_noise(noise, simulated.residual, columns.usable)
     noise = at_least_sensor_noise(columns, noise, sensed)
     search = _set_up(session, columns, noise, allowed)
     spurious = spurious_gains(search, simulated, noise)
@@ -133,30 +134,33 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     del simulated
     search = _with_thresholds(search, noise, spurious, progress)
     record = search.record
-    last = Explanation(search, frozenset(), noise) if allowed is None else _searched(search, noise, sensed, progress)
+    last = (
+        Explanation(search, frozenset(), noise)
+        if allowed is None
+        else _explained_by_search(search, noise, sensed, progress)
+    )
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(0 if allowed is None else _REFINEMENTS):
         noise, ratio = _noise_after(last.search, last.chosen, last.noise, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.held_out_fit(last.chosen)
-        found = found_effects(fitted, last.chosen)
-        near = runners_up(last.search, last.chosen)
+        found, near = found_effects(fitted, last.chosen), runners_up(last.search, last.chosen)
         points = (*found, *near)
-        same = same_points(found, before) and tried.issuperset(point.effect_joint for point in near)
+        same = same_points(found, before) and tried.issuperset(rival.effect_joint for rival in near)
         if ratio >= rules.LOWER_NOISE and (same or not needs_refinement(points)):
             break
         before = found
-        tried.update(point.effect_joint for point in near)
+        tried.update(rival.effect_joint for rival in near)
         if points:
             problem = last.search.problem
             residual = residual_after(problem, held_out_torque(problem, last.chosen, fitted))
             point = replace(point, found=found, runners_up=near, residual=residual)
-            # The next set of products takes as much memory as what it replaces.
+            # The next products take as much memory as these, which are freed first.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
         search = _with_thresholds(_set_up(session, columns, noise, allowed, record), noise, spurious, progress)
-        last = _searched(search, noise, sensed, progress, matching_terms(search, found))
+        last = _explained_by_search(search, noise, sensed, progress, matching_terms(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, judged_noise, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
@@ -168,20 +172,25 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
 def _noise_after(search: Search, chosen: frozenset[Term], before: Series, sensed: Series) -> tuple[Series, float]:
     """Noise estimated from the residual of a set of effects, with fits that are weighted by that residual itself.
 
-    A fit that is weighted by too large a noise leaves a larger residual. The result is at least the noise of the
-    sensors.
+    A fit that is weighted by too large a noise leaves a larger residual.
+
+    Args:
+        search: The search in which the effects are found.
+        chosen: The effects.
+        before: Noise by which that search is weighted.
+        sensed: Noise of the sensors, of each log; the result is at least as large.
 
     Returns:
-        The noise, and the smallest ratio of new to old over the rows.
+        The noise, and the smallest ratio of new to old noise of all joints.
     """
     noise, ratio = smaller_noise(search, chosen, before)
     if ratio >= rules.LOWER_NOISE:
         return noise, ratio
     columns = search.problem.columns
-    few, there = columns_for(columns, chosen)
-    kept = frozenset(there.values())
+    few, terms = columns_for(columns, chosen)
     for _ in range(_WEIGHED_AGAIN):
-        noise, lower = smaller_noise(_set_up(search.problem.session, few, noise), kept, noise)
+        again = _set_up(search.problem.session, few, noise)
+        noise, lower = smaller_noise(again, frozenset(terms.values()), noise)
         if lower >= rules.LOWER_NOISE:
             break
     noise = at_least_sensor_noise(columns, noise, sensed)
@@ -196,10 +205,10 @@ def _set_up(
     allowed: Iterator[int] | None = None,
     record: Record | None = None,
 ) -> Search:
-    """The search over all rivals for a given noise, without thresholds yet."""
+    """The search over all rivals for a given noise, without thresholds."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
-    # Only their products are kept: the white columns are as large as the others.
+    # Only the products of the white columns are kept, as the columns take as much memory as the others.
     problem = replace(set_up(session, columns, white, weights), white=replace(white, values=()))
     if columns.displaced:
         read = columns_at_readings(session, columns)
@@ -225,20 +234,27 @@ def _with_thresholds(
     return set_up_search(problem, threshold, rows, spurious, search.record, search.fits.allowed)
 
 
-def _searched(
+def _explained_by_search(
     search: Search,
     noise: Series,
     sensed: Series,
     progress: Progress,
     start: frozenset[Term] = frozenset(),
 ) -> Explanation:
-    """The explanation by one search, with effects below the threshold of chance tested, too.
+    """The explanation by one search, in which effects below the threshold of chance are tested, too.
 
-    The flexible fits that estimate the noise cannot make every effect: its torque then counts as noise, which raises
-    the threshold of chance and lowers the weight of slow signals. So the best rival below the threshold is tried: the
-    threshold is measured again with the noise that it leaves, and if its gain is above that, it is kept. If not,
-    everything is set up again for less noise, see `_with_less_noise`. Where there is no such effect, fitting one
-    changes the noise too little to matter, and held-out fits find no part of it.
+    The flexible fits that estimate the noise cannot imitate every effect. The torque of an effect then counts as noise,
+    which raises the threshold of chance and lowers the weight of slow signals. So the best rival below the threshold is
+    tried: the threshold is computed again from the noise that it leaves, and the rival is kept if its gain is above
+    that threshold. If not, everything is set up again for less noise, by `_with_less_noise`. If no such effect exists,
+    fitting one changes the noise too little to matter, and held-out fits find no part of it.
+
+    Args:
+        search: The search, with thresholds.
+        noise: Noise by which it is weighted.
+        sensed: Noise of the sensors.
+        progress: Receives the stages of the diagnosis.
+        start: Effects with which the search begins.
     """
     chosen, left = stepwise_search(search, progress, start), noise
     for _ in range(_PROBATIONS):
@@ -271,27 +287,27 @@ def _with_less_noise(
     sensed: Series,
     progress: Progress,
 ) -> tuple[Search, Series] | None:
-    """A search weighted by less noise, in which effects pass the gates; None if there is none.
+    """A search weighted by less noise, in which effects pass the gates, and that noise; None if there is none.
 
-    First the noise is what the effects themselves leave: where recordings are short, flexible fits predict less than
-    they do. Then it is the given noise without the trace of the effects.
+    The first noise that is tried is the residual after the effects: in short recordings, flexible fits predict less
+    than the effects do. The second one is the given noise without the trace of the effects.
 
     Args:
         search: The search in which the effects fail.
         chosen: The set without them.
         tried: The set with them.
-        noise: What weighs that search.
+        noise: Noise by which that search is weighted.
         sensed: Noise of the sensors.
-        progress: Takes the stages.
+        progress: Receives the stages of the diagnosis.
     """
-    own, ratio = _noise_after(search, tried, noise, sensed)
+    session, columns = search.problem.session, search.problem.columns
+    residual, ratio = _noise_after(search, tried, noise, sensed)
     untraced, gain = noise_without(search, tried, chosen, noise)
-    for quiet, less in ((own, ratio < rules.LOWER_NOISE), (untraced, gain >= rules.LEAST_TRACE)):
-        if less:
-            session, columns = search.problem.session, search.problem.columns
-            quieter = _set_up(session, columns, quiet, search.fits.allowed, search.record)
-            quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
-            if passes_gates(quieter, tried, chosen):
-                quieter.record.add_passed(tried - chosen, *gate_results(quieter, tried, chosen))
-                return quieter, quiet
+    candidates = (residual, ratio < rules.LOWER_NOISE), (untraced, gain >= rules.LEAST_TRACE)
+    for quiet in (series for series, less in candidates if less):
+        quieter = _set_up(session, columns, quiet, search.fits.allowed, search.record)
+        quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
+        if passes_gates(quieter, tried, chosen):
+            quieter.record.add_passed(tried - chosen, *gate_results(quieter, tried, chosen))
+            return quieter, quiet
     return None

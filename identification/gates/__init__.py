@@ -1,4 +1,4 @@
-"""Tests that a claim has to pass: one gate a function, in the order in which they are asked.
+"""Tests that a claim has to pass, in the order in which they are applied; each gate is one function.
 
 A gate gets figures of a claim and returns a value, the value that is needed, and whether the claim passes. Its
 docstring is its question; its thresholds are in the same file. ``python benchmarks/same_answers.py record --rule

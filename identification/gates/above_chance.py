@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# probability: that no effect of the catalogue reaches the threshold by chance in a recording without a gap.
+# probability: in a recording without a gap, no effect of the catalogue reaches the threshold of chance.
 CLAIM_LEVEL = 0.99
 
-# gain: the least that a claim needs on held-out data, however small the gain by chance is.
+# gain: smallest gain on held-out data that a claim needs, however small the gain by chance is.
 LEAST_GAIN = 20.0
 
 # gain: price of one parameter, about the logarithm of the effective number of samples (BIC).
@@ -25,7 +25,7 @@ def more_than_chance(gain: float, chance: float) -> GateResult:
 
     Args:
         gain: For torques the smaller of the gains on held-out data and in sample; for poses and recordings at rest,
-            where the gain by chance has a known distribution, the squares that it explains in sample.
+            where the gain by chance has a known distribution, the sum of squares that the effect explains in sample.
         chance: Threshold, which no effect reaches by chance.
     """
     return GateResult("more than chance", gain, chance, "gain", gain > chance)

@@ -11,7 +11,7 @@ COARSE_STEP = 1.5
 # robot differ by less.
 COARSE_BESIDE = 10.0
 
-# share: coarse readings matter if they make more than this share of the squared noise of some joint.
+# share: coarse readings matter if their rounding is more than this share of the squared noise of some joint.
 COARSE_SHARE = 0.05
 
 
@@ -38,11 +38,11 @@ def coarser_than_others(times: float) -> GateResult:
 
 
 def rounding_matters(share: float) -> GateResult:
-    """Does the rounding make a part of the noise of some joint, in the judged band or above it?
+    """Is the rounding a large part of the noise of some joint, in the judged band or above it?
 
-    A coarser encoder or a faster motion makes the claim pass.
+    A claim of a coarser encoder, or from a faster motion, would pass.
 
     Args:
-        share: Largest share of a joint's squared noise that the rounding makes.
+        share: Largest share of the rounding in the squared noise of a joint.
     """
     return GateResult("rounding matters", share, COARSE_SHARE, "of the squared noise", share > COARSE_SHARE)

@@ -6,18 +6,18 @@ import numpy as np
 
 from identification.engine.claims import GateResult
 
-# relative, one sigma: accuracy of stated gains; an effect of less than two sigma is no gap.
+# relative, one sigma: accuracy of stated gains. An effect of less than two sigma is no gap.
 GAIN_TOLERANCE = 0.10
 
 
 def beyond_the_gain(excess: float, *, stated: bool) -> GateResult:
-    """Is it larger than the uncertainty of the controller's gain, which has the same effect on positions?
+    """Is the effect larger than the uncertainty of the controller's gain, which has the same effect on positions?
 
-    A recording with a measured torque or current passes, or a controller whose gain is stated.
+    An effect would pass in a recording with a measured torque or current, or with a controller whose gain is stated.
 
     Args:
-        excess: Relative size of the effect beside the gain; not finite where the gain explains all of it.
-        stated: False if the gain was estimated from the same positions, so that it explains the effect, too.
+        excess: Size of the effect relative to the gain; not finite if the gain explains the whole effect.
+        stated: False if the gain was estimated from the same positions, so that the gain explains the effect, too.
     """
     needed = 2.0 * GAIN_TOLERANCE if stated else np.inf
     return GateResult("beyond the gain", abs(excess), needed, "relative", stated and abs(excess) > needed)

@@ -10,7 +10,7 @@ def bodies_can_exist(possible: float, free: float, chance: float) -> GateResult:
 
     A body can exist if its pseudo-inertia has no negative eigenvalue and its centre is within its own reach. Where the
     bodies of a model are wrong, the true ones exist, and an unconstrained fit gains only noise beyond them. Where
-    impossible bodies explain more, the cause is another one, however large a part possible bodies imitate.
+    impossible bodies explain more, the cause is another one, however much of its torque possible bodies imitate.
 
     Args:
         possible: Gain in sample of bodies that can exist.

@@ -16,9 +16,10 @@ SPURIOUS_FACTOR = 2.0
 
 
 def fair_part_of_the_gap(gain: float, needed: float) -> GateResult:
-    """Does it close a fair part of the gap on its joints, beyond encoder noise and the price of its parameters?
+    """Does the effect close a fair part of the gap on its joints, beyond encoder noise and the price of its parameters?
 
-    A larger share of the gap passes, or finer encoders where their noise sets the threshold.
+    An effect that closes a larger share of the gap would pass, or one in a recording with finer encoders if their noise
+    sets the threshold.
 
     Args:
         gain: The smaller of the gains on held-out data and in sample.

@@ -13,10 +13,10 @@ OPENED_AGAIN = 0.1
 def torque_is_there(torque: float) -> GateResult:
     """Is the measured torque of some joint above its noise?
 
-    It is in every recording in which the drives do work.
+    Every recording in which the drives do work passes.
 
     Args:
-        torque: The largest measured torque of a joint, in units of the upper end of its noise floor.
+        torque: The largest measured torque of a joint, divided by the upper end of its noise floor.
     """
     return GateResult("torque is there", torque, 1.0, "floors", torque > 1.0)
 

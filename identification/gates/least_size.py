@@ -7,9 +7,9 @@ from identification.engine.claims import GateResult, easiest
 
 
 def large_enough(gap_closed: float, floors: float) -> GateResult:
-    """Does it close a hundredth of the gap, or half a noise floor of some joint?
+    """Does the finding close a hundredth of the gap, or half a noise floor of some joint?
 
-    A stronger effect passes; one that does not would hardly show in a simulation of the robot.
+    A stronger effect would pass. One that fails would hardly show in a simulation of the robot.
 
     Args:
         gap_closed: Share of the gap that is open without it.

@@ -31,23 +31,18 @@ def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatte
         scatter: Standard error of the held-out gain over blocks.
         price: Gain that the parameters of the effect have to exceed.
     """
-
-    def ways() -> Iterator[tuple[float, float, str]]:
-        if claim.passed:
-            yield claim.value, claim.needed, claim.unit
-        # Both gains count: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
-        both = (held_out, SIGNIFICANT_ERRORS * scatter), (min(held_out, in_sample), price)
-        least = min(both, key=lambda one: (one[0] > one[1], one[0] / max(one[1], 1e-300)))
-        yield *least, "gain where the motion is loud"
-
-    return easiest("shown by motion", ways())
+    # Both gains count: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
+    gains = (held_out, SIGNIFICANT_ERRORS * scatter), (min(held_out, in_sample), price)
+    smaller = min(gains, key=lambda gain: (gain[0] > gain[1], gain[0] / max(gain[1], 1e-300)))
+    ways = [(claim.value, claim.needed, claim.unit)] if claim.passed else []
+    return easiest("shown by motion", [*ways, (*smaller, "gain where the motion is loud")])
 
 
 def shown_above_noise(
     growth: Float[Array, " nv"],
-    without: Callable[[Bool[Array, " nv"]], Float[Array, " nv"]],
+    over_allowed: Callable[[Bool[Array, " nv"]], Float[Array, " nv"]],
     has_structure: Callable[[Bool[Array, " nv"]], bool],
-    loudest: Callable[[], tuple[float, float]],
+    in_highest_noise: Callable[[], tuple[float, float]],
 ) -> GateResult:
     """Is an effect that noise may imitate more than noise?
 
@@ -58,18 +53,18 @@ def shown_above_noise(
 
     Args:
         growth: Relative growth of each joint's squared residual without the effect.
-        without: Residual of the given joints without the effect, divided by the largest residual that noise and the
-            error of a sound model may leave.
+        over_allowed: Residual of the given joints without the effect, divided by the largest residual that noise and
+            the error of a sound model may leave.
         has_structure: True if that residual of the given joints has structure or events.
-        loudest: Gain on joints that have a gap even with their largest possible noise, and the gain by chance.
+        in_highest_noise: Gain on joints that have a gap even with their largest possible noise, and the gain by chance.
     """
     grown = growth > VISIBLE_GROWTH
     if not grown.any():
         return GateResult("shown above noise", float(growth.max()), VISIBLE_GROWTH, "of the squared residual", False)
 
     def ways() -> Iterator[tuple[float, float, str]]:
-        yield float(without(grown)[grown].max()), 1.0, "floors"
-        yield *loudest(), "gain in the loudest noise"
+        yield float(over_allowed(grown)[grown].max()), 1.0, "floors"
+        yield *in_highest_noise(), "gain in the loudest noise"
 
     found = easiest("shown above noise", ways())
     return found if found.passed or not has_structure(grown) else replace(found, passed=True)

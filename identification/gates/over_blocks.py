@@ -18,11 +18,11 @@ BEST_BLOCKS = 2
 # blocks: the same for structure in the residual that no effect explains. It may be rarer, as a contact is.
 BEST_BLOCKS_NAMELESS = 1
 
-# times: of the gain that the claim needs. A gain above this may come from few blocks.
+# times: the gain that the claim needs. A larger gain may come from few blocks.
 LARGE_GAIN = 10.0
 
-# share: an effect acts in a block if the energy of its columns there is above this share of that in the block where it
-# is largest.
+# share: an effect acts in a block if the energy of its columns there is above this share of the largest energy in any
+# block.
 ACTING = 0.1
 
 # share of the blocks: an effect with energy in fewer blocks is tested only in those where it acts. An example is half a

@@ -1,8 +1,8 @@
 """Consistent sets of numbers for the corrected model: sizes of effects and changes within tolerance, fitted together.
 
-A diagnosis states the sizes and only those changes within tolerance that certainly differ from zero. A model with these
-numbers alone may fit worse: a size that was fitted together with a change of a mass is wrong without that change,
-however uncertain the change is.
+A diagnosis states the sizes, and of the changes within tolerance only those that certainly differ from zero. A model
+with these numbers alone may fit worse: a size that was fitted together with a change of a mass is wrong without that
+change, however uncertain the change is.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from identification.diagnosis.result import Adjusted, FittedNumbers, Value
 _Sizes = dict[tuple[str, str | None], dict[str, Value]]
 
 
-def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
-    """Sets of fitted numbers, first that with the stated sizes.
+def fitted_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
+    """Sets of numbers that were fitted together, first the set with the stated sizes.
 
     A structure without a name is no part of the corrected model. If there is one, a second set is fitted without it.
 
@@ -33,7 +33,7 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
     out = [_numbers(problem, shown.full_fit, {})]
     if named != shown.chosen:
         terms = ordered(named)
-        alone = full_fit(problem.of(named), terms, shown.found)
+        alone = full_fit(problem.of(named), terms, shown.named_fit)
         robot = problem.session.robot
         sizes = {term.effect_joint: finding_parameters(robot, term, alone) for term in terms}
         out.append(_numbers(problem, alone, sizes))
@@ -41,7 +41,7 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
 
 
 def _numbers(problem: Problem, fitted: FullFit, sizes: _Sizes) -> FittedNumbers:
-    """The numbers of one fit."""
+    """The numbers of one fit, with every change of the model within its tolerances, however uncertain."""
     parameters = tolerance_parameters(problem.session.robot)
     timing = float(sum(fitted.x[k] for k in problem.fitted_nuisances if parameters[k].kind == TIMING))
     soft, arrivals, base = (
@@ -52,18 +52,9 @@ def _numbers(problem: Problem, fitted: FullFit, sizes: _Sizes) -> FittedNumbers:
         )
         for kind in (SOFTNESS, ARRIVAL, BASE)
     )
-    return FittedNumbers(all_changes(problem, fitted), sizes, timing, soft, arrivals, base)
-
-
-def all_changes(problem: Problem, fitted: FullFit) -> tuple[Adjusted, ...]:
-    """Every change of the model within its tolerances, however uncertain.
-
-    Args:
-        problem: Names the changed quantities.
-        fitted: Gives the sizes of the changes.
-    """
     pairs = ((problem.columns.tolerance_parameters[k], float(fitted.x[k])) for k in problem.fitted_nuisances)
-    return tuple(Adjusted(own.name, change, own.sigma) for own, change in pairs if own.relative and change)
+    changes = tuple(Adjusted(own.name, change, own.sigma) for own, change in pairs if own.relative and change)
+    return FittedNumbers(changes, sizes, timing, soft, arrivals, base)
 
 
 def replay_of(problem: Problem, changes: tuple[Change, ...]) -> Replay:
@@ -71,7 +62,7 @@ def replay_of(problem: Problem, changes: tuple[Change, ...]) -> Replay:
 
     Args:
         problem: Robot, recordings and blocks.
-        changes: Known differences of each recording; empty if there are none.
+        changes: Known changes of the robot in each recording; empty if there are none.
     """
     session = problem.session
     blocks = [problem.blocks[k] for k in judged_blocks(problem)]

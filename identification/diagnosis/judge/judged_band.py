@@ -1,4 +1,4 @@
-"""The judged band: least squares fits of the chosen effects there, and which of them are visible above its noise."""
+"""The judged band, in which gaps are measured: its noise floor, and fits by plain least squares in it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class Judge:
-    """Problem and noise floor of the band in which gaps are measured.
+    """Problem and noise floor of the judged band.
 
     Attributes:
         problem: Columns and fits.
@@ -34,20 +34,20 @@ class Judge:
 
     @property
     def sound(self) -> Float[Array, " nv"]:
-        """What a sound model leaves on each joint: noise and discrepancy, ``(nv,)``."""
+        """Residual of each joint with a sound model, noise and discrepancy, ``(nv,)``."""
         return self.floor if self.discrepancy is None else np.hypot(self.floor, self.discrepancy)
 
-    def narrow(self, series: Series) -> Series:
-        """Series of each log in the judged band."""
-        return self.problem.session.in_judged_band(series)
 
-
-def narrow_search(search: Search, noise: Series) -> Search:
+def plain_search(search: Search, noise: Series) -> Search:
     """The search with fits by plain least squares in the judged band.
 
     Whitened fits separate effects best. Once the effects are chosen, the plain fit closes most of the gap, and its
-    parameters are less biased where a real effect differs from its law. Where friction holds a joint, its residual says
-    little of the model: these samples weigh as little as in the figures of the gap.
+    parameters are less biased if a real effect differs from its law. While friction holds a joint, its residual says
+    little about the model, so that these samples have the same small weights as in the figures of the gap.
+
+    Args:
+        search: Rivals, with whitened fits.
+        noise: Noise of each log's torque.
     """
     session = search.problem.session
     columns = with_wider_band(session, search.problem.columns)
@@ -61,11 +61,11 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
         search: Rivals.
         columns: Its columns, or only those of the rivals that are needed: their products take most memory.
         noise: Noise of each log's torque.
-        edges: Frequencies [Hz].
+        edges: Limit of each joint [Hz], ``(nv,)``.
     """
     session = search.problem.session
 
-    def each(series: Series) -> Series:
+    def series_below(series: Series) -> Series:
         return tuple(
             part
             if (edges >= 0.99 * session.logs[k].band.cutoff_hz).all()
@@ -80,13 +80,13 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
                 tuple(session.log_below(x, k, edges[j]) for j, x in enumerate(rows))
                 for k, rows in enumerate(columns.values)
             ),
-            residual=each(columns.residual),
-            model_torque=each(columns.model_torque),
+            residual=series_below(columns.residual),
+            model_torque=series_below(columns.model_torque),
         )
 
-    narrow, own = below(columns), each(noise)
-    trust = weights_without_filter(narrow, own)
-    certain = tuple(part * one for part, one in zip(own, trust, strict=True))
+    narrow, own_noise = below(columns), series_below(noise)
+    trust = weights_without_filter(narrow, own_noise)
+    certain = tuple(part * weight for part, weight in zip(own_noise, trust, strict=True))
     weights = replace(weights_of(narrow, certain), trust=trust)
     plain = set_up(session, columns, narrow, weights)
     if columns.displaced:

@@ -68,7 +68,7 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Effec
         minor: Places of findings that are too small to matter.
     """
     record, named = search.record, {term.effect_joint for term in shown.named}
-    near = _best_gains(search, shown.beside)
+    near = _best_gains(search, shown.all_found)
     ranked = sorted(near, key=lambda cause: -max(near[cause].beside, near[cause].instead_of))
     never = [cause for cause in ranked if cause not in record.claimed and cause not in named][:NEVER_CLAIMED]
     gates, replacements = {}, {}
@@ -81,11 +81,11 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Effec
             continue
         if cause in near:
             # The search decided with another set of effects: its gates are applied once more beside the final set.
-            results_beside, others = _results_beside(search, shown.beside, near[cause])
+            results_beside, others = _results_beside(search, shown.all_found, near[cause])
             if not results_beside[-1].passed or failed is None:
                 gates[cause], replacements[cause] = results_beside, others
     terms = {cause: near[cause].term for cause in gates if cause in near}
-    terms |= {term.effect_joint: term for term in shown.beside if term.effect_joint in gates}
+    terms |= {term.effect_joint: term for term in shown.all_found if term.effect_joint in gates}
     terms |= {term.effect_joint: term for term in shown.named}
     figures = _figures(shown, judge, terms, replacements)
     entries = []

@@ -33,20 +33,16 @@ from phantom_dyn.signals.spectra import power_density
 _SEGMENT = 256
 
 
-def motion_results(loud: Search, loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> dict[Term, GateResult]:
+def motion_results(strong: Search, terms: Mapping[Term, Term], chosen: frozenset[Term]) -> dict[Term, GateResult]:
     """Result of the gate `shown_by_motion` for each effect that depends on the acceleration.
 
     Args:
-        loud: The search of `strong_motion_search`.
-        loud_terms: Term of each effect in that search.
+        strong: The search of `strong_motion_search`.
+        terms: Term of each effect in that search.
         chosen: The set of effects that explains the recordings.
     """
-    everything = _in_strong_search(loud_terms, chosen)
-    return {
-        term: _motion_gate(loud, everything, everything - {loud_terms[term]})
-        for term in ordered(chosen)
-        if depends_on_acceleration(term)
-    }
+    acceleration = [term for term in ordered(chosen) if depends_on_acceleration(term)]
+    return {term: _motion_gate(strong, terms, chosen, chosen - {term}) for term in acceleration}
 
 
 def depends_on_acceleration(term: Term) -> bool:
@@ -59,8 +55,8 @@ def predictable_noise(
 ) -> Float[Array, " nv"]:
     """Mean square of the part of each joint's noise that predictors can predict because it moves the joint, ``(nv,)``.
 
-    It is computed for joints whose residual is above their floor. All effects that depend on the motion of a joint are
-    fitted; if they fail the gate where the torque is far above the noise, what they explain is noise.
+    It is zero for joints whose residual is not above their floor. For the others, all effects that depend on the motion
+    of the joint are fitted. If they fail the gate `shown_by_motion`, what they explain is noise.
 
     Args:
         judge: Noise floor of each joint, without this part.
@@ -74,11 +70,11 @@ def predictable_noise(
     if not above:
         return out
     with_motion = {row: kept | _motion_effects(search, joints[row]) for row in above}
-    loud, loud_terms = strong_motion_search(search, kept, frozenset().union(*with_motion.values()), noise)
+    strong, terms = strong_motion_search(search, kept, frozenset().union(*with_motion.values()), noise)
     for row, more in with_motion.items():
-        if not _motion_gate(loud, _in_strong_search(loud_terms, more), _in_strong_search(loud_terms, kept)).passed:
-            squares = [residual_sums_with(judge, search, some).rms()[row] ** 2 for some in (kept, more)]
-            out[row] = max(squares[0] - squares[1], 0.0)
+        if not _motion_gate(strong, terms, more, kept).passed:
+            less, least = (residual_sums_with(search, some).rms()[row] ** 2 for some in (kept, more))
+            out[row] = max(less - least, 0.0)
     return np.minimum(out, largest_predictable_noise(judge))
 
 
@@ -92,39 +88,35 @@ def largest_predictable_noise(judge: Judge) -> Float[Array, " nv"]:
 
 def _motion_effects(search: Search, joint: str) -> frozenset[Term]:
     """One effect of each kind that depends on the motion of a joint."""
-    alike: dict[tuple[str, str | None], Term] = {}
-    for term in search.terms:
-        if term.named and term.effect.goes_with_motion and term.joint == joint:
-            alike.setdefault(term.effect_joint, term)
-    return frozenset(alike.values())
+    own = (term for term in search.terms if term.named and term.effect.goes_with_motion and term.joint == joint)
+    # Of the shapes of an effect the first is taken.
+    return frozenset({term.effect_joint: term for term in reversed([*own])}.values())
 
 
-def _in_strong_search(loud_terms: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
-    """Terms of the same effects in the loud search."""
-    return frozenset(loud_terms[term] for term in chosen)
-
-
-def noise_may_make(term: Term) -> bool:
+def noise_may_imitate(term: Term) -> bool:
     """True for an effect that noise may imitate.
 
-    It depends on the motion, or is friction of slow joints, or its torque is computed from the acceleration: this has
-    the noise of the encoder, which a controller answers by torque.
+    Its torque depends on the motion, or is friction of slow joints, or is computed from the acceleration. The
+    acceleration contains noise of the encoder, to which a controller responds with a torque.
     """
     effect = term.effect
     return term.named and bool(effect.goes_with_motion or effect.acts_when_slow or effect.uses_acceleration)
 
 
-def _motion_gate(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> GateResult:
+def _motion_gate(
+    strong: Search, terms: Mapping[Term, Term], chosen: frozenset[Term], without: frozenset[Term]
+) -> GateResult:
     """Result of the gate `shown_by_motion` for the effects that ``without`` lacks.
 
     The gain of an effect that acts in few blocks scatters; such an effect passes if the gates of the search accept it.
     """
-    rich, plain = loud.held_out_fit(chosen), loud.held_out_fit(without)
+    chosen, without = (frozenset(terms[term] for term in some) for some in (chosen, without))
+    rich, plain = strong.held_out_fit(chosen), strong.held_out_fit(without)
     gains = plain.loss - rich.loss
     held_out, in_sample = plain.total - rich.total, plain.objective - rich.objective
-    price = loud.price_of(chosen) - loud.price_of(without)
+    price = strong.price_of(chosen) - strong.price_of(without)
     scatter = float(np.sqrt(len(gains)) * gains.std())
-    return shown_by_motion(gate_results(loud, chosen, without)[-1], held_out, in_sample, scatter, price)
+    return shown_by_motion(gate_results(strong, chosen, without)[-1], held_out, in_sample, scatter, price)
 
 
 def strong_motion_search(
@@ -136,42 +128,41 @@ def strong_motion_search(
 
     Args:
         search: Plain fits in the judged band.
-        chosen: The effects that explain the recordings; their residual is the noise here.
+        chosen: The effects that explain the recordings; their residual counts as noise.
         tested: Effects to be tested, which get columns.
         noise: Noise of each log's torque.
 
     Returns:
         The search, and the term in it of each tested effect.
     """
-    problem, session = search.problem, search.problem.session
-    columns = problem.columns
-    left = residual_after(problem, held_out_torque(problem, chosen, search.held_out_fit(chosen)))
+    problem, columns, session = search.problem, search.problem.columns, search.problem.session
+    residual = residual_after(problem, held_out_torque(problem, chosen, search.held_out_fit(chosen)))
     rates = [log.band.output_rate_hz for log in session.logs]
     edges = np.array(
         [
             min(
                 _strong_up_to(np.where(use[:, row], rest[:, row], 0.0), torque[:, row], rate)
-                for use, rest, torque, rate in zip(columns.usable, left, columns.model_torque, rates, strict=True)
+                for use, rest, torque, rate in zip(columns.usable, residual, columns.model_torque, rates, strict=True)
             )
             for row in range(len(columns.rows))
         ]
     )
-    few, loud_terms = columns_for(columns, tested)
-    loud = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
-    # Weights and band differ from those of the other search.
-    return replace(loud, rows=row_gaps(loud.problem, loud.held_out_fit(frozenset()))), loud_terms
+    few, terms = columns_for(columns, tested)
+    strong = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
+    # Weights and band differ from those of ``search``, and so does the gap of each row.
+    return replace(strong, rows=row_gaps(strong.problem, strong.held_out_fit(frozenset()))), terms
 
 
 def _strong_up_to(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
-    """Frequency [Hz] up to which the torque has `MOVED_BY_NOISE` times the power of the residual; infinite if all have.
+    """Frequency [Hz] up to which the torque has `MOVED_BY_NOISE` times the power of the residual; may be infinite.
 
-    If the torque is a single sine, lower frequencies than that of the sine are not tested.
+    If the torque is a single sine, frequencies below that of the sine are not tested.
     """
     length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
     f, noise = power_density(rest, rate_hz, length)
     _, power = power_density(torque, rate_hz, length)
     # The first bin is the mean, which the spectrum removes.
-    quiet = np.flatnonzero((power < moved_joints.MOVED_BY_NOISE * noise) & (f > 0.0))
+    weak = (power < moved_joints.MOVED_BY_NOISE * noise) & (f > 0.0)
     if is_one_sine(torque):
-        quiet = quiet[quiet >= np.argmax(power)]
-    return float(f[quiet[0]]) if len(quiet) else np.inf
+        weak[: np.argmax(power)] = False
+    return float(min(f[weak], default=np.inf))

@@ -23,10 +23,10 @@ from phantom_dyn.random_streams import random_stream
 _LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
 
 
-def residual_sums_with(judge: Judge, plain: Search, chosen: frozenset[Term]) -> ResidualSums:
+def residual_sums_with(plain: Search, chosen: frozenset[Term]) -> ResidualSums:
     """Squared residuals in the judged band of the corrected model with some effects, on blocks held out of its fit."""
     torque = held_out_torque(plain.problem, chosen, plain.held_out_fit(chosen))
-    return residual_sums(plain.problem, judge.narrow(residual_after(plain.problem, torque)))
+    return residual_sums(plain.problem, plain.problem.session.in_judged_band(residual_after(plain.problem, torque)))
 
 
 def exceeds_floor(judge: Judge, within: ResidualSums) -> bool:

@@ -12,19 +12,12 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.columns.tolerance_parameters import ToleranceParameter
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
-from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, residual_sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.result import (
-    Adjusted,
-    Bound,
-    Finding,
-    Hidden,
-    JointGap,
-    Unexplained,
-)
+from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained
 from identification.diagnosis.search.claims import rows_touched_by
 from identification.diagnosis.search.search import Search
 from identification.engine import contract_levels
@@ -66,8 +59,8 @@ def verdict(
         return "explained" if plausible else "partly_explained"
     floor = np.array([joint.noise_floor for joint in joints])
     within, after = (
-        float(np.mean((np.array(rms) / floor) ** 2))
-        for rms in ([joint.tolerated for joint in joints], [joint.rms_after for joint in joints])
+        float(np.mean((np.array(residuals) / floor) ** 2))
+        for residuals in ([joint.tolerated for joint in joints], [joint.rms_after for joint in joints])
     )
     return "partly_explained" if after - 1.0 < within - after else "unknown"
 
@@ -81,22 +74,23 @@ def torques_may_be_noise(joints: tuple[JointGap, ...]) -> bool:
 def may_hide_gap(joint: JointGap) -> bool:
     """True if the residual of a joint is within the interval of its noise, but large enough to contain a gap.
 
-    The interval is wide mostly because of uncertain friction: where a joint stands, creeps or reverses, friction may
-    have any torque.
+    The interval is wide mostly because of uncertain friction: while a joint stands, creeps or reverses, its friction
+    torque may have any value.
     """
-    left = _least_residual(joint)
-    above = left > contract_levels.FLOORS_LEFT * joint.noise_floor
-    return bool(above and joint.rms_torque is not None and left > rules.OPEN_SHARE * joint.rms_torque)
+    if joint.rms_torque is None:
+        return False
+    least = max(contract_levels.FLOORS_LEFT * joint.noise_floor, rules.OPEN_SHARE * joint.rms_torque)
+    return _least_residual(joint) > least
 
 
 def _least_residual(joint: JointGap) -> float:
-    """Residual of a joint with the corrected model, or with the given one where only that residual is noise."""
+    """Residual of a joint with the corrected model, or with the given one if only that residual is noise."""
     return joint.rms_before if joint.only_given_fits else joint.rms_after
 
 
 def nearly_closed(joint: JointGap) -> bool:
     """True if the residual of a joint is at most 1.5 noise floors, or a tenth of its gap within the tolerances."""
-    after, within = ((rms / joint.noise_floor) ** 2 for rms in (joint.rms_after, joint.tolerated))
+    after, within = ((residual / joint.noise_floor) ** 2 for residual in (joint.rms_after, joint.tolerated))
     closed = after <= contract_levels.FLOORS_LEFT**2 or after - 1.0 <= contract_levels.GAP_LEFT * (within - 1.0)
     # A residual that may be noise and discrepancy is no gap, however uncertain the noise is.
     return closed or joint.rms_after <= joint.allowed
@@ -120,7 +114,7 @@ def unexplained(
     of_sound: Float[Array, " nv"] | None = None,
     joints: Bool[Array, " nv"] | None = None,
 ) -> Unexplained:
-    """Share of the explainable gap that is not explained, and where it is if it has structure.
+    """Share of the explainable gap that is not explained, with joint and regime of the residual if it has structure.
 
     Args:
         plain: Plain fits in the judged band.
@@ -128,21 +122,21 @@ def unexplained(
         judge: Problem and floor of the gap.
         residual: Residual after the named effects, in the judged band.
         whole: Residual after all effects, structures without a name included.
-        of_sound: What a flexible model may predict of the residual of a sound joint, ``(nv,)``; None: nothing.
+        of_sound: Largest residual of each joint with a sound model that a flexible model predicts, ``(nv,)``; None if
+            it predicts none.
         joints: The joints whose residual counts; None: all.
     """
-    floor, problem = judge.floor, plain.problem
+    floor, problem, session = judge.floor, plain.problem, judge.problem.session
+    counted = np.ones(len(floor), dtype=bool) if joints is None else joints
     nameless = frozenset(
-        term
-        for term in chosen
-        if not term.named and (joints is None or joints[list(rows_touched_by(problem, term))].any())
+        term for term in chosen if not term.named and counted[list(rows_touched_by(problem, term))].any()
     )
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
     predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
-    within = held_out_torque(problem, frozenset(), plain.held_out_fit(frozenset()))
+    tolerated = residual_after(problem, held_out_torque(problem, frozenset(), plain.held_out_fit(frozenset())))
     within, after, smooth = (
-        _of_joints(residual_sums(problem, series), joints)
-        for series in (judge.narrow(residual_after(problem, within)), residual, flexible)
+        replace(sums, squares=np.where(counted, sums.squares, 0.0))
+        for sums in (residual_sums(problem, each) for each in (session.in_judged_band(tolerated), residual, flexible))
     )
     once = np.ones((1, len(after.counts)))
     allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
@@ -150,7 +144,7 @@ def unexplained(
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
     lasting = left - best > rules.STRUCTURE_SHARE * left and total.sum() > rules.STRUCTURE_ERRORS * error
-    # The error of a sound model is predictable, too, and so is how its friction holds and creeps.
+    # The error of a sound model is predictable, too, and so is the friction of its joints while they stand or creep.
     foreseen = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / np.maximum(after.counts.sum(axis=0), 1e-12)) * floor
     beyond = of_sound is None or bool(np.any(foreseen > of_sound))
     structured = bool(nameless) or bool(beyond and (lasting or left - best > rules.PLAIN_STRUCTURE * left))
@@ -160,15 +154,10 @@ def unexplained(
     joint, regime = None, None
     if structured:
         row = int(np.argmax(gains.sum(axis=0)))
-        joint = judge.problem.session.robot.joint_names[row]
+        joint = session.robot.joint_names[row]
         of_structures = (term.effect.regime for term in ordered(nameless) if term.joint == joint)
         regime = next(of_structures, None) or regime_split(judge.problem, predicted, row).best
     return Unexplained(fraction, structured, joint, regime)
-
-
-def _of_joints(found: ResidualSums, joints: Bool[Array, " nv"] | None) -> ResidualSums:
-    """Squared residuals of some joints; zero on the others."""
-    return found if joints is None else replace(found, squares=np.where(joints, found.squares, 0.0))
 
 
 def flexible_prediction(problem: Problem, residual: Series) -> Series:
@@ -178,8 +167,8 @@ def flexible_prediction(problem: Problem, residual: Series) -> Series:
     for j in range(len(columns.rows)):
         x = [state_features(columns, log, k, j) for k, log in enumerate(problem.session.logs)]
         y, use = [r[:, j] for r in residual], [u[:, j] for u in columns.usable]
-        tried = ridge_predictions(x, y, use, problem.blocks, problem.grams.fold)
-        predicted, error = min(tried, key=lambda one: one[1])
+        predictions = ridge_predictions(x, y, use, problem.blocks, problem.grams.fold)
+        predicted, error = min(predictions, key=lambda prediction: prediction[1])
         if error < rms([v[m] for v, m in zip(y, use, strict=True)]) ** 2:
             for k, p in enumerate(predicted):
                 out[k][:, j] = p
@@ -187,7 +176,7 @@ def flexible_prediction(problem: Problem, residual: Series) -> Series:
 
 
 def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
-    """Changes of the model within its tolerance that differ from zero by two deviations, or are at their limit."""
+    """Changes of the model within its tolerances that exceed two standard deviations, or are at their limit."""
     std = np.sqrt(np.diag(found.cov))[: len(problem.fitted_nuisances)]
     out = []
     for k, deviation in zip(problem.fitted_nuisances, std, strict=True):

@@ -190,7 +190,7 @@ def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Joi
     problem = shown.problem
     session, columns, robot = problem.session, problem.columns, problem.session.robot
     row = robot.joint_names.index(joint)
-    torque = held_out_torque(problem, shown.named, shown.found)
+    torque = held_out_torque(problem, shown.named, shown.named_fit)
     residual = session.in_judged_band(residual_after(problem, torque))
     nuisances, prior, (lower, upper) = _nuisances(shown, row, floors, residual)
     near = sorted((k for k in branch_rows(robot, joint) if k != row), key=lambda k: abs(k - row))[:_OTHERS]
@@ -293,7 +293,7 @@ def _nuisances(
         The columns of each log in the judged band, ``(n, F)``; the prior on their coefficients, with a precision in
         squares of the joint's torque; the lower and the upper bound of each coefficient.
     """
-    problem, found = shown.problem, shown.found
+    problem, found = shown.problem, shown.named_fit
     active = found.active
     precision = np.diag(problem.precision[active])
     right = -precision @ found.theta[active]

@@ -290,7 +290,7 @@ def _leader(
     ahead = max((kept[at] for at in best_sets if is_sound[at] >= is_sound[()]), default=0.0)
     gates = until_failed(
         (
-            plausible_size(outside, unit, rival_is=any(is_sound[at] for at in best_sets)),
+            plausible_size(outside, unit, rival_is_plausible=any(is_sound[at] for at in best_sets)),
             likelier_than_rivals(own, ahead, leads=first not in best_sets),
         )
     )

@@ -36,7 +36,7 @@ def test_chance_is_measured_by_the_filters_of_the_problem_after_a_second_effect_
     monkeypatch.setattr(explanation, "smaller_noise", lambda *_: (tuple(0.9 * x for x in prepared.noise), 0.9))
     monkeypatch.setattr(explanation, "null_threshold", lambda *_: Threshold(1.0, {}))
     monkeypatch.setattr(explanation, "passes_gates", lambda *_: True)
-    found = explanation._searched(prepared.search, prepared.noise, prepared.noise, lambda _: None)
+    found = explanation._explained_by_search(prepared.search, prepared.noise, prepared.noise, lambda _: None)
     assert found.chosen == frozenset(effects)
     assert [noise is prepared.noise for noise in filtered_by] == [True, True]
 

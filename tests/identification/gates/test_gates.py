@@ -34,8 +34,8 @@ SIDES = [
     (differs_from_simpler(0.949), differs_from_simpler(0.95)),
     (both_are_there(0.99), both_are_there(0.991)),
     (more_than_a_missing_part(0.9), more_than_a_missing_part(0.89)),
-    (plausible_size(0.1, "kg", rival_is=True), plausible_size(0.0, "", rival_is=True)),
-    (plausible_size(0.1, "kg", rival_is=True), plausible_size(0.1, "kg", rival_is=False)),
+    (plausible_size(0.1, "kg", rival_is_plausible=True), plausible_size(0.0, "", rival_is_plausible=True)),
+    (plausible_size(0.1, "kg", rival_is_plausible=True), plausible_size(0.1, "kg", rival_is_plausible=False)),
     (likelier_than_rivals(0.3, 0.5, leads=False), likelier_than_rivals(0.5, 0.3, leads=True)),
     (coarser_than_stated(1.49), coarser_than_stated(1.5)),
     (coarser_than_others(9.9), coarser_than_others(10.0)),
@@ -130,7 +130,7 @@ def test_what_is_claimed_where_the_motion_is_loud_is_shown_whatever_its_scatter(
 
 
 @pytest.mark.parametrize(
-    ("growth", "without", "has_structure", "passed"),
+    ("growth", "over_allowed", "has_structure", "passed"),
     [
         ([1.0, 0.02], [0.8, 5.0], False, False),  # the first grows within its noise, the second does not grow
         ([1.0, 0.04], [0.8, 5.0], False, True),
@@ -138,9 +138,11 @@ def test_what_is_claimed_where_the_motion_is_loud_is_shown_whatever_its_scatter(
         ([0.02, 0.02], [5.0, 5.0], True, False),
     ],
 )
-def test_a_joint_has_to_grow_beyond_its_noise_or_to_be_left_with_structure(growth, without, has_structure, passed):
+def test_a_joint_has_to_grow_beyond_its_noise_or_to_be_left_with_structure(growth, over_allowed, has_structure, passed):
     never = (0.0, 20.0)
-    found = shown_above_noise(np.array(growth), lambda _: np.array(without), lambda _: has_structure, lambda: never)
+    found = shown_above_noise(
+        np.array(growth), lambda _: np.array(over_allowed), lambda _: has_structure, lambda: never
+    )
     assert found.passed is passed
 
 

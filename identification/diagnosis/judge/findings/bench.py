@@ -1,10 +1,10 @@
-"""State of the loop over the gates, and the fits by which it judges claims; those of a set are computed once."""
+"""State of the loop over the gates, and the fits by which it judges claims; the fit of a set is computed once."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache
 
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
@@ -28,17 +28,17 @@ class Shown:
     Attributes:
         plain: The search with plain fits in the judged band.
         chosen: The effects, structures without a name among them.
-        joint_fit: Fit of all their numbers at once.
-        comparisons: How each named effect compares with its rivals. Both are fitted beside all effects that the search
-            found, those too small to be shown included, so that no rival wins by explaining those.
-        beside: All that the search has found, with rivals in the place of those that they replaced.
+        full_fit: Fit of all their parameters at once.
+        comparisons: Comparison of each named effect with its rivals. Both are fitted together with ``all_found``, so
+            that no rival wins by explaining an effect that is too small to be shown.
+        all_found: All effects that the search has found, with rivals in the place of those that they replaced.
     """
 
     plain: Search
     chosen: frozenset[Term]
     full_fit: FullFit
     comparisons: dict[Term, RivalComparison]
-    beside: frozenset[Term] = frozenset()
+    all_found: frozenset[Term] = frozenset()
 
     @property
     def problem(self) -> Problem:
@@ -51,7 +51,7 @@ class Shown:
         return frozenset(term for term in self.chosen if term.named)
 
     @property
-    def found(self) -> Fitted:
+    def named_fit(self) -> Fitted:
         """Held-out fit of the named effects."""
         return self.plain.held_out_fit(self.named)
 
@@ -61,17 +61,17 @@ class State:
     """State of the loop over the gates.
 
     Attributes:
-        found: Effects of the search, with rivals in the place of those that they replaced; all comparisons are beside
-            this set.
+        found: Effects of the search, with rivals in the place of those that they replaced; in all comparisons this set
+            is fitted.
         shown: Effects among these that have passed all gates so far.
-        barred: Effects and joints that may not be rivals.
+        barred: Effects and joints that are excluded as rivals.
         near_zero: Effects whose size does not differ from zero.
-        searched_again: Whether a search has looked for effects that replace those near zero.
+        searched_again: True if a search has looked for effects that replace those near zero.
         displaced: Effects and joints that a rival replaced; they do not come back while it is there.
-        compared: Effects and joints that did not close the gap for sure, and for which a rival was searched.
+        compared: Effects and joints that failed the gate `closes_for_sure`, and for which a rival was searched.
         exchanges: Pairs of replaced effects and the rivals that replaced them.
         compared_sets: Sets whose rivals were compared, in this order.
-        done: Whether the last of these sets is the result.
+        done: True if the last of these sets is the result.
     """
 
     found: frozenset[Term]
@@ -91,7 +91,7 @@ class State:
         return cls(found, found)
 
     def with_others(self, found: frozenset[Term]) -> State:
-        """The state with another set, all of it shown again: an effect that failed beside the first may pass now."""
+        """The state with another set, all of it shown again: an effect that failed in the first set may pass now."""
         return replace(self, found=found, shown=found, near_zero=frozenset())
 
 
@@ -100,10 +100,10 @@ class Residuals:
     """Residuals of sets of effects, each with its own noise floor.
 
     Attributes:
-        judge_of: Noise floors of the joints beside a set of effects.
-        over_allowed: Residual of some joints beside a set of effects, divided by the largest that noise and the error
-            of a sound model may leave. Where the quotient is certainly above one, it may be too small.
-        has_structure: Whether the state predicts a part of the residual of some joints, or events make a part of it.
+        judge_of: Noise floors of the joints with a set of effects in the model.
+        over_allowed: Residual of some joints with a set of effects in the model, divided by the largest that noise and
+            the error of a sound model may leave. A quotient above one may be computed too small.
+        has_structure: True if the state predicts a part of the residual of some joints, or if events are a part of it.
     """
 
     judge_of: Callable[[frozenset[Term]], Judge]
@@ -126,7 +126,6 @@ class Bench:
     plain: Search
     noise: Series
     residuals: Residuals
-    _fits: dict[frozenset[Term], FullFit] = field(default_factory=dict)
 
     @property
     def record(self) -> Record:
@@ -135,12 +134,12 @@ class Bench:
 
     @cached_property
     def other_conditions(self) -> tuple[Search, ...]:
-        """The search under conditions that should not change the answer: another band, and other tolerances."""
+        """The search under conditions that should not change the result: another band, and other tolerances."""
         return self.plain, with_wide_tolerances(self.search)
 
     @cached_property
     def with_strong_motion(self) -> Callable[[frozenset[Term]], tuple[Search, dict[Term, Term]]]:
-        """The search in the samples whose motion is far above the noise that a set leaves, and its terms."""
+        """The search at frequencies where the torque is far above the noise that a set leaves, and its terms."""
         # The function does not refer to this bench, so that the bench's memory is freed at once.
         plain, noise = self.plain, self.noise
         return lru_cache(maxsize=1)(lambda found: strong_motion_search(plain, found, found, noise))
@@ -151,8 +150,8 @@ class Bench:
         plain = self.plain
         return lru_cache(maxsize=1)(lambda found: subset_residuals(plain, found))
 
-    def fit(self, shown: frozenset[Term]) -> FullFit:
-        """Fit of all numbers of a set at once."""
-        if shown not in self._fits:
-            self._fits[shown] = full_fit(self.plain.problem.of(shown), ordered(shown), self.plain.held_out_fit(shown))
-        return self._fits[shown]
+    @cached_property
+    def fit(self) -> Callable[[frozenset[Term]], FullFit]:
+        """Fit of all parameters of a set at once."""
+        plain = self.plain
+        return cache(lambda shown: full_fit(plain.problem.of(shown), ordered(shown), plain.held_out_fit(shown)))

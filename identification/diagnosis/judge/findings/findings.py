@@ -1,4 +1,4 @@
-"""Chosen effects as findings (parameters, share of the gap closed, rivals), with notes on their sizes.
+"""Chosen effects as findings: parameters, share of the gap closed, rivals, and notes on their sizes.
 
 Sum of a drive: back-EMF, viscous friction and a late reference all give a torque proportional to the speed while the
 joint follows its reference. A recording of a drive that is fed by a voltage shows only their sum. They are separated
@@ -19,7 +19,7 @@ from identification.data.drives.joint_torque import per_speed
 from identification.diagnosis.columns.motion.soft_friction import soft_joints
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
+from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
@@ -31,7 +31,7 @@ from identification.diagnosis.judge.findings.shown_numbers import (
 )
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
+from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_touched_by
 from identification.diagnosis.search.imitation import (
@@ -52,7 +52,7 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_DRAWS = 200  # random draws of the parameters: the ends of a 95 % interval are the fifth lowest and the fifth highest
+_DRAWS = 200  # random draws of the parameters; the ends of a 95 % interval are the fifth lowest and the fifth highest
 # An interval is one-sided if the limit to possible bodies makes it narrower than this share of its unrestricted width.
 _NARROWER = 0.8
 _FAR_FROM_ONE = 0.25  # distance of a torque constant from one above which the motor itself is rarely the cause
@@ -67,11 +67,9 @@ def size_remarks(shown: Shown) -> tuple[Said, ...]:
         assert isinstance(effect, Effect)
         if effect.inertial == "free":
             out += missing_part_notes(shown.problem, term, own)
-            continue
-        remark = effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape))
-        out += [remark] if remark else []
-    out += size_notes(shown)
-    return tuple(out)
+        elif said := effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape)):
+            out.append(said)
+    return (*out, *size_notes(shown))
 
 
 def _simulator_of_law(robot: Robot, term: Term, coefficients: Float[Array, " k"]) -> str | None:
@@ -101,43 +99,33 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
         judge: Problem and noise floor.
         within: Residual of the given model with the best changes within its tolerances.
     """
-    plain, chosen = shown.plain, shown.chosen
+    plain, problem, chosen, floor = shown.plain, shown.problem, shown.chosen, judge.floor
+    robot, after = problem.session.robot, residual_sums_with(plain, chosen)
     fitted = widened_by_rivals(widened_by_tolerances(shown.full_fit, plain, chosen), shown)
-    robot = plain.problem.session.robot
-    problem, floor, found = plain.problem, judge.floor, plain.held_out_fit(chosen)
-    after = residual_sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
-    drawn = drawn_blocks(within)
-    once = np.ones((1, len(within.counts)))
+    once, drawn = np.ones((1, len(within.counts))), drawn_blocks(within)
     shares = shares_of(judge, plain, shown.named)
     lines, sines = joints_on_lines(problem.session), problem.session.in_one_sine
     compensated = joints_with_computed_torque(problem.session)
+
+    def gap_share(lost: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+        return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judge, within, after, weights)
+
     out = []
-    for term in ordered(chosen):
-        if not term.named:
-            continue
-        others = frozenset(other for other in chosen if other.named and other is not term)
-        without = plain.held_out_fit(chosen - {term})
-        torque = held_out_torque(problem, chosen - {term}, without)
-        lost = residual_sums(problem, judge.narrow(residual_after(problem, torque)))
-
-        def gap_share(weights: Float[Array, "R B"], lost: ResidualSums = lost) -> Float[Array, " R"]:
-            gap = gap_of(judge, within, after, weights)
-            return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
-
+    for term in ordered(shown.named):
+        lost = residual_sums_with(plain, chosen - {term})
         comparison = shown.comparisons[term]
         rows = rows_touched_by(problem, term)
         if not lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not sines.isdisjoint(rows)):
-            imitation = imitation_of(plain, chosen, term)
-            comparison = with_limit(beside_imitation(comparison, imitation), term, UNCERTAIN)
+            comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
         if not compensated.isdisjoint(rows):
             comparison = with_limit(comparison, term, OF_A_MODEL)
-        low, high = np.percentile(gap_share(drawn), [2.5, 97.5])
+        low, high = np.percentile(gap_share(lost, drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
             joint=term.joint,
             regime=term.effect.regime,
             parameters=with_unknown_marked(finding_parameters(robot, term, fitted), problem.session, term.joint),
-            gap_closed=float(gap_share(once)[0]),
+            gap_closed=float(gap_share(lost, once)[0]),
             gap_closed_interval=(float(low), float(high)),
             probability=comparison.probability,
             rivals=comparison.rivals,
@@ -149,8 +137,8 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
         more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
         large = large_enough(finding.gap_closed, float(np.max(more / floor)))
         plain.record.add_passed([term], large)
-        if others != chosen - {term}:
-            torque = held_out_torque(problem, others, plain.held_out_fit(others))
+        others = shown.named - {term}
+        torque = held_out_torque(problem, others, plain.held_out_fit(others))
         out.append(FindingWithout(finding, torque, minor=not large.passed))
     return tuple(out)
 
@@ -168,34 +156,29 @@ def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
         if not recordings or any(one.torque_from.get(joint) != "u" for one in recordings):
             continue
         gains = [0.0 if one.reference_gain is None else float(one.reference_gain[j]) for one in recordings]
-        if np.ptp(gains) > 1e-3 * max(gains):
-            # Several gains of the controller determine each part of the sum.
-            continue
-        per_volt_loop = gains[0]
-        found, loadings = 0.0, np.zeros(0)
-        for term in ordered(shown.named):
-            per_number = _per_speed_of(robot, term, j, per_volt_loop)
-            if per_number is None:
-                continue
+        # Several gains of the controller would determine each part of the sum.
+        one_gain = np.ptp(gains) <= 1e-3 * max(gains)
+        slopes = {term: _per_speed_of(robot, term, j, gains[0]) for term in ordered(shown.named) if one_gain}
+        found, loadings = 0.0, []
+        for term, slope in ((term, slope) for term, slope in slopes.items() if slope is not None):
             (value,) = finding_parameters(robot, term, shown.full_fit).values()
             assert isinstance(value.value, float)
-            loading = per_number * np.array(finding_loadings(robot, term, shown.full_fit)[0])
-            found += per_number * value.value
-            loadings = loadings + loading if loadings.size else loading
-        if not loadings.size:
-            continue
-        back_emf, modelled = per_speed(robot.actuators[j]), float(robot.viscous_friction[j])
-        numbers = {"sum": back_emf + modelled + found, "std": float(np.linalg.norm(loadings)), "back_emf": back_emf}
-        unit = "N s/m" if robot.prismatic[j] else "N m s/rad"
-        out.append(Note(Code.DRIVE_SUM, joint, {**numbers, "unit": unit, "late": per_volt_loop > 0}))
+            found += slope * value.value
+            loadings.append(slope * np.array(finding_loadings(robot, term, shown.full_fit)[0]))
+        if loadings:
+            back_emf, modelled = per_speed(robot.actuators[j]), float(robot.viscous_friction[j])
+            std = float(np.linalg.norm(np.sum(loadings, axis=0)))
+            numbers = {"sum": back_emf + modelled + found, "std": std, "back_emf": back_emf}
+            unit = "N s/m" if robot.prismatic[j] else "N m s/rad"
+            out.append(Note(Code.DRIVE_SUM, joint, {**numbers, "unit": unit, "late": gains[0] > 0}))
     return tuple(out)
 
 
 def volts_notes(shown: Shown) -> tuple[Note, ...]:
-    """A note on joints whose torques are perhaps volts: torque constant, or a rival of it, and viscous friction.
+    """A note on joints whose torques may be volts, with findings of a wrong torque constant and of viscous friction.
 
     The voltage of a motor is its torque times resistance over torque constant, plus its speed times torque constant.
-    On a single joint a load may look like the wrong torque constant.
+    The torque constant may also be a rival of a finding, as on a single joint a load may look like one.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -204,29 +187,33 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
     named = [term for term in ordered(shown.named) if isinstance(term.effect, Effect) and term.joint]
 
     def joints_of(effect: str, number: str, is_large: Callable[[float], bool]) -> set[str]:
-        out: set[str] = set()
-        for term in named:
-            if term.effect.name == effect:
-                value = finding_parameters(session.robot, term, shown.full_fit)[number].value
-                out |= set(str(term.joint).split("+")) if is_large(float(np.ravel(value)[0])) else set()
-        return out
+        own = [term for term in named if term.effect.name == effect]
+        sizes = {term: finding_parameters(session.robot, term, shown.full_fit)[number].value for term in own}
+        large = [str(term.joint) for term, size in sizes.items() if is_large(float(np.ravel(size)[0]))]
+        return {joint for joints in large for joint in joints.split("+")}
 
     scaled = joints_of("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
     rivals = (rival for term in ordered(shown.named) for rival in shown.comparisons[term].rivals)
     scaled |= {one.joint for rival in rivals for one in rival.effects if one.effect == "torque_constant" and one.joint}
-    joints = scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)
     computed = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
-    joints -= computed
+    joints = (scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)) - computed
     own = [joint for joint in session.robot.joint_names if joint in joints]
     return (Note(Code.PERHAPS_VOLTS, None, {"joints": own}),) if own else ()
 
 
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:
-    """Torque per speed that a unit of an effect's only parameter makes on a joint; None if it makes none."""
+    """Torque per speed that a unit of an effect's only parameter makes on a joint; None if it makes none.
+
+    Args:
+        robot: The given model.
+        term: The effect.
+        row: Index of the joint.
+        gain: Torque per speed of the reference, by which the loop of the drive responds to a late reference.
+    """
     effect, joint = term.effect, robot.joint_names[row]
-    if not isinstance(effect, Effect) or term.joint not in (None, joint):
+    if not isinstance(effect, Effect) or effect.inertial is not None or term.joint not in (None, joint):
         return None
-    if effect.inertial is not None or len(effect.parameters(robot, term.joint)) != 1:
+    if len(effect.parameters(robot, term.joint)) != 1:
         return None
     one: Float[Array, " 1"] = np.ones(1)
     late = effect.simulated(robot, term.joint, one).reference_delay
@@ -242,11 +229,12 @@ def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
         shown: The findings, with the fit of all their parameters.
     """
     free = [term for term in ordered(shown.named) if term.effect.inertial == "free"]
-    return tuple(note for term in free if (note := _one_sided_note(shown, term)) is not None)
+    intervals = [(term.joint, _one_sided_intervals(shown, term)) for term in free]
+    return tuple(Note(Code.ONE_SIDED, joint, {"intervals": own}) for joint, own in intervals if own)
 
 
-def _one_sided_note(shown: Shown, term: Term) -> Note | None:
-    """The note on one finding; None if its intervals reach to both sides.
+def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, float, str]]:
+    """Name, lower end, upper end and unit of each one-sided interval of a finding's parameters.
 
     The intervals come from random draws of the estimate, each moved to the nearest possible body.
     """
@@ -263,12 +251,11 @@ def _one_sided_note(shown: Shown, term: Term) -> Note | None:
     stated, mix = base_parameters(robot, term)
     (low, high), unrestricted = (np.percentile(some @ mix.T, [2.5, 97.5], axis=0) for some in (nearest, drawn))
     width = unrestricted[1] - unrestricted[0]
-    intervals = [
+    return [
         (one.name, float(low[k]), float(high[k]), one.unit)
         for k, one in enumerate(stated)
         if 0.0 < high[k] - low[k] < _NARROWER * width[k]
     ]
-    return Note(Code.ONE_SIDED, term.joint, {"intervals": intervals}) if intervals else None
 
 
 def _nearest(

@@ -21,17 +21,18 @@ from phantom_dyn.model.inertia import body_parameters, payload_body
 
 
 def likeliest_missing_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:
-    """The part whose absence makes most of the torque of wrong inertial parameters, with its share and its body.
+    """The part whose absence explains most of the torque of wrong inertial parameters, with its share and its body.
 
     Args:
         problem: Holds the products of their columns.
         term: Free inertial parameters.
-        own: Their changes.
+        own: Their changes, ``(k,)``.
 
     Returns:
-        Share of the squared torque, number of the body, and the part; None if no part makes any.
+        Share of the squared torque, number of the body, and the part; None if the model carries no part.
     """
     robot = problem.session.robot
+    # The inertial parameters of all bodies are the columns after the nuisances.
     first = problem.nuisance_count
     columns = np.arange(first, first + 10 * (robot.model.njoints - 1))
     a = problem.total_a[np.ix_(columns, columns)]
@@ -47,32 +48,37 @@ def likeliest_missing_part(problem: Problem, term: Term, own: Float[Array, " k"]
     return max(found, key=lambda entry: entry[0], default=None)
 
 
-def payload_of(search: Search) -> Term | None:
-    """The payload among the rivals of a search, None if there is none."""
+def payload_term(search: Search) -> Term | None:
+    """The payload among the rivals of a search; None if there is none."""
     return next((term for term in search.terms if term.effect.inertial == "point mass"), None)
 
 
 def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) -> dict[Term, float]:
-    """For wrong inertial parameters the share of their squared torque that the absence of a mounted part makes.
+    """Share of the squared torque of wrong inertial parameters that the absence of a part of the model explains.
 
-    Ten free numbers of a link explain a little more than a known part, as links are never exactly as modelled; but a
-    part that is not mounted is the more probable cause.
+    Ten free parameters of a link explain a little more than a known part does, as links are never exactly as modelled.
+    But a part that is not mounted is the more probable cause.
+
+    Args:
+        plain: Fits in the judged band.
+        kept: The findings.
+        fitted: Fit of all their parameters.
+
+    Returns:
+        The share for each finding of free inertial parameters; empty if no payload is among the rivals.
     """
-    if payload_of(plain) is None:
+    if payload_term(plain) is None:
         return {}
     free = [term for term in ordered(kept) if term.effect.inertial == "free"]
     return {term: _share_of_part(plain.problem, term, fitted.coefficients(term)) for term in free}
 
 
 def bodies_expressing_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[EffectJoint]:
-    """Inertial parameters that express the absence of a part, as a negative payload of the set does already."""
-    out = set()
-    for term in search.terms:
-        if term.effect.inertial == "free":
-            theta = search.held_out_fit(with_replacement(chosen, payload, frozenset([term]))).theta[list(term.columns)]
-            if not more_than_a_missing_part(_share_of_part(search.problem, term, theta)).passed:
-                out.add(term.effect_joint)
-    return frozenset(out)
+    """Inertial parameters that express the absence of a part, which a negative payload of the set expresses already."""
+    free = [term for term in search.terms if term.effect.inertial == "free"]
+    fits = {term: search.held_out_fit(with_replacement(chosen, payload, frozenset([term]))) for term in free}
+    shares = {term: _share_of_part(search.problem, term, fit.theta[list(term.columns)]) for term, fit in fits.items()}
+    return frozenset(term.effect_joint for term, part in shares.items() if not more_than_a_missing_part(part).passed)
 
 
 def _share_of_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> float:
@@ -87,5 +93,4 @@ def missing_part_notes(problem: Problem, term: Term, own: Float[Array, " k"]) ->
     if found is None or found[0] < special_case.PART_SHARE:
         return []
     share, _, part = found
-    numbers = {"share": share, "parts": tuple(part.names), "mass": part.mass}
-    return [Note(Code.MISSING_PART, term.joint, numbers)]
+    return [Note(Code.MISSING_PART, term.joint, {"share": share, "parts": tuple(part.names), "mass": part.mass})]

@@ -1,4 +1,4 @@
-"""Parameters of the findings with standard deviations, from the coefficients of the joint fit."""
+"""Parameters of the findings with standard deviations, from the coefficients of the fit of the whole model."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-_SAMPLES = 200  # random postures: far more rows than an effect has base parameters
+_SAMPLES = 200  # random postures; they give far more rows than an effect has base parameters
 
 
 def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, Value]:
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
-    Deviations are those of the joint fit, propagated through the law to first order. Of inertial parameters only the
-    base parameters are given, as motion determines no others.
+    Standard deviations are those of the fit of all parameters, propagated through the law to first order. Of inertial
+    parameters only the base parameters are given, as motion determines no others. If the parameters of an effect are
+    lists, so are their values and standard deviations.
 
     Args:
         robot: The given model.
@@ -33,12 +34,9 @@ def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, V
     """
     effect, at = term.effect, fitted.slices_of(term).indices
     assert isinstance(effect, Effect)
-    x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
-    if effect.inertial == "free":
-        return _inertial(robot, term, x, cov)
     parameters, values, slope = _stated_law(robot, term, fitted)
-    std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
-    return _named(parameters, values, std, lists=effect.takes_lists(robot, term.joint))
+    std = np.sqrt(np.maximum(np.diag(slope @ fitted.cov[np.ix_(at, at)] @ slope.T), 0.0))
+    return _values_by_name(parameters, values, std, lists=effect.takes_lists(robot, term.joint))
 
 
 def finding_loadings(robot: Robot, term: Term, fitted: FullFit) -> tuple[tuple[float, ...], ...]:
@@ -55,7 +53,7 @@ def finding_loadings(robot: Robot, term: Term, fitted: FullFit) -> tuple[tuple[f
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
     # The symmetric root is unique; others depend on the rounding of the matrix.
     shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[fitted.slices_of(term).indices]
-    slope = base_parameters(robot, term)[1] if term.effect.inertial == "free" else _stated_law(robot, term, fitted)[2]
+    _, _, slope = _stated_law(robot, term, fitted)
     return tuple(tuple(row) for row in (slope @ shared).tolist())
 
 
@@ -67,6 +65,9 @@ def _stated_law(
     at, count = slices.indices, slices.count
     assert isinstance(effect, Effect)
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
+    if effect.inertial == "free":
+        parameters, mix = base_parameters(robot, term)
+        return parameters, mix @ x, mix
     std = np.sqrt(np.maximum(np.diag(cov)[:count], 0.0))
     parameters, law = effect.stated_law(robot, term.joint, term.shape, std, x[:count])
     values = law(x)
@@ -80,34 +81,27 @@ def _stated_law(
     return parameters, values, slope
 
 
-def _named(
+def _values_by_name(
     parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"], *, lists: bool
 ) -> dict[str, Value]:
-    """Values by name; for an effect whose parameters are ``lists``, each value is a list, all of the same length."""
-    each = len(values) // len(parameters)
+    """Values by name; if the parameters are ``lists``, each value is a list, all of the same length."""
     if not lists:
         return {p.name: Value(float(v), float(s), p.unit) for p, v, s in zip(parameters, values, std, strict=True)}
+    each = len(values) // len(parameters)
     return {
         p.name: Value(values[k * each : (k + 1) * each].tolist(), std[k * each : (k + 1) * each].tolist(), p.unit)
         for k, p in enumerate(parameters)
     }
 
 
-def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: Float[Array, "k k"]) -> dict[str, Value]:
-    """Base parameters of free bodies, with standard deviations."""
-    parameters, mix = base_parameters(robot, term)
-    std = np.sqrt(np.maximum(np.diag(mix @ cov @ mix.T), 0.0))
-    return _named(parameters, mix @ coefficients, std, lists=False)
-
-
 def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Float[Array, "r k"]]:
-    """Base parameters of free bodies, and the matrix that maps all inertial parameters to them.
+    """Base parameters of bodies with free inertial parameters, and the matrix that maps all parameters to them.
 
     They are found from the regressor at random motions.
 
     Args:
         robot: The given model.
-        term: A finding whose bodies are free.
+        term: A finding of free inertial parameters.
     """
     effect = term.effect
     assert isinstance(effect, Effect)
@@ -128,7 +122,7 @@ def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
     if not solved_numerically(robot):
         base = any_base_motion(rng, _SAMPLES) if robot.floating else None
         return rigid_body_regressor(robot, Motion(np.arange(float(_SAMPLES)), q, v, a, base=base))
-    # The start of the chain stands between all postures, so that the loops can be closed at each.
+    # Every other posture is the start of the chain, from which its loops can be closed at the next one.
     q = with_start_between(robot, ordinary_postures(robot, _SAMPLES))
     v, a = (np.repeat(part, 2, axis=0)[: len(q)] for part in (v, a))
     return rigid_body_regressor(robot, Motion(np.arange(float(len(q))), q, v, a))[1::2]

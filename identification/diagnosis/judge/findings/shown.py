@@ -19,12 +19,12 @@ from identification.diagnosis.judge.findings.bench import Bench, Shown, State
 from identification.diagnosis.judge.findings.missing_parts import (
     bodies_expressing_part,
     missing_part_shares,
-    payload_of,
+    payload_term,
 )
 from identification.diagnosis.judge.moved_by_noise import (
     depends_on_acceleration,
     motion_results,
-    noise_may_make,
+    noise_may_imitate,
 )
 from identification.diagnosis.judge.shares import least_shares_closed, residual_sums_with
 from identification.diagnosis.search.containment import are_parts, can_join, with_term
@@ -41,15 +41,15 @@ from identification.gates.moved_joints import shown_above_noise
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
 
-# Largest number of sets that are compared if a rival is more probable in each; the one with the least excess is shown.
+# Largest number of sets that are compared if a rival is more probable in each; the set with the least excess is shown.
 _MOST_LEADERS = 8
 
-
-Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
+# Gives the state without an effect, and the effects that replace it.
+_Removal = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 
 def after_motion_gate(bench: Bench, state: State) -> State:
-    """The state without effects that fail the gate of the motion, the first gate of the judge."""
+    """The state without effects that fail the gate `shown_by_motion`, the first gate of the judge."""
     return _until_all_pass(bench, state, (_motion_gate,))
 
 
@@ -66,7 +66,7 @@ def shown_effects(bench: Bench, state: State) -> Shown:
         _noise_gate,
         _simpler_law_gate,
         _missing_part_gate,
-        _with_replacements_found,
+        _with_second_search,
         _rival_gate,
     )
     return _until_all_pass(bench, state, steps).compared_sets[-1]
@@ -123,7 +123,7 @@ def _no_other_rival_likelier(rivals: frozenset[Term], gone: frozenset[Term], com
     )
 
 
-def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
+def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], without: _Removal) -> State:
     """The state without the effect that fails a gate worst; the same state if all pass. Results are recorded."""
     for term, result in results.items():
         if result.passed:
@@ -150,14 +150,14 @@ def _motion_gate(bench: Bench, state: State) -> State:
 
 
 def _closing_gate(bench: Bench, state: State) -> State:
-    """The state without the effect that closes the gap least surely; a rival that closes it for sure replaces it."""
+    """The state without the effect that fails the gate `closes_for_sure` worst; a rival that passes replaces it."""
     if not state.shown:
         return state
     squares_of, sound = bench.subset_residuals(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
     least_shares = least_shares_closed(squares_of, state.shown, sound)
     named = frozenset(term for term in state.shown if term.named)
     if named != state.shown:
-        # Structures without a name are not in the corrected model. An effect that closes the gap only beside such a
+        # Structures without a name are not in the corrected model. An effect that closes the gap only with such a
         # structure would enlarge the gap of the corrected model.
         beside_named = least_shares_closed(squares_of, named, sound)
         least_shares = {term: min(share, beside_named.get(term, share)) for term, share in least_shares.items()}
@@ -179,7 +179,7 @@ def _closing_gate(bench: Bench, state: State) -> State:
 
 
 def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term] | None:
-    """The set with the most probable rival of an effect that closes the gap for sure; None if there is none."""
+    """The set with the most probable rival of an effect that passes the gate `closes_for_sure`; None if none does."""
     comparison = compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions)
     for found, _ in sorted(comparison.rival_sets, key=lambda rival_set: -rival_set[1]):
         rivals = found - state.found
@@ -195,14 +195,16 @@ def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term
 def _noise_gate(bench: Bench, state: State) -> State:
     """The state without the effect that noise may imitate and without which there would be no gap."""
     # A barred effect is in the set only as the special case of another law, and it has failed a gate before.
-    imitable = [term for term in ordered(state.shown) if noise_may_make(term) and term.effect_joint not in state.barred]
+    imitable = [
+        term for term in ordered(state.shown) if noise_may_imitate(term) and term.effect_joint not in state.barred
+    ]
     if not imitable:
         return state
-    judge, results = bench.residuals.judge_of(state.shown), dict[Term, GateResult]()
-    residual = np.maximum(residual_sums_with(judge, bench.plain, state.shown).rms(), 1e-300)
+    results: dict[Term, GateResult] = {}
+    residual = np.maximum(residual_sums_with(bench.plain, state.shown).rms(), 1e-300)
     for term in imitable:
         others = state.shown - {term}
-        growth = (residual_sums_with(judge, bench.plain, others).rms() / residual) ** 2 - 1.0
+        growth = (residual_sums_with(bench.plain, others).rms() / residual) ** 2 - 1.0
         over_allowed = partial(bench.residuals.over_allowed, others)
         has_structure = partial(bench.residuals.has_structure, others)
         in_highest_noise = partial(_gain_in_highest_noise, bench, state.shown, term)
@@ -211,22 +213,22 @@ def _noise_gate(bench: Bench, state: State) -> State:
 
 
 def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
-    """Gain of an effect in sample if the noise of each joint is as large as it may be, and what chance gains.
+    """Gain of an effect in sample with the largest possible noise of each joint, and the gain by chance.
 
-    It counts on joints that have a gap without the effect. The fits are weighted by the noise that flexible fits leave,
-    which may be too small.
+    Joints count that have a gap without the effect. The fits are weighted by the noise that flexible fits leave, which
+    may be too small.
     """
     fits, problem, others = bench.search.fits, bench.search.problem, shown - {term}
     weighted = residual_sums(problem, problem.session.in_judged_band(bench.noise)).rms()
     judge = bench.residuals.judge_of(others)
-    gap = residual_sums_with(judge, bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
-    gains = np.where(gap, fits.row_losses(others) - fits.row_losses(shown), 0.0)
+    has_gap = residual_sums_with(bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
+    gains = np.where(has_gap, fits.row_losses(others) - fits.row_losses(shown), 0.0)
     noise_ratio = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
     return float(gains @ noise_ratio**2), bench.search.threshold.of(term)
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-    """The state without an effect that noise may imitate; it may not be a rival either."""
+    """The state without an effect that noise may imitate, which is excluded as a rival, too."""
     found = frozenset(other for other in state.found if other.effect_joint != term.effect_joint)
     return replace(state, found=found, shown=state.shown & found, barred=state.barred | {term.effect_joint}), ()
 
@@ -235,26 +237,22 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
     """The state with an effect replaced by its special case, or removed, where neither fit distinguishes the two."""
     robot, fitted = bench.plain.problem.session.robot, bench.fit(state.shown)
     white = bench.search.held_out_fit(state.found)
-    cases = {term: nearest_case(robot, term, fitted) for term in ordered(state.shown) if term.named}
-    results: dict[Term, GateResult] = {}
-    for term, case in cases.items():
-        if case is None:
-            continue
-        results[term] = differs_from_simpler(case[0])
-        uncertain = not results[term].passed and case[1] and case[0] > 0.0 and term in state.found
+    nearest = ((term, nearest_case(robot, term, fitted)) for term in ordered(state.shown) if term.named)
+    cases = {term: case for term, case in nearest if case is not None}
+    results = {term: differs_from_simpler(certain) for term, (certain, _) in cases.items()}
+    for term, (certain, laws) in cases.items():
+        uncertain = not results[term].passed and laws and certain > 0.0 and term in state.found
         if uncertain and simplest_effects(robot, term, white) == (term.effect_joint,):
-            nearest = nearest_case_at_shape(robot, term, white, case[1])
+            case = nearest_case_at_shape(robot, term, white, laws)
             # None if the simpler law has another shape: the shape is constant in this fit, which says nothing about it.
-            if nearest is not None:
-                results[term] = differs_from_simpler(nearest[0])
+            if case is not None:
+                results[term] = differs_from_simpler(case[0])
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-        case = cases[term]
-        assert case is not None
-        shown = state.shown - {term}
-        if not case[1]:
+        shown, (_, laws) = state.shown - {term}, cases[term]
+        if not laws:
             return replace(state, shown=shown, near_zero=state.near_zero | {term}), ()
-        simpler = [other for other in bench.plain.terms if other.effect.name in case[1] and other.joint == term.joint]
+        simpler = [other for other in bench.plain.terms if other.effect.name in laws and other.joint == term.joint]
         found = with_replacement(state.found, term, frozenset(simpler))
         for other in simpler:
             shown = with_term(shown, other) if can_join(shown, other) else shown
@@ -268,7 +266,7 @@ def _missing_part_gate(bench: Bench, state: State) -> State:
     shares = missing_part_shares(bench.plain, state.shown, bench.fit(state.shown))
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-        payload = payload_of(bench.plain)
+        payload = payload_term(bench.plain)
         assert payload is not None
         shown, found = (with_replacement(terms, term, frozenset([payload])) for terms in (state.shown, state.found))
         barred = state.barred | {term.effect_joint} | bodies_expressing_part(bench.search, found, payload)
@@ -278,8 +276,8 @@ def _missing_part_gate(bench: Bench, state: State) -> State:
     return _without_worst(bench, state, results, without)
 
 
-def _with_replacements_found(bench: Bench, state: State) -> State:
-    """The state after one more search, once, for effects that replace those whose size does not differ from zero."""
+def _with_second_search(bench: Bench, state: State) -> State:
+    """The state after a second search, for effects in place of those whose size does not differ from zero."""
     uncertain = state.near_zero & state.found
     if state.searched_again or not uncertain:
         return state
@@ -313,7 +311,7 @@ def _rival_gate(bench: Bench, state: State) -> State:
     finished = not replacements or found == state.found or len(compared_sets) == _MOST_LEADERS
     if finished and replacements:
         least = min(compared_sets, key=lambda each: max(map(_lead_of_rival, each.comparisons.values()), default=0.0))
-        for term in (one for one in named if one not in least.chosen):
+        for term in ordered(frozenset(named) - least.chosen):
             best_rival = max((rival.probability for rival in comparisons[term].rivals), default=0.0)
             result = likelier_than_rivals(comparisons[term].probability, best_rival, leads=False)
             bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
@@ -336,9 +334,9 @@ def _rival_gate(bench: Bench, state: State) -> State:
 def with_replacements(
     chosen: frozenset[Term], replacements: list[frozenset[Term]], displaced: set[EffectJoint]
 ) -> frozenset[Term]:
-    """The set after all replacements that are on different joints and bring back no replaced effect.
+    """The set after all replacements on different joints that bring back no replaced effect.
 
-    Of two replacements on the same joint only the first is made. The second is compared once more beside it.
+    Of two replacements on the same joint only the first is made. The second is compared again with the new set.
     """
     out, changed = chosen, set[str | None]()
     for replacement in replacements:

@@ -39,13 +39,12 @@ def with_unknown_marked(values: Mapping[str, Value], session: Session, joint: st
         session: Robot and recordings.
         joint: Joint of the finding; None if the finding concerns the whole robot.
     """
-    limits = _plausible(session, joint)
+    limits = _largest_known_std(session, joint)
     out = {name: _unknown_marked(value, limits.get(value.unit)) for name, value in values.items()}
-    mass = out.get("mass")
-    if mass is not None and "moment_x" in out:
-        value, std = (float(np.ravel(part)[0]) for part in (mass.value, mass.std))
+    if {"mass", "moment_x"} <= out.keys():
+        value, std = (float(np.ravel(part)[0]) for part in (out["mass"].value, out["mass"].std))
         if std > _UNKNOWN * abs(value):
-            out["mass"] = replace(mass, std=np.inf)
+            out["mass"] = replace(out["mass"], std=np.inf)
     return out
 
 
@@ -55,11 +54,11 @@ def _unknown_marked(value: Value, limit: float | None) -> Value:
         return value
     std, sizes = (np.atleast_1d(np.asarray(part, dtype=float)) for part in (value.std, value.value))
     # The limit grows with the value, because a light link may carry a load of several times its own weight.
-    shown = np.where(std > np.maximum(limit, _UNKNOWN * np.abs(sizes)), np.inf, std)
-    return replace(value, std=shown.tolist() if isinstance(value.std, list) else float(shown[0]))
+    marked = np.where(std > np.maximum(limit, _UNKNOWN * np.abs(sizes)), np.inf, std)
+    return replace(value, std=marked.tolist() if isinstance(value.std, list) else float(marked[0]))
 
 
-def _plausible(session: Session, joint: str | None) -> dict[str, float]:
+def _largest_known_std(session: Session, joint: str | None) -> dict[str, float]:
     """Largest standard deviation with which a parameter counts as known, by unit."""
     robot = session.robot
     reach, mass = reach_of(robot), float(sum(inertia.mass for inertia in robot.model.inertias[1:]))
@@ -75,13 +74,14 @@ def _plausible(session: Session, joint: str | None) -> dict[str, float]:
 
 
 def _largest_value(series: list[Float[Array, " n"]]) -> float:
+    """Largest absolute value of several series; zero if all are empty."""
     return max((float(np.abs(one).max()) for one in series if len(one)), default=0.0)
 
 
 def reach_of(robot: Robot) -> float:
     """Reach of a robot [m]: the lengths of all links to the joint that carries a load, plus the longest once more.
 
-    The base, which does not move, has none: how high a robot is mounted says nothing about its loads.
+    The base, which does not move, does not count: how high a robot is mounted says nothing about its loads.
     """
     model, joint = robot.model, payload_body(robot)
     lengths = {
@@ -127,11 +127,9 @@ def widened_by_rivals(fitted: FullFit, shown: Shown) -> FullFit:
     for comparison in shown.comparisons.values():
         for rivals, probability in comparison.rival_sets:
             sets[rivals] = max(probability, sets.get(rivals, 0.0))
-    if not sets:
-        return fitted
-    here = shown.plain.held_out_fit(shown.beside).theta
     for rivals, probability in sets.items():
-        fitted = _wider(fitted, rivals, shown.plain.held_out_fit(rivals).theta - here, probability)
+        shift = shown.plain.held_out_fit(rivals).theta - shown.plain.held_out_fit(shown.all_found).theta
+        fitted = _wider(fitted, rivals, shift, probability)
     return fitted
 
 

@@ -1,6 +1,6 @@
 """Findings of implausible sizes: a size outside of its range, or friction that drives the motion.
 
-They are findings where nothing else explains as much, with a note, and do not count for the verdict "explained".
+They remain findings, with a note, if nothing else explains as much, but the verdict is then not "explained".
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from identification.diagnosis.search.refinement import found_effects
 from identification.notes import Code, Note, Said
 from phantom_dyn.effects.effect import Effect
 
-# Share of the largest speed above which friction must not drive; after a reversal elastic friction returns energy.
+# Share of the largest speed, above which friction is tested: after a reversal elastic friction may return energy.
 _MOVES = 0.2
-# Driving friction over the friction of model and findings each by itself, above which it is no error of the fit.
+# Driving friction over the friction of model and findings each by itself; a larger ratio is no error of the fit.
 _DRIVES = 0.1
 
 
@@ -32,30 +32,38 @@ def size_notes(shown: Shown) -> list[Note]:
         if fault is not None and isinstance(term.effect, Effect):
             parameter, value = fault
             low, high = parameter.plausible or (-np.inf, np.inf)
-            numbers = {"effect": term.effect.name, "parameter": parameter.name, "value": float(value)}
-            numbers |= {"unit": parameter.unit, "because": parameter.plausible_because}
-            limits = {"least": low if np.isfinite(low) else None, "most": high if np.isfinite(high) else None}
-            out.append(Note(Code.IMPLAUSIBLE_SIZE, term.joint, {**numbers, **limits}))
+            numbers = {
+                "effect": term.effect.name,
+                "parameter": parameter.name,
+                "value": float(value),
+                "unit": parameter.unit,
+                "because": parameter.plausible_because,
+                "least": low if np.isfinite(low) else None,
+                "most": high if np.isfinite(high) else None,
+            }
+            out.append(Note(Code.IMPLAUSIBLE_SIZE, term.joint, numbers))
     names = session.robot.joint_names
     return [*out, *(Note(Code.FRICTION_DRIVES, names[row]) for row in _driven_by_friction(shown))]
 
 
 def all_plausible(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
-    """True if all sizes are plausible, those of single findings and those of findings and model together.
+    """True if all sizes are plausible, of each finding by itself and of findings and model together.
 
     Args:
-        findings: Those that are not too small to matter.
-        notes: Notes on the sizes of all.
+        findings: Findings that are not minor.
+        notes: Notes on the sizes of all findings.
     """
     faults = [note for note in notes if isinstance(note, Note)]
-    implausible_size = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
+    implausible = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
     driven = {note.joint for note in faults if note.code is Code.FRICTION_DRIVES}
-    return not any((one.effect, one.joint) in implausible_size or one.joint in driven for one in findings)
+    return not any((finding.effect, finding.joint) in implausible or finding.joint in driven for finding in findings)
 
 
 def _driven_by_friction(shown: Shown) -> list[int]:
     """Rows on which friction of the model and of all findings together drives the motion."""
-    found = found_effects(shown.found, frozenset(term for term in shown.named if _is_friction(term.effect)))
+    effects = ((term, term.effect) for term in shown.named if isinstance(term.effect, Effect))
+    friction = (term for term, effect in effects if effect.rubs or effect.changes_with == "friction")
+    found = found_effects(shown.named_fit, frozenset(friction))
     names = shown.problem.session.robot.joint_names
     driving, apart = np.zeros(len(names)), np.zeros((len(names), 1 + len(found)))
     for operation in shown.problem.columns.operations:
@@ -70,7 +78,3 @@ def _driven_by_friction(shown: Shown) -> list[int]:
         apart += np.stack([np.sum((part * moving) ** 2, axis=0) for part in parts], axis=1)
     changed = {names.index(joint) for point in found if (joint := point.joint) in names}
     return [row for row in sorted(changed) if np.sqrt(driving[row]) > _DRIVES * np.sqrt(apart[row]).sum()]
-
-
-def _is_friction(effect: object) -> bool:
-    return isinstance(effect, Effect) and (effect.rubs or effect.changes_with == "friction")

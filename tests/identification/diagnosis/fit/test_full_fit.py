@@ -14,7 +14,7 @@ from identification.diagnosis.fit.full_fit import full_fit, within_tolerances
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.findings.parameters import finding_parameters
-from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.judge.judged_band import plain_search
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.friction.presliding_friction import dahl
@@ -25,7 +25,7 @@ def judged(lab, robot, motion, torque, near, *, seed=0):
     """A recording as the findings are stated from: in the judged band, with one effect near its shape."""
     found = (FoundEffect(effect_named(near[0]), near[1], near[2], np.array(near[3])),)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque, seed=seed),), white=False, found=found)
-    return prepared, narrow_search(prepared.search, prepared.noise).problem
+    return prepared, plain_search(prepared.search, prepared.noise).problem
 
 
 def fitted_with(robot, prepared, problem, *terms):

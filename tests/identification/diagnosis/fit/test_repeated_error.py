@@ -6,7 +6,7 @@ from identification.diagnosis.fit.covariance import covariance
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.repeated_error import GROUPS, equations, repeated_variance, scatter, state_groups
 from identification.diagnosis.fit.whole_model import lay_out, linearised
-from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.judge.judged_band import plain_search
 
 BLOCKS = 12
 
@@ -99,7 +99,7 @@ def fitted_as_coulomb(lab, robot, motion, effect, *numbers):
     """Equations of a fit of Coulomb friction on the elbow to another effect there, its products, and its place."""
     torque = lab.acting(robot, motion, effect, "elbow", *numbers)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque),), white=False)
-    problem = narrow_search(prepared.search, prepared.noise).problem
+    problem = plain_search(prepared.search, prepared.noise).problem
     terms = tuple(t for t in prepared.columns.terms if t.effect_joint == ("coulomb_friction", "elbow"))
     layout, x = lay_out(problem, terms, fit(problem, terms, held_out=False))
     given = equations(layout, linearised(layout, x))

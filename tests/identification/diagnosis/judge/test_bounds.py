@@ -301,7 +301,7 @@ def test_an_effect_of_a_third_of_the_stated_size_is_seldom_found(hits):
     assert hits("viscous_friction", 1 / 3, 8) <= 4
 
 
-def test_what_noise_may_make_is_seen_where_it_makes_more_torque_than_noise_is_allowed(quiet, planar2):
+def test_what_noise_may_imitate_is_seen_where_it_makes_more_torque_than_noise_is_allowed(quiet, planar2):
     # Closed form: with 0.2 N m allowed on each joint, at the limit its torque is that on the joint that feels it most.
     def limits(allowed):
         return {(one.effect, one.joint): one for one in seen(quiet, planar2, allowed=allowed)[0]}

@@ -18,7 +18,7 @@ from identification.diagnosis.fit.gap import ResidualSums, RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.floors import Floor
-from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.judged_band import Judge, plain_search
 from identification.diagnosis.judge.judgement import (
     _with_joint,
     _with_times,
@@ -149,7 +149,7 @@ def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
     monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 2.0)
     monkeypatch.setattr(judgement, "stepwise_search", lambda plain, progress: offset)
-    judgement._shown_above_noise(
+    judgement._shown_and_residual(
         SimpleNamespace(search=quiet.search, chosen=frozenset(), endless=endless), quiet.search, ()
     )
     assert asked == [offset if searched else frozenset()]
@@ -165,7 +165,7 @@ def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatc
     monkeypatch.setattr(judgement, "_with_predictable_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 0.9)
     search = quiet.search
-    shown, _ = judgement._shown_above_noise(SimpleNamespace(search=search, chosen=frozenset([offset])), search, ())
+    shown, _ = judgement._shown_and_residual(SimpleNamespace(search=search, chosen=frozenset([offset])), search, ())
     assert shown.chosen == frozenset()
     (result,) = search.record.results_of(offset.effect_joint)
     assert (result.gate, result.value, result.needed, result.passed) == ("torque is there", 0.9, 1.0, False)
@@ -239,7 +239,7 @@ def test_without_any_noise_the_floor_is_a_millionth_of_the_torque(quiet):
 
 def test_a_plain_search_keeps_thresholds_and_spurious_gains(rough):
     search = replace(rough.search, spurious={("payload", None): 7.0}, rows=RowGaps(np.array([1.0, 2.0]), np.zeros(2)))
-    plain = narrow_search(search, rough.noise)
+    plain = plain_search(search, rough.noise)
     assert plain.threshold == search.threshold
     assert plain.spurious == search.spurious
     assert plain.rows is search.rows
@@ -251,7 +251,7 @@ def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rough, shar
     session = rough.session
     session = replace(session, cutoff_hz=share * session.logs[0].band.cutoff_hz)
     search = replace(rough.search, problem=replace(rough.problem, session=session))
-    plain = narrow_search(search, rough.noise).problem
+    plain = plain_search(search, rough.noise).problem
     columns = rough.columns
     assert (plain.white.residual[0] is not columns.residual[0]) is smoothed
     for name in ("residual", "model_torque"):
@@ -272,18 +272,13 @@ def test_samples_at_standstill_hardly_count_in_plain_fits_and_in_the_noise_that_
     def plain(residual, standing, noise):
         changed = replace(columns, residual=(residual,), standstill_std=(standing,))
         problem = replace(rough.problem, session=session, columns=changed)
-        return narrow_search(replace(rough.search, problem=problem), (noise,))
+        return plain_search(replace(rough.search, problem=problem), (noise,))
 
     without = plain(columns.residual[0], held, rough.noise[0])
     beside = plain(columns.residual[0] + 0.5 * held, held, rough.noise[0] + 0.5 * held)
     np.testing.assert_allclose(beside.problem.weights.floor, without.problem.weights.floor, rtol=0.1)
     theta, expected = (search.held_out_fit(frozenset()).theta for search in (beside, without))
     np.testing.assert_allclose(theta, expected, atol=0.1 * np.abs(expected).max())
-
-
-def test_a_judge_sees_series_in_its_band(rough):
-    judge = Judge(rough.problem, np.ones(2), np.ones(2))
-    np.testing.assert_array_equal(judge.narrow(rough.noise)[0], rough.session.in_judged_band(rough.noise)[0])
 
 
 FRICTION = EffectAt("coulomb_friction", "elbow")

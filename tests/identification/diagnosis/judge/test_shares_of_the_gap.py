@@ -12,7 +12,7 @@ from identification.diagnosis.judge.findings.findings import (
     size_remarks,
 )
 from identification.diagnosis.judge.findings.shown import shown_effects
-from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.judged_band import Judge, plain_search
 from identification.diagnosis.judge.shares import least_shares_closed, residual_sums_with
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.engine import contract_levels
@@ -27,13 +27,13 @@ def judged(lab, planar2):
     motion = lab.motion(2, 4, seconds=20.0)
     torque = -0.3 * np.sign(motion.v) * [0.0, 1.0] + np.array([0.4, 0.0])
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-    plain = narrow_search(prepared.search, prepared.noise)
+    plain = plain_search(prepared.search, prepared.noise)
     chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
     floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
     judge = Judge(plain.problem, floor, floor)
     residuals = Residuals(lambda _: judge, lambda *_: np.full_like(judge.floor, np.inf), lambda _: True)
     shown = shown_effects(Bench(prepared.search, plain, prepared.noise, residuals), State.of(chosen))
-    return shown, judge, residual_sums_with(judge, plain, frozenset())
+    return shown, judge, residual_sums_with(plain, frozenset())
 
 
 def mean_square(shown, judge, kept) -> float:
@@ -41,7 +41,10 @@ def mean_square(shown, judge, kept) -> float:
     problem = shown.problem
     torque = held_out_torque(problem, kept, shown.plain.held_out_fit(kept))
     return float(
-        np.mean(residual_sums(problem, judge.narrow(residual_after(problem, torque))).rms() ** 2 / judge.floor**2)
+        np.mean(
+            residual_sums(problem, judge.problem.session.in_judged_band(residual_after(problem, torque))).rms() ** 2
+            / judge.floor**2
+        )
     )
 
 
@@ -93,7 +96,12 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
     squares = []
     for kept in (shown.chosen - {term}, shown.chosen):
         torque = held_out_torque(shown.problem, kept, shown.plain.held_out_fit(kept))
-        squares.append(residual_sums(shown.problem, judge.narrow(residual_after(shown.problem, torque))).rms() ** 2)
+        squares.append(
+            residual_sums(
+                shown.problem, judge.problem.session.in_judged_band(residual_after(shown.problem, torque))
+            ).rms()
+            ** 2
+        )
     raised = float(np.sqrt(np.maximum(squares[0] - squares[1], 0.0) / judge.floor**2).max())
     monkeypatch.setattr(contract_levels, "MINOR_SHARE", share * most.gap_closed)
     monkeypatch.setattr(contract_levels, "MINOR_FLOORS", floors * raised)

@@ -19,7 +19,7 @@ from identification.diagnosis.judge.findings.sound_sizes import all_plausible, s
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.moved_by_noise import (
     _strong_up_to,
-    noise_may_make,
+    noise_may_imitate,
     predictable_noise,
     strong_motion_search,
 )
@@ -89,7 +89,7 @@ def shown_with(quiet, sizes) -> Any:
         cov=np.zeros((len(theta), len(theta))),
     )
     found = SimpleNamespace(theta=theta)
-    return SimpleNamespace(problem=quiet.problem, named=frozenset(terms), found=found, full_fit=fit)
+    return SimpleNamespace(problem=quiet.problem, named=frozenset(terms), named_fit=found, full_fit=fit)
 
 
 @pytest.mark.parametrize(
@@ -239,7 +239,7 @@ def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
     ("over", "has_structure", "loudest", "shown"),
     [(0.9, False, 1e3, False), (1.1, False, 1e3, True), (0.9, True, 1e3, True), (0.9, False, 0.01, True)],
 )
-def test_an_inertia_that_noise_may_make_is_shown_where_there_would_be_a_gap_without_it(
+def test_an_inertia_that_noise_may_imitate_is_shown_where_there_would_be_a_gap_without_it(
     lab, planar2, over, has_structure, loudest, shown
 ):
     # By hand: what is left without it is just below or above what is allowed, or has structure; or the noise may not be
@@ -258,7 +258,7 @@ def test_an_inertia_that_noise_may_make_is_shown_where_there_would_be_a_gap_with
     ("name", "made"), [("rotor_inertia", True), ("coulomb_friction", False), ("transmission_compliance", True)]
 )
 def test_noise_makes_no_dry_friction(quiet, name, made):
-    assert noise_may_make(quiet.term(name, "elbow")) is made
+    assert noise_may_imitate(quiet.term(name, "elbow")) is made
 
 
 def test_claims_of_a_loud_search_are_measured_by_what_is_left_in_its_band(quiet):

@@ -16,9 +16,8 @@ import pytest
 from identification.diagnosis.columns.terms import FoundEffect, Term
 from identification.diagnosis.fit.fitting import Fitted, fit
 from identification.diagnosis.fit.gap import held_out_torque
-from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.judged_band import plain_search
 from identification.diagnosis.judge.shares import residual_sums_with
-from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.search import claims as claims_module
 from identification.diagnosis.search import fits
 from identification.diagnosis.search.claims import energy_by_block, least_gain, passes_gates
@@ -110,7 +109,7 @@ def test_a_payload_without_the_tilt_weighs_in_the_gravity_of_the_model(lab, pend
     tilt = FoundEffect(effect_named("base_tilt"), None, (0.0, 0.6), np.array([0.0, 0.6]))
     recording = lab.recording(upright, motion, -2.0 * motion.q**3)
     prepared = lab.prepared(upright, (recording,), found=(tilt,))
-    plain = narrow_search(prepared.search, prepared.noise)
+    plain = plain_search(prepared.search, prepared.noise)
     alone, both = (frozenset(prepared.term(*one) for one in places) for places in ((LOAD,), (LOAD, TILT)))
     moments = list(prepared.term(*LOAD).columns[1:4])
     for chosen, weighs in ((both, True), (alone, False)):
@@ -275,18 +274,17 @@ def planar(lab, planar2):
     motion = lab.motion(2, 4, seconds=20.0)
     torque = -0.3 * np.sign(motion.v) * [0.0, 1.0] + np.array([0.4, 0.0])
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-    plain = narrow_search(prepared.search, prepared.noise)
-    floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
+    plain = plain_search(prepared.search, prepared.noise)
     places = [("coulomb_friction", "elbow"), ("torque_offset", "shoulder"), ("torque_constant", "elbow")]
-    return plain, Judge(plain.problem, floor, floor), frozenset(prepared.term(*place) for place in places)
+    return plain, frozenset(prepared.term(*place) for place in places)
 
 
 def test_every_subset_leaves_what_its_residual_says(planar):
-    plain, judge, terms = planar
+    plain, terms = planar
     left = subset_residuals(plain, terms)
     for size in range(len(terms) + 1):
         for some in map(frozenset, combinations(terms, size)):
-            expected, found = residual_sums_with(judge, plain, some), left(some)
+            expected, found = residual_sums_with(plain, some), left(some)
             np.testing.assert_allclose(found.counts.sum(axis=0), expected.counts.sum(axis=0))
             # The residual is low-passed across the edges of blocks, at which the fit changes.
             np.testing.assert_allclose(found.rms(), expected.rms(), rtol=2e-3)

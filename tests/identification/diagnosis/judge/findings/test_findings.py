@@ -27,7 +27,7 @@ from identification.diagnosis.judge.findings.shown import (
     with_equal_probabilities,
     with_replacements,
 )
-from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.judged_band import Judge, plain_search
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.rivalry import likelier_than_rivals
@@ -48,7 +48,7 @@ def rubbing(lab, planar2):
 
 def bench_of(prepared) -> Bench:
     """A bench in whose judged band noise is next to nothing."""
-    plain = narrow_search(prepared.search, prepared.noise)
+    plain = plain_search(prepared.search, prepared.noise)
     tiny = np.full(2, 1e-9)
     judge = Judge(plain.problem, tiny, tiny)
     residuals = Residuals(lambda _: judge, lambda *_: np.full_like(tiny, np.inf), lambda _: True)
@@ -80,7 +80,7 @@ def test_a_torque_constant_of_one_is_no_finding(rubbing, all_sure):
 
 def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     # Known truth: Coulomb friction; nothing is looked for where nothing was left out, nor what is barred.
-    plain = narrow_search(rubbing.search, rubbing.noise)
+    plain = plain_search(rubbing.search, rubbing.noise)
     friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
     assert effects_in_place_of(plain, offset, frozenset(), frozenset()) == {friction}
     assert friction not in effects_in_place_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))

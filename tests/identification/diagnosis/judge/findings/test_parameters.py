@@ -19,11 +19,11 @@ from identification.diagnosis.judge.findings.missing_parts import (
     likeliest_missing_part,
     missing_part_notes,
     missing_part_shares,
-    payload_of,
+    payload_term,
 )
-from identification.diagnosis.judge.findings.parameters import _named, finding_loadings, finding_parameters
+from identification.diagnosis.judge.findings.parameters import _values_by_name, finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import widened_by_rivals
-from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.judge.judged_band import plain_search
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.special_case import more_than_a_missing_part
 from identification.words.note_words import sentences
@@ -169,7 +169,7 @@ def test_loadings_of_two_findings_have_the_covariance_of_the_fit(loaded, planar2
 def test_lists_of_parameters_hold_one_number_for_each_wave():
     # By hand: three parameters of two waves, one list after the other.
     parameters = tuple(Parameter(name, unit) for name, unit in (("order", "1"), ("amplitude", "N m"), ("phase", "rad")))
-    found = _named(parameters, np.arange(6.0), 0.1 * np.arange(6.0), lists=True)
+    found = _values_by_name(parameters, np.arange(6.0), 0.1 * np.arange(6.0), lists=True)
     assert {name: (value.value, value.unit) for name, value in found.items()} == {
         "order": ([0.0, 1.0], "1"),
         "amplitude": ([2.0, 3.0], "N m"),
@@ -181,7 +181,7 @@ def test_lists_of_parameters_hold_one_number_for_each_wave():
 def test_one_wave_is_a_list_of_one_number_for_each_parameter():
     # The contract: orders, amplitudes and phases are lists.
     parameters = tuple(Parameter(name, "1") for name in ("order", "amplitude", "phase"))
-    found = _named(parameters, np.array([8.0, 0.1, 0.4]), np.zeros(3), lists=True)
+    found = _values_by_name(parameters, np.array([8.0, 0.1, 0.4]), np.zeros(3), lists=True)
     assert [value.value for value in found.values()] == [[8.0], [0.1], [0.4]]
     assert [value.std for value in found.values()] == [[0.0]] * 3
 
@@ -262,7 +262,7 @@ def test_a_payload_says_it_where_nine_tenths_are_a_part_of_its_link(quiet, monke
     fitted = SimpleNamespace(coefficients=lambda term: np.zeros(len(term.columns)))
     found = missing_part_shares(quiet.search, (other, rich), fitted)
     assert {term: not more_than_a_missing_part(part).passed for term, part in found.items()} == {rich: taken}
-    assert payload_of(quiet.search) == quiet.term("payload", None)
+    assert payload_term(quiet.search) == quiet.term("payload", None)
     assert missing_part_shares(quiet.search, (other,), fitted) == {}
 
 
@@ -283,7 +283,7 @@ def rubbing(lab, planar2):
     torque = lab.acting(planar2, motion, "coulomb_friction", "elbow", 0.5)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
     coulomb, viscous = (prepared.term(name, "elbow") for name in ("coulomb_friction", "viscous_friction"))
-    plain = narrow_search(prepared.search, prepared.noise)
+    plain = plain_search(prepared.search, prepared.noise)
     chosen = frozenset([coulomb])
     fit = full_fit(plain.problem.of(chosen), ordered(chosen), plain.held_out_fit(chosen))
     return coulomb, frozenset([coulomb, viscous]), Shown(plain.of(chosen), chosen, fit, {}, chosen)
