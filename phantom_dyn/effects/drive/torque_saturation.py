@@ -55,8 +55,9 @@ _NEEDED = (0.6, 1.4)
 _OF_GIVEN = 0.8
 # Largest slope of the needed torque over the command beyond a limit: the slope is zero at a limit and one without.
 _SLOPE = 0.12
-# Largest standard deviation of the needed torque beyond a limit, over the limit.
-_SPREAD = 0.8
+# Largest standard deviation of the needed torque beyond a limit, over the limit. A drive gives its limit to some per
+# cent; where a contact or a cable takes what the command exceeds, the needed torque varies with the posture.
+_SPREAD = 0.1
 # Slope of the needed torque over the command if the supply of the drive is weak.
 _WEAK_SUPPLY = 1.0 / 3.0
 # A limit is rejected if the slope of a weak supply (`_WEAK_SUPPLY`) is more likely than the largest slope of a limit
