@@ -55,6 +55,7 @@ from phantom_dyn.random_streams import random_stream
 _DRAWS = 200  # random draws of the parameters; the ends of a 95 % interval are the fifth lowest and the fifth highest
 # An interval is one-sided if the limit to possible bodies makes it narrower than this share of its unrestricted width.
 _NARROWER = 0.8
+_SCALES = {"torque_constant"}  # effects that multiply the torque of a joint
 _FAR_FROM_ONE = 0.25  # distance of a torque constant from one above which the motor itself is rarely the cause
 
 
@@ -192,9 +193,9 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
         large = [str(term.joint) for term, size in sizes.items() if is_large(float(np.ravel(size)[0]))]
         return {joint for joints in large for joint in joints.split("+")}
 
+    rivals = [rival for term in ordered(shown.named) for rival in shown.comparisons[term].rivals]
     scaled = joints_of("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
-    rivals = (rival for term in ordered(shown.named) for rival in shown.comparisons[term].rivals)
-    scaled |= {one.joint for rival in rivals for one in rival.effects if one.effect == "torque_constant" and one.joint}
+    scaled |= {one.joint for rival in rivals for one in rival.effects if one.joint and one.effect in _SCALES}
     computed = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
     joints = (scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)) - computed
     own = [joint for joint in session.robot.joint_names if joint in joints]
