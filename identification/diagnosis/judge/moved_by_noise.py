@@ -96,11 +96,11 @@ def _motion_effects(search: Search, joint: str) -> frozenset[Term]:
 def noise_may_imitate(term: Term) -> bool:
     """True for an effect that noise may imitate.
 
-    Its torque depends on the motion, or is friction of slow joints, or is computed from the acceleration. The
+    Its torque depends on the motion, or is friction of slow joints, or is largest at high accelerations. The
     acceleration contains noise of the encoder, to which a controller responds with a torque.
     """
     effect = term.effect
-    return term.named and bool(effect.goes_with_motion or effect.acts_when_slow or effect.uses_acceleration)
+    return term.named and bool(effect.goes_with_motion or effect.acts_when_slow or effect.regime == "high_acceleration")
 
 
 def _motion_gate(

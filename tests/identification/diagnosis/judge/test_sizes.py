@@ -255,7 +255,13 @@ def test_an_inertia_that_noise_may_imitate_is_shown_where_there_would_be_a_gap_w
 
 
 @pytest.mark.parametrize(
-    ("name", "made"), [("rotor_inertia", True), ("coulomb_friction", False), ("transmission_compliance", True)]
+    ("name", "made"),
+    [
+        ("rotor_inertia", True),
+        ("coulomb_friction", False),
+        ("transmission_compliance", True),
+        ("encoder_eccentricity", False),
+    ],
 )
 def test_noise_makes_no_dry_friction(quiet, name, made):
     assert noise_may_imitate(quiet.term(name, "elbow")) is made
