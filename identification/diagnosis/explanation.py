@@ -244,10 +244,9 @@ def _explained_by_search(
     """The explanation by one search, in which effects below the threshold of chance are tested, too.
 
     The flexible fits that estimate the noise cannot imitate every effect. The torque of an effect then counts as noise,
-    which raises the threshold of chance and lowers the weight of slow signals. So the best rival below the threshold is
-    tried: the threshold is computed again from the noise that it leaves, and the rival is kept if its gain is above
-    that threshold. If not, everything is set up again for less noise, by `_with_less_noise`. If no such effect exists,
-    fitting one changes the noise too little to matter, and held-out fits find no part of it.
+    which raises the threshold of chance and lowers the weight of slow signals. So everything is set up again for the
+    noise without the best rival below the threshold, by `_with_less_noise`. If no such rival exists, fitting one
+    changes the noise too little to matter, and held-out fits find no part of it.
 
     Args:
         search: The search, with thresholds.
@@ -256,26 +255,16 @@ def _explained_by_search(
         progress: Receives the stages of the diagnosis.
         start: Effects with which the search begins.
     """
-    chosen, left = stepwise_search(search, progress, start), noise
+    chosen = stepwise_search(search, progress, start)
     for _ in range(_PROBATIONS):
         tried = best_below_threshold(search, chosen)
         if tried is None:
             break
-        quiet, ratio = smaller_noise(search, tried, left)
-        if ratio < 1.0:
-            # With the filters of the current problem, whose gains are compared with this threshold.
-            filters = whitening_of(search.problem.columns, noise)
-            least = null_threshold(search, filters, filters.series(quiet), above_chance.LEAST_GAIN)
-            lower = replace(search, threshold=search.threshold.lowered(least))
-            if passes_gates(lower, tried, chosen):
-                lower.record.add_passed(tried - chosen, *gate_results(lower, tried, chosen))
-                search, chosen, left = lower, stepwise_search(lower, progress, tried), quiet
-                continue
-        quieter = _with_less_noise(search, chosen, tried, left, sensed, progress)
+        quieter = _with_less_noise(search, chosen, tried, noise, sensed, progress)
         if quieter is None:
             break
         search, noise = quieter
-        chosen, left = stepwise_search(search, progress, tried), noise
+        chosen = stepwise_search(search, progress, tried)
     return Explanation(search, chosen, noise)
 
 
@@ -301,10 +290,16 @@ def _with_less_noise(
         progress: Receives the stages of the diagnosis.
     """
     session, columns = search.problem.session, search.problem.columns
-    residual, ratio = _noise_after(search, tried, noise, sensed)
-    untraced, gain = noise_without(search, tried, chosen, noise)
-    candidates = (residual, ratio < rules.LOWER_NOISE), (untraced, gain >= rules.LEAST_TRACE)
-    for quiet in (series for series, less in candidates if less):
+
+    def less_noise() -> Iterator[Series]:
+        residual, ratio = _noise_after(search, tried, noise, sensed)
+        if ratio < rules.LOWER_NOISE:
+            yield residual
+        untraced, gain = noise_without(search, tried, chosen, noise)
+        if gain >= rules.LEAST_TRACE:
+            yield untraced
+
+    for quiet in less_noise():
         quieter = _set_up(session, columns, quiet, search.fits.allowed, search.record)
         quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
         if passes_gates(quieter, tried, chosen):

@@ -54,14 +54,6 @@ class Threshold:
         """Threshold of a claim of these effects together."""
         return max((min(self.joints.get(joint_of(term), self.overall), self.overall) for term in terms), default=0.0)
 
-    def lowered(self, other: Threshold) -> Threshold:
-        """The lower of two thresholds, overall and joint by joint."""
-        joints = {
-            joint: min(both.joints.get(joint, both.overall) for both in (self, other))
-            for joint in {*self.joints, *other.joints}
-        }
-        return Threshold(min(self.overall, other.overall), joints)
-
 
 def joint_of(term: Term) -> str | None:
     """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""

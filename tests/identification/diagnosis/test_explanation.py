@@ -1,44 +1,14 @@
 """What a diagnosis explains, and a part that its model lacks."""
 
-from itertools import count
-
 import numpy as np
 import pytest
 
 from identification.diagnosis import explanation
 from identification.diagnosis.search.claims import passes_gates
-from identification.diagnosis.search.search import Threshold
 from identification.pipeline import diagnose
 from identification.words.note_words import sentences
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
-
-
-def test_chance_is_measured_by_the_filters_of_the_problem_after_a_second_effect_on_probation(lab, planar2, monkeypatch):
-    # Known truth: the problem is set up once, so that its columns are white by the first noise to the end.
-    motion = lab.motion(2, 3)
-    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -0.2 * np.sign(motion.v)),))
-    effects = [prepared.term("coulomb_friction", joint) for joint in ("shoulder", "elbow")]
-    tries, filtered_by = count(1), []
-    filters_of = explanation.whitening_of
-
-    def recorded(columns, noise):
-        filtered_by.append(noise)
-        return filters_of(columns, noise)
-
-    def best_below_threshold(*_):
-        tried = next(tries)
-        return frozenset(effects[:tried]) if tried <= len(effects) else None
-
-    monkeypatch.setattr(explanation, "whitening_of", recorded)
-    monkeypatch.setattr(explanation, "best_below_threshold", best_below_threshold)
-    monkeypatch.setattr(explanation, "stepwise_search", lambda search, progress, start=frozenset(): start)
-    monkeypatch.setattr(explanation, "smaller_noise", lambda *_: (tuple(0.9 * x for x in prepared.noise), 0.9))
-    monkeypatch.setattr(explanation, "null_threshold", lambda *_: Threshold(1.0, {}))
-    monkeypatch.setattr(explanation, "passes_gates", lambda *_: True)
-    found = explanation._explained_by_search(prepared.search, prepared.noise, prepared.noise, lambda _: None)
-    assert found.chosen == frozenset(effects)
-    assert [noise is prepared.noise for noise in filtered_by] == [True, True]
 
 
 def test_an_effect_below_chance_is_found_once_the_noise_is_what_it_leaves_itself(lab, planar2):

@@ -55,7 +55,6 @@ from phantom_dyn.random_streams import random_stream
 _DRAWS = 200  # random draws of the parameters; the ends of a 95 % interval are the fifth lowest and the fifth highest
 # An interval is one-sided if the limit to possible bodies makes it narrower than this share of its unrestricted width.
 _NARROWER = 0.8
-_SCALES = {"torque_constant"}  # effects that multiply the torque of a joint
 _FAR_FROM_ONE = 0.25  # distance of a torque constant from one above which the motor itself is rarely the cause
 
 
@@ -176,7 +175,7 @@ def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
 
 
 def volts_notes(shown: Shown) -> tuple[Note, ...]:
-    """A note on joints whose torques may be volts, with findings of a wrong torque constant and of viscous friction.
+    """A note on joints whose torques may be volts: their torque is scaled, and they have viscous friction.
 
     The voltage of a motor is its torque times resistance over torque constant, plus its speed times torque constant.
     The torque constant may also be a rival of a finding, as on a single joint a load may look like one.
@@ -195,11 +194,13 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
 
     rivals = [rival for term in ordered(shown.named) for rival in shown.comparisons[term].rivals]
     scaled = joints_of("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
-    scaled |= {one.joint for rival in rivals for one in rival.effects if one.joint and one.effect in _SCALES}
+    scaling = {term.effect.name for term in shown.plain.terms if term.effect.scales_joint}
+    own = [one.joint for rival in rivals for one in rival.effects if one.joint and one.effect in scaling]
+    scaled |= {joint for joints in own for joint in joints.split("+")}
     computed = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
-    joints = (scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)) - computed
-    own = [joint for joint in session.robot.joint_names if joint in joints]
-    return (Note(Code.PERHAPS_VOLTS, None, {"joints": own}),) if own else ()
+    both = (scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)) - computed
+    joints = [joint for joint in session.robot.joint_names if joint in both]
+    return (Note(Code.PERHAPS_VOLTS, None, {"joints": joints}),) if joints else ()
 
 
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:

@@ -8,7 +8,7 @@ from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise import chance
 from identification.diagnosis.noise.chance import _null_products, null_threshold
-from identification.diagnosis.search.search import Threshold, price
+from identification.diagnosis.search.search import price
 from identification.engine.fits.held_out_gains import gains_on_residuals
 from identification.gates import above_chance
 
@@ -104,13 +104,6 @@ def test_noise_that_nothing_explains_on_one_joint_leaves_the_thresholds_of_other
 def test_a_threshold_is_nowhere_above_the_overall_one(quiet):
     threshold = null_threshold(quiet.search, quiet.filters, quiet.noise)
     assert all(threshold.of(term) <= threshold.overall for term in quiet.search.terms)
-
-
-def test_the_lower_of_two_thresholds_is_lower_everywhere(quiet):
-    term = quiet.term("coulomb_friction", "elbow")
-    both = Threshold(40.0, {"elbow": 30.0}).lowered(Threshold(35.0, {"elbow": 33.0, "shoulder": 22.0}))
-    assert both == Threshold(35.0, {"elbow": 30.0, "shoulder": 22.0})
-    assert both.of(term) == 30.0
 
 
 def test_a_threshold_is_never_below_the_least(quiet):
