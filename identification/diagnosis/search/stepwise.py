@@ -50,7 +50,8 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
         progress: Takes the stages.
         start: Result of an earlier search.
     """
-    chosen = backward_elimination(search, frozenset(term for term in start if term.named))
+    # Laws that were linearised again are compared first: further effects would make up for a law that is wrong.
+    chosen = with_swaps(search, backward_elimination(search, frozenset(term for term in start if term.named)))
     whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
     gains = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
     if whole is not None or gains:

@@ -162,6 +162,16 @@ def test_two_effects_at_once_are_found_on_their_joints(lab, planar2):
     }
 
 
+def test_the_result_of_an_earlier_search_is_compared_with_its_rivals_before_effects_join_it(lab, planar2, monkeypatch):
+    # Known truth: Coulomb friction on the elbow, where the earlier search found viscous friction.
+    motion = lab.motion(2, 3)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
+    begun = []
+    monkeypatch.setattr(stepwise, "forward_selection", lambda search, chosen, _: begun.append(chosen) or chosen)
+    stepwise_search(prepared.search, silent, frozenset([prepared.term("viscous_friction", "elbow")]))
+    assert places(begun[0]) == {("coulomb_friction", "elbow")}
+
+
 def test_a_threshold_that_no_gain_reaches_keeps_every_claim_away(lab, planar2):
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
