@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.containment import are_parts, contains, has_parts, is_nested, scales_all_bodies
+from identification.diagnosis.search.containment import are_parts, contains, has_parts, is_nested
 from identification.diagnosis.search.fair_costs import (
     costs_of,
     does_not_cancel,
@@ -22,10 +23,10 @@ from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible_size
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.richer_laws import has_plausible_sizes, odds_of_richer, odds_of_richer_laws
+from identification.diagnosis.search.same_torque import exact_twins, same_torque
 from identification.diagnosis.search.search import IMPOSSIBLE, Search
 from identification.diagnosis.search.special_cases import simplest_effects
 from identification.diagnosis.search.swaps import (
-    can_make_torque,
     explained_loss,
     relevant_alternatives,
     with_replacement,
@@ -70,6 +71,7 @@ def compare_with_rivals(
     term: Term,
     barred: frozenset[EffectJoint] = frozenset(),
     other_conditions: tuple[Search, ...] = (),
+    losses_beyond: Mapping[Chosen, Array] | None = None,
 ) -> RivalComparison:
     """Compare a finding with all effects and sets of effects that could replace it.
 
@@ -95,12 +97,17 @@ def compare_with_rivals(
         other_conditions: Searches over the same rivals under conditions that should not matter, such as another band.
             If there are any, the comparison is repeated with each of them and on each half of the blocks, and
             probabilities are means over all of these.
+        losses_beyond: Held-out losses, by block, beyond that of ``chosen``, of sets with a rival that is compared on a
+            part of the data only, with its penalty. They replace losses and costs of these sets in all searches.
     """
     base, diagnosed = search.held_out_fit(chosen), bool(search.problem.session.known)
     sound = has_plausible_sizes(search, chosen, frozenset([term]))
     losses_of, replacing, richer_laws = _candidate_sets(
         search, chosen, term, barred, other_conditions, sound=sound or not diagnosed
     )
+    beyond = losses_beyond or {}
+    losses_of |= {key: base.loss + loss for key, loss in beyond.items()}
+    replacing |= {key: key - chosen for key in beyond}
     plausible = {key for key in replacing if has_plausible_sizes(search, key, key - chosen)}
     if plausible or sound:
         # An implausible size is left out where a plausible cause explains most of it.
@@ -108,8 +115,8 @@ def compare_with_rivals(
         losses_of = {key: loss for key, loss in losses_of.items() if key == chosen or key in replacing}
     if diagnosed and not sound and any(has_plausible_sizes(search, key, key) for key in plausible):
         losses_of[chosen] = losses_of[chosen] + IMPOSSIBLE / len(base.loss)
-    twins = {key for key, others in replacing.items() if _same_torque(search, term, chosen, others, key)}
-    exact = _exact_twins(search, chosen, term)
+    twins = {key for key, others in replacing.items() if same_torque(search, term, chosen, others, key)}
+    exact = exact_twins(search, chosen, term)
     losses_of |= dict.fromkeys(exact, base.loss)
     replacing |= exact
     richer = odds_of_richer_laws(search, chosen, term, barred, richer_laws)
@@ -119,23 +126,25 @@ def compare_with_rivals(
     apart = {key for key, others in replacing.items() if not is_nested(term, others)}
     # Exact twins have the loss and the costs of the finding.
     fitted = [chosen if key in exact else key for key in keys]
+    priced = [chosen if key in beyond else key for key in fitted]
     is_twin, is_apart = ([key in some for key in keys] for some in (twins, apart))
     effects = {key: _replacing_effects(search, chosen, others, key, exact) for key, others in replacing.items()}
     # Laws without a shape are linear in their parameters, and have no errors of their own.
     alike = [key in apart and any(one.shape for one in (term, *replacing[key])) for key in keys]
     more = np.array([search.sizes_of(one) - search.sizes_of(chosen) for one in fitted], dtype=float)
-    losses = np.array([losses_of[key] for key in keys])
-    allowance = losses - [search.held_out_fit(one).loss for one in fitted]
+    allowance = [losses_of[key] - search.held_out_fit(one).loss for key, one in zip(keys, fitted, strict=True)]
 
-    def losses_and_costs(fits: Search, held_out: Float[Array, "m B"]) -> tuple[Float[Array, "B m"], Costs]:
-        costs = (*costs_of(fits, fitted, is_twin), *costs_of(fits, fitted, is_twin, is_apart))
-        return without_method_errors(held_out.T, more, alike, explained_loss(fits, chosen, term)), costs
+    def losses_and_costs(fits: Search) -> tuple[Float[Array, "B m"], Costs]:
+        own = fits.held_out_fit(chosen).loss
+        held_out = [
+            own + beyond[one] if one in beyond else fits.held_out_fit(one).loss + more_loss
+            for one, more_loss in zip(fitted, allowance, strict=True)
+        ]
+        costs = (*costs_of(fits, priced, is_twin), *costs_of(fits, priced, is_twin, is_apart))
+        return without_method_errors(np.array(held_out).T, more, alike, explained_loss(fits, chosen, term)), costs
 
-    conditions = [
-        losses_and_costs(other, np.array([other.held_out_fit(key).loss for key in fitted]) + allowance)
-        for other in other_conditions
-    ]
-    won = probabilities(*losses_and_costs(search, losses), conditions, by_halves=bool(conditions))
+    conditions = [losses_and_costs(other) for other in other_conditions]
+    won = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))
     won = weighted_by_rarity(won, rarities_of(search, fitted))
     shares: dict[tuple[EffectJoint, ...], float] = defaultdict(float)
     for key, share in zip(keys, won, strict=True):
@@ -318,25 +327,6 @@ def _with_best_shapes(search: Search, chosen: Chosen, term: Term, effects: tuple
     return with_replacement(chosen, term, others)
 
 
-def _same_torque(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
-    """True if each of two causes can make the torque of the other in these recordings.
-
-    Laws of which one contains the other by definition are excluded, see `compare_with_rivals`. Free inertial parameters
-    of a link contain every effect that moves with it.
-    """
-    if any(contains(one, term) or contains(term, one) or one.effect.inertial == "free" for one in others):
-        return False
-    if term.effect.inertial == "free":
-        return False
-    one, two = list(term.columns), sorted({column for other in others for column in other.columns})
-    theta, swapped_theta = search.held_out_fit(chosen).theta[one], search.held_out_fit(swapped).theta[two]
-    # A replacement of an effect that displaces the links has its columns at the positions as read.
-    search = search.of(swapped)
-    return can_make_torque(search, one, theta, two, rules.SAME_CAUSE) and can_make_torque(
-        search, two, swapped_theta, one, rules.SAME_CAUSE
-    )
-
-
 def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """``chosen`` with findings replaced by rivals that lead, see `RivalComparison`.
 
@@ -372,25 +362,3 @@ def _is_far_worse(search: Search, chosen: frozenset[Term], swapped: frozenset[Te
     more = search.price_of(swapped) - search.price_of(chosen)
     loss = found.total - base.total + (more if priced else min(more, 0.0))
     return loss > rules.HOPELESS_ERRORS * float(np.sqrt(len(worse)) * worse.std()) + rules.HOPELESS_BEYOND
-
-
-def _exact_twins(search: Search, chosen: frozenset[Term], term: Term) -> dict[Chosen, Chosen]:
-    """The set with an exact twin of a finding, with the effects that replace the finding; empty if there is none.
-
-    It is an effect that is the sum of others in the set, or free bodies in place of a common torque scale.
-
-    A torque scale of all joints is the same as a change of all inertias, loads and friction. Beside friction in the
-    set, wrong bodies of all links make the same torque.
-    """
-    here = {other.effect.name for other in chosen if other.joint == term.joint}
-    for rich in search.terms:
-        if contains(rich, term) and has_parts(rich, here):
-            return {with_replacement(chosen, term, search.alone[rich]): search.alone[rich]}
-    for bodies in search.terms:
-        if scales_all_bodies(term, bodies):
-            swapped = with_replacement(chosen, term, search.alone[bodies])
-            by = sorted({column for other in (*swapped, *chosen - {term}) for column in other.columns})
-            own = list(term.columns)
-            if can_make_torque(search, own, search.held_out_fit(chosen).theta[own], by, rules.SAME_CAUSE):
-                return {swapped: search.alone[bodies]}
-    return {}

@@ -21,6 +21,7 @@ from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_shares,
     payload_term,
 )
+from identification.diagnosis.judge.findings.timing_rivals import losses_beyond
 from identification.diagnosis.judge.moved_by_noise import (
     depends_on_acceleration,
     motion_results,
@@ -178,9 +179,15 @@ def _closing_gate(bench: Bench, state: State) -> State:
     return _without_worst(bench, state, {term: closes_for_sure(share) for term, share in least_shares.items()}, without)
 
 
+def _compared(bench: Bench, state: State, term: Term) -> RivalComparison:
+    """Comparison of a finding with its rivals, under all conditions that should not change the result."""
+    beyond = losses_beyond(bench, state.found, term, state.barred)
+    return compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions, beyond)
+
+
 def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term] | None:
     """The set with the most probable rival of an effect that passes the gate `closes_for_sure`; None if none does."""
-    comparison = compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions)
+    comparison = _compared(bench, state, term)
     for found, _ in sorted(comparison.rival_sets, key=lambda rival_set: -rival_set[1]):
         rivals = found - state.found
         if not state.displaced.isdisjoint(rival.effect_joint for rival in rivals):
@@ -300,10 +307,7 @@ def effects_in_place_of(
 def _rival_gate(bench: Bench, state: State) -> State:
     """The state with findings replaced by more probable rivals, as long as that leads to new sets."""
     named = [term for term in ordered(state.shown) if term.named]
-    comparisons = {
-        term: compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions)
-        for term in named
-    }
+    comparisons = {term: _compared(bench, state, term) for term in named}
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), comparisons, state.found)
     compared_sets = (*state.compared_sets, shown)
     replacements = [each.leading_set for each in comparisons.values() if each.leading_set is not None]

@@ -91,7 +91,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
     terms = tuple({term.effect_joint: term for term in rubbing.search.terms if term.named}.values())
     asked: list[Term] = []
 
-    def next_leads(search, chosen, term, barred, again):
+    def next_leads(search, chosen, term, *_):
         asked.append(term)
         following = terms[terms.index(term) + 1]
         ahead = 0.1 if len(asked) == 3 else 0.4

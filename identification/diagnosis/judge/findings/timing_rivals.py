@@ -1,0 +1,66 @@
+"""Rivals of a late drive that are late, too, compared where the motion is far above the noise.
+
+The torque of a delay or a lag is computed from the rate of the needed torque. At frequencies above those of the motion
+that rate is noise, and the noise of a lag differs from that of a delay. There the residual says which of the two has
+less noise, and not which one the drive has.
+"""
+
+from __future__ import annotations
+
+from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.judge.findings.bench import Bench
+from identification.diagnosis.judge.moved_by_noise import strong_motion_search
+from identification.diagnosis.search.fits import Chosen
+from identification.diagnosis.search.record import EffectJoint
+from identification.diagnosis.search.special_cases import simplest_effects
+from identification.diagnosis.search.swaps import with_replacement
+from identification.gates.above_chance import PARAMETER_PRICE
+from phantom_dyn.array_types import Array
+
+
+def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Array]:
+    """Held-out losses, by block, of sets with another law of timing beyond the loss of the set with a finding.
+
+    They include the difference of the penalties. They are computed at frequencies where the torque of the motion is far
+    above the noise, and are nearer to zero by the price of a parameter, which a law gains by chance.
+
+    Args:
+        bench: Searches and fits.
+        found: A set of effects.
+        term: One of them.
+        barred: Effects and joints that are excluded as rivals.
+
+    Returns:
+        Losses by set, with the best shape of each rival; none if the finding is no law of timing.
+    """
+    if not _is_of_timing(term):
+        return {}
+    rivals = [
+        other
+        for other in bench.search.terms
+        if _is_of_timing(other)
+        and other.effect is not term.effect
+        and (other.joint == term.joint or None in (other.joint, term.joint))
+        and other.effect_joint not in barred
+    ]
+    strong, terms = strong_motion_search(bench.plain, found, found.union(rivals), bench.noise)
+    base = strong.held_out_fit(frozenset(terms[one] for one in found))
+    best = dict[EffectJoint, tuple[float, Chosen, Array]]()
+    for rival in rivals:
+        swapped = with_replacement(found, term, frozenset([rival]))
+        if rival not in swapped:
+            continue
+        fit = strong.held_out_fit(frozenset(terms[one] for one in swapped))
+        if simplest_effects(strong.problem.session.robot, terms[rival], fit) is None:
+            continue
+        worse = fit.loss - base.loss + (fit.penalty - base.penalty) / len(base.loss)
+        total = float(worse.sum())
+        kept = max(1.0 - PARAMETER_PRICE / max(abs(total), PARAMETER_PRICE), 0.0)
+        if rival.effect_joint not in best or total < best[rival.effect_joint][0]:
+            best[rival.effect_joint] = total, swapped, kept * worse
+    return {swapped: loss for _, swapped, loss in best.values()}
+
+
+def _is_of_timing(term: Term) -> bool:
+    """True for laws of a late torque, such as a delay."""
+    return term.effect.follows_torque and term.effect.uses_acceleration

@@ -1,0 +1,70 @@
+"""A lag and a delay are separated only where the motion is far above the noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.judge.findings.bench import Bench, Residuals
+from identification.diagnosis.judge.findings.timing_rivals import losses_beyond
+from identification.diagnosis.judge.judged_band import Judge, plain_search
+from identification.diagnosis.search.rival_sets import compare_with_rivals
+from identification.pipeline import diagnose
+
+
+@pytest.fixture
+def late(lab, planar2):
+    """A function that makes the search of a recording in which the drive of the elbow lags by some time."""
+
+    def prepared(seconds: float):
+        motion = lab.motion(2, 3)
+        torque = lab.acting(planar2, motion, "actuator_lag", "elbow", seconds)
+        return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+    return prepared
+
+
+def beyond(prepared, name):
+    """Losses beyond that of an effect on the elbow, summed, by the effects that take its place."""
+    plain = plain_search(prepared.search, prepared.noise)
+    judge = Judge(plain.problem, np.ones(2), np.ones(2))
+    residuals = Residuals(lambda _: judge, lambda *_: np.ones(2), lambda *_: False)
+    bench = Bench(prepared.search, plain, prepared.noise, residuals)
+    term = prepared.term(name, "elbow")
+    found = losses_beyond(bench, frozenset([term]), term, frozenset())
+    out: dict[tuple[str, str | None], float] = {}
+    for chosen, loss in found.items():
+        (rival,) = chosen
+        out[rival.effect_joint] = float(loss.sum())
+    return out
+
+
+@pytest.mark.parametrize(("seconds", "separated"), [(0.1, True), (0.002, False)])
+def test_a_lag_is_separated_from_a_delay_if_it_is_not_short(lab, planar2, seconds, separated):
+    # Known truth, with 1 + i w T and exp(i w T) for the two laws.
+    motion = lab.motion(2, 3)
+    torque = lab.acting(planar2, motion, "actuator_lag", "elbow", seconds)
+    (found,) = diagnose(planar2, (lab.recording(planar2, motion, torque),)).findings
+    assert (found.probability > 0.9) == separated
+
+
+def test_a_short_lag_and_a_delay_are_one(late):
+    # Closed form: both multiply by 1 + i w T, as long as w T is small.
+    assert beyond(late(0.001), "actuator_lag")["input_delay", "elbow"] == 0.0
+
+
+def test_friction_is_compared_with_its_rivals_at_all_frequencies(late):
+    assert beyond(late(0.06), "coulomb_friction") == {}
+
+
+@pytest.mark.parametrize(("more", "probability"), [(0.0, 0.5), (100.0, 1.0)])
+def test_losses_on_a_part_of_the_data_replace_those_of_the_whole_search(late, more, probability):
+    # By hand: two sets that tie share the probability, and one that is far worse has none.
+    prepared = late(0.06)
+    lag, delay = (prepared.term(name, "elbow") for name in ("actuator_lag", "input_delay"))
+    search, chosen = prepared.search, frozenset([lag])
+    loss = np.full(len(search.held_out_fit(chosen).loss), more)
+    compared = compare_with_rivals(
+        replace(search, terms=(lag, delay)), chosen, lag, losses_beyond={frozenset([delay]): loss}
+    )
+    assert compared.probability == pytest.approx(probability)
