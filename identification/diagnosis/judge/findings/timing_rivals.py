@@ -2,18 +2,23 @@
 
 The torque of a delay or a lag is computed from the rate of the needed torque. At frequencies above those of the motion
 that rate is noise, and the noise of a lag differs from that of a delay. There the residual says which of the two has
-less noise, and not which one the drive has.
+less noise, and not which one the drive has. So these frequencies are left out, unless the residual of one law would be
+a gap beside that of the other.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.judge.findings.bench import Bench
 from identification.diagnosis.judge.moved_by_noise import strong_motion_search
+from identification.diagnosis.judge.shares import residual_sums_with
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.special_cases import simplest_effects
 from identification.diagnosis.search.swaps import with_replacement
+from identification.engine.contract_levels import FLOORS_LEFT
 from identification.gates.above_chance import PARAMETER_PRICE
 from phantom_dyn.array_types import Array
 
@@ -31,7 +36,8 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
         barred: Effects and joints that are excluded as rivals.
 
     Returns:
-        Losses by set, with the best shape of each rival; none if the finding is no law of timing.
+        Losses by set, with the best shape of each rival; none if the finding is no law of timing. Rivals with a far
+        larger or smaller residual on some joint are left out: noise does not make that.
     """
     if not _is_of_timing(term):
         return {}
@@ -43,12 +49,16 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
         and (other.joint == term.joint or None in (other.joint, term.joint))
         and other.effect_joint not in barred
     ]
+    residual = residual_sums_with(bench.plain, found).rms()
     strong, terms = strong_motion_search(bench.plain, found, found.union(rivals), bench.noise)
     base = strong.held_out_fit(frozenset(terms[one] for one in found))
     best = dict[EffectJoint, tuple[float, Chosen, Array]]()
     for rival in rivals:
         swapped = with_replacement(found, term, frozenset([rival]))
         if rival not in swapped:
+            continue
+        times = residual_sums_with(bench.plain, swapped).rms() / np.maximum(residual, 1e-300)
+        if times.max() > FLOORS_LEFT or times.min() < 1.0 / FLOORS_LEFT:
             continue
         fit = strong.held_out_fit(frozenset(terms[one] for one in swapped))
         if simplest_effects(strong.problem.session.robot, terms[rival], fit) is None:
