@@ -25,8 +25,8 @@ from identification.next_experiment.advise import Proposal
 from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
-from identification.rollout.followed import with_followed
 from identification.rollout.rollout import Explained, rollout_of, unknown_if_motion_deviates
+from identification.rollout.simulated_motion import with_simulated_motion
 from identification.scenarios.common_model import has_unknown_load, with_common_model
 from identification.scenarios.gain_or_load import preferred_diagnosis, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import with_catalogue_names
@@ -272,7 +272,7 @@ def _result(
         rollout=rollout.json,
         seconds=seconds,
         version=__version__,
-        evidence=with_followed(judgement.evidence, rollout, session.logs),
+        evidence=with_simulated_motion(judgement.evidence, rollout, session.logs),
         notes=(*rollout.notes, *judgement.notes),
         wrong=wrong_with(session.recordings),
         gap=judgement.gap,

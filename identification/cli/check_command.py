@@ -23,8 +23,8 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     out = Parser(
         prog="phantom-dyn check",
-        description="Tell what is wrong with recordings, nothing else: certain faults, for which diagnose and identify "
-        "refuse a recording, what was mended, and what may be wrong. Exit code 0 whatever is found.",
+        description="Tell what is wrong with recordings, nothing else: faults beyond doubt, for which diagnose and "
+        "identify refuse a recording, what was mended, and what may be wrong. Exit code 0 whatever is found.",
         examples=("check robot.urdf log.csv", "check log.csv other.csv --columns columns.yaml"),
     )
     out.add_argument(
@@ -40,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--stance",
         action="store_true",
-        help="if the robot is not bolted down, also say how many equations of its base stance would add",
+        help="if the robot is not bolted down, also say how many equations can be used while feet stand on the ground",
     )
     add_reading(out)
     return out

@@ -93,7 +93,11 @@ def parser() -> argparse.ArgumentParser:
         "0.25, a four-bar at a transmission angle of 20 degrees; 0.5 is one at 41 degrees)",
     )
     out.add_argument(
-        "--earlier", metavar="LOG", nargs="+", default=[], help="earlier recordings: show what they do not"
+        "--earlier",
+        metavar="LOG",
+        nargs="+",
+        default=[],
+        help="earlier recordings: show what they leave open",
     )
     out.add_argument("--seed", type=int, default=0, help="seed of the random motions that it starts from (default: 0)")
     return out

@@ -25,7 +25,7 @@ _EDGE_RATIO = 2.0**-0.25
 _TOLERANCE, _STOP_RATIO = 0.01, 1.5
 # Largest difference between motion and readings, in encoder steps; rounding alone makes half a step.
 _LARGEST_DIFFERENCE = 1.0
-# Smallest rounding error, in encoder steps, in the denominator of that ratio.
+# Smallest error that rounding makes, in encoder steps: the denominator of the ratio with `_STOP_RATIO`.
 _LEAST_ROUNDING = 1e-6
 # The lowest edge that is tried has this number of periods in the recording.
 _FEWEST_PERIODS = 4.0

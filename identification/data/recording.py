@@ -39,7 +39,8 @@ class RawTable:
         numbered: True for a format that defines its numbered columns ``q[0]``, ``tau[0]``, ..., so that no map is
             needed.
         asks_units: True for a format that does not state the units of its joints, so that a column map has to.
-        motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
+        documented_joint_orders: Sequences of joint names that the format's documentation gives for its numbered
+            columns; empty if it gives none.
         named: Column of the file for each standard name in the user's column map; empty without a map.
         references_held: True if the format says that a reference acts from its sample to the next.
     """
@@ -54,7 +55,7 @@ class RawTable:
     joint_names: tuple[str, ...] = ()
     numbered: bool = False
     asks_units: bool = False
-    motor_orders: tuple[tuple[str, ...], ...] = ()
+    documented_joint_orders: tuple[tuple[str, ...], ...] = ()
     named: Mapping[str, str] = field(default_factory=dict)
     references_held: bool = False
 
@@ -150,9 +151,9 @@ class Recording:
         controlled: True if no torque was recorded, and ``tau`` is computed from the stated controllers.
         gains_estimated: Joints whose controllers were not stated, and whose gains were estimated from the motion.
         torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty if unknown.
-        velocity_gain: Decrease of ``tau`` per velocity [N m s/rad or N s/m], ``(nv,)``, of joints whose torque was
-            computed with velocities (back-EMF, velocity gain of a controller). These velocities were differences of
-            positions; this part is computed again from filtered positions. None if there is no such joint.
+        velocity_gain: Gain d [N m s/rad or N s/m], ``(nv,)``, of joints whose computed torque contains -d v (back-EMF,
+            velocity gain of a controller). That v was a finite difference of positions, so that -d v is computed again
+            from filtered positions. None if there is no such joint.
         loops: Estimated position controller of each drive, None if it has none; empty if not estimated.
         references_held: True if the format or the robot says that a reference acts from its sample to the next.
         reference_gain: Torque per unit of the reference [N m/rad or N/m] if ``tau`` was computed from references, zero

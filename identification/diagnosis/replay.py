@@ -1,4 +1,4 @@
-"""The recordings of a diagnosis, kept so that written models and laws can be checked on them."""
+"""The recordings of a diagnosis, kept so that exported models and friction laws can be checked on them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Replay:
         robot: The given model.
         logs: The recordings.
         changes: Known change of the robot in each recording, such as a load; empty if there are none.
-        cutoff_hz: Edge of the judged band.
-        parts: Held-out blocks: index of the log, first in-band sample, and the one after the last.
-        weights: Weights of the in-band samples of each log, ``(n, nv)``: lower where friction may hold a joint.
+        cutoff_hz: Edge of the band in which residuals are judged.
+        parts: Held-out blocks: index of the log, first sample at the reduced rate, and the one after the last.
+        weights: Weights of the samples of each log at that rate, ``(n, nv)``: lower where friction may hold a joint.
     """
 
     robot: Robot
@@ -37,7 +37,7 @@ class Replay:
 
     @property
     def base(self) -> BaseMotion | None:
-        """Motion of a moving base, at the in-band samples of all logs in turn; None for a fixed base."""
+        """Motion of a moving base, at the samples of all logs, at the reduced rate, in turn; None for a fixed base."""
         return joined_bases([log.motion.at(log.samples).base for log in self.logs])
 
     def robot_in(self, robot: Robot, log: int) -> Robot:
@@ -45,7 +45,7 @@ class Replay:
         return robot_in(robot, self.changes[log]) if self.changes else robot
 
     def in_band(self, series: Float[Array, "N nv"], log: int) -> Float[Array, "n nv"]:
-        """A series of one log, given at the full rate, filtered to the judged band."""
+        """A series of one log, given at the full rate, filtered to the judged band, at its reduced rate."""
         band = self.logs[log].band
         return narrowed(band(series), self.logs[log].valid_in_band, band, self.cutoff_hz)
 

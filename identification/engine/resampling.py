@@ -88,7 +88,7 @@ def probabilities(
 
     Args:
         losses: Held-out squares of each block in units of noise, by answer.
-        costs: Price of each answer, which is added to the losses; several prices have the same weight.
+        costs: Price of each answer, which is added to the losses; the mean over several arrays of prices is taken.
         others: Losses and costs with each other choice that should not matter, such as another band.
         by_halves: True to use each half of the blocks alone as well.
         lead: `share_of_wins` if other choices show how accurate the scores are, `share_by_likelihood` if only noise
@@ -104,6 +104,6 @@ def probabilities(
 
 
 def _shares(losses: Float[Array, "B m"], costs: Costs, lead: Lead, rng: np.random.Generator) -> Float[Array, " m"]:
-    """Share of the replicates that each answer wins, averaged over the prices."""
+    """Share of each answer in the replicates, averaged over the prices."""
     drawn = block_counts(len(losses), rng) @ losses
     return np.mean([lead(drawn + cost) for cost in costs], axis=0)

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# multiples of the threshold of chance: least gain in score of a set in which a structure without a name replaces 0, 1,
-# 2, or at least 3 named effects. It may be negative for three, because three causes at once are less likely than one.
+# multiples of the threshold of chance: least decrease of the score by a set in which a structure without a name (it
+# matches no effect of the catalogue) replaces 0, 1, 2, or at least 3 named effects. It may be negative for three,
+# because three causes at once are less likely than one.
 NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
 
 # gain: differences below this are rounding of the fits, and replace no set by another.
 ROUNDING = 1e-6
 
 # share: a structure without a name that replaces one or two causes has to gain, beyond the margin, this share of what
-# the set of effects explains. With its many shapes it gains this much from inaccuracies of their laws.
+# the set of effects explains. It is so flexible that it gains this much from errors of their laws.
 NAMELESS_ACCURACY = 0.015
 
 
@@ -39,6 +40,6 @@ def worth_its_numbers(margin: float, accuracy: float) -> GateResult:
 
     Args:
         margin: Score of the set with the special case minus the score of the set with the law.
-        accuracy: Gain of the law times the relative accuracy of the method.
+        accuracy: Gain of the law times the relative accuracy of derivatives, filters and linearised laws.
     """
     return GateResult("worth its numbers", margin, accuracy, "gain", margin >= accuracy)

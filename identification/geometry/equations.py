@@ -23,7 +23,7 @@ from identification.geometry.pins import (
     is_fixed_to,
     joint_index,
     move_frame,
-    position_changes,
+    position_sensitivities,
     rounded,
 )
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
@@ -217,7 +217,7 @@ def _equations_of_set(
     motions = _joint_columns(model, regressor)
     by_pin: dict[int, Array] = {}
     if problem.loops is not None:
-        changes = position_changes(replace(problem.loops, model=model), x)
+        changes = position_sensitivities(replace(problem.loops, model=model), x)
         regressor = rounded(regressor + motions @ changes.by_place)
         for frame, moves in changes.by_pin.items():
             by_pin[frame] = rounded(_pin_columns(model, one, frame, tool) + motions @ moves)

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.loops.chain import Anchor, ClosedChain, Constraints, constraints_of, error_and_slope
+from phantom_dyn.loops.chain import Anchor, ClosedChain, Constraints, constraints_of, error_and_jacobian
 from phantom_dyn.loops.solver import CLOSED, SINGULAR
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
@@ -31,11 +31,11 @@ _POSTURES = 12
 
 @dataclass(frozen=True)
 class KnownPlaces:
-    """Corrected places of a closed chain, from earlier diagnoses of poses.
+    """Corrected placements of joints and frames of a closed chain, from earlier diagnoses of poses.
 
     Attributes:
         twists: Correction of each joint, or frame of a loop, in its own axes [m, rad].
-        targets: Pose of the target on each frame.
+        targets: Pose of the tracker's target in the frame that carries it.
     """
 
     twists: Mapping[str, Float[Array, " 6"]] = field(default_factory=dict)
@@ -189,14 +189,14 @@ def _is_determined(loops: Loops, x: Float[Array, "n nt"]) -> bool:
     """True if the loops determine all their passive joints in every posture."""
     at, to_unknown = constraints_of(loops.model, loops.chain.anchors), loops.chain.linear_map[:, loops.chain.nv :]
     for positions in x:
-        values = np.linalg.svd(error_and_slope(at, positions)[1] @ to_unknown, compute_uv=False)
+        values = np.linalg.svd(error_and_jacobian(at, positions)[1] @ to_unknown, compute_uv=False)
         if len(values) < to_unknown.shape[1] or not values[-1] > SINGULAR * values[0]:
             return False
     return True
 
 
 def _pin_frame(model: pin.Model, row: int, point: Float[Array, " 3"], name: str) -> int:
-    """A frame of the body at a point: one of the file, if it differs only along the joint's axis, else a new one."""
+    """A frame of the body at a point: one of the file, if its origin differs only along the axis, else a new one."""
     index = joint_index(model, row)
     body, axis = _link_frame(model, index), _axis(model, index)
     for frame in range(model.nframes):
@@ -241,17 +241,17 @@ _MOST_STEPS = 20
 _LAST_STEP = 1e-11
 """Step [rad or m] below which a loop counts as closed."""
 _ROUNDING = 1e-10
-"""Motions of a frame per unit of an error below this are rounding, as from a turn about a passive joint's axis."""
+"""Derivatives below this are rounding, as of a turn about a passive joint's axis, and are set to zero."""
 
 
 @dataclass(frozen=True)
-class PositionChanges:
-    """Changes of all joint positions of the tree by errors, at ``n`` poses.
+class PositionSensitivities:
+    """Derivatives of all joint positions of the tree by errors, with the loops closed, at ``n`` poses.
 
     Attributes:
-        by_active: Per position of the active joints, ``(n, nt, nv)``.
-        by_place: Per twist of the places of all joints, in their own axes, ``(n, nt, 6 (njoints - 1))``.
-        by_pin: For each frame of a loop, per twist of its place in its own axes, each ``(n, nt, 6)``.
+        by_active: By the positions of the active joints, ``(n, nt, nv)``.
+        by_place: By twists of the placements of all joints, in their own axes, ``(n, nt, 6 (njoints - 1))``.
+        by_pin: For each frame of a loop, by twists of its placement in its own axes, each ``(n, nt, 6)``.
     """
 
     by_active: Float[Array, "n nt nv"]
@@ -275,7 +275,7 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
         at = constraints_of(loops.model, chain.anchors)
         for k in range(len(q)):
             for _ in range(_MOST_STEPS):
-                error, slope = error_and_slope(at, fixed[k] + S[:, nv:] @ z[k])
+                error, slope = error_and_jacobian(at, fixed[k] + S[:, nv:] @ z[k])
                 step = -np.linalg.pinv(slope @ S[:, nv:], rcond=SINGULAR) @ error
                 z[k] += step
                 if np.abs(step).max() <= _LAST_STEP:
@@ -283,8 +283,8 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
     return fixed + z @ S[:, nv:].T
 
 
-def position_changes(loops: Loops, x: Float[Array, "n nt"]) -> PositionChanges:
-    """Changes of the joint positions by errors, at positions that close the loops.
+def position_sensitivities(loops: Loops, x: Float[Array, "n nt"]) -> PositionSensitivities:
+    """Derivatives of the joint positions by errors, at positions that close the loops.
 
     Args:
         loops: Tree and loops.
@@ -296,10 +296,10 @@ def position_changes(loops: Loops, x: Float[Array, "n nt"]) -> PositionChanges:
     by_place = np.zeros((n, len(S), 6 * (model.njoints - 1)))
     by_pin = {frame: np.zeros((n, len(S), 6)) for frame in loops.pins}
     if not chain.anchors:
-        return PositionChanges(by_active, by_place, by_pin)
+        return PositionSensitivities(by_active, by_place, by_pin)
     at, configuration, data = constraints_of(model, chain.anchors), configurations(model, x), model.createData()
     for k in range(n):
-        slope = error_and_slope(at, x[k])[1] @ S
+        slope = error_and_jacobian(at, x[k])[1] @ S
         back = -S[:, nv:] @ np.linalg.pinv(slope[:, nv:], rcond=SINGULAR)
         by_active[k] += back @ slope[:, :nv]
         pin.framesForwardKinematics(model, data, configuration[k])
@@ -307,7 +307,7 @@ def position_changes(loops: Loops, x: Float[Array, "n nt"]) -> PositionChanges:
         by_place[k] = back @ places
         for frame, moves in pins.items():
             by_pin[frame][k] = back @ moves
-    return PositionChanges(by_active, by_place, by_pin)
+    return PositionSensitivities(by_active, by_place, by_pin)
 
 
 def _moved_frames(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"], dict[int, Float[Array, "m 6"]]]:
@@ -317,7 +317,7 @@ def _moved_frames(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"],
     for anchor, rows in zip(at.anchors, at.slices, strict=True):
         kept = rows.stop - rows.start
         apart = data.oMf[anchor.frame_a].actInv(data.oMf[anchor.frame_b])
-        # Of the second frame against the first, in the axes and, for shifts, at the place of the first.
+        # Twist of the second frame relative to the first, in the axes and at the origin of the first.
         second = apart.toActionMatrix()
         to_point = np.eye(6)
         to_point[:3, 3:] = -pin.skew(apart.translation)

@@ -62,8 +62,9 @@ def relative_cell(parameter: Parameter) -> str:
 def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
     """Row of the table of errors for each joint.
 
-    The columns are name, relative errors of given model, identified model and fit, RMS error, RMS difference between
-    full model and fit, unit, number of samples.
+    The columns are the joint, the relative torque errors of the given and of the identified model on held-out data,
+    that of the identified model on the samples of the fit, the RMS error on held-out data, the RMS difference between
+    the exported model with all parameters and the fit of the base parameters, the unit, and the number of samples.
     """
     return [
         (

@@ -79,8 +79,8 @@ def base_motion(
     return BaseMotion(w_root, dw_root, at_root)
 
 
-def torque_of_base(robot: Robot, motion: Motion) -> Float[Array, "N nv 9"]:
-    """Derivatives of the torque by angular velocity, angular acceleration and specific force of the root.
+def torque_jacobian_of_base(robot: Robot, motion: Motion) -> Float[Array, "N nv 9"]:
+    """Derivatives of the joint torques by angular velocity, angular acceleration and specific force of the root.
 
     The torque is quadratic in the angular velocity and linear in the others, so that differences are exact.
 
@@ -132,10 +132,10 @@ def contact_jacobian(robot: Robot, q: Float[Array, " nv"], frames: Sequence[str]
     return np.vstack([pin.getFrameJacobian(free, data, free.getFrameId(name), axes)[:3] for name in frames])
 
 
-def contact_free(
+def contact_null_space(
     robot: Robot, q: Float[Array, " nv"], frames: Sequence[str], rows: Bool[Array, " n"] | None = None
 ) -> Float[Array, "k m"]:
-    """Combinations of the rows of base and joints that contact forces at frames do not change, orthonormal columns.
+    """Null space of the contact Jacobian: combinations of rows of base and joints that contact forces do not change.
 
     Args:
         robot: Robot with a floating base.

@@ -15,9 +15,9 @@ from phantom_dyn.loops.chain import (
     ClosedChain,
     Constraints,
     constraints_of,
-    error_and_slope,
+    error_and_jacobian,
     nearest,
-    sentence_of_worst,
+    widest_open_anchor,
 )
 from phantom_dyn.loops.solver import CLOSED, SINGULAR
 
@@ -45,7 +45,7 @@ def assembled(model: pin.Model, chain: ClosedChain, config: Path) -> ClosedChain
         every = replace(chain, active=(), unknowns=(*chain.active, *chain.unknowns))
         y, error, _ = nearest(every, at, np.zeros(0), np.concatenate([active, unknowns]))
     if not _closed(error):
-        label, apart = sentence_of_worst(chain, at, error)
+        label, apart = widest_open_anchor(chain, at, error)
         raise RobotError(f"{config}: {label} cannot be closed, its frames stay {apart} apart: {_HINT}.")
     return replace(chain, start=chain.linear_map @ y + chain.offset)
 
@@ -71,7 +71,7 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
         RobotError: If the numbers do not fit, or the start is singular.
     """
     at = constraints_of(model, chain.anchors)
-    slope = error_and_slope(at, chain.start)[1] @ chain.linear_map
+    slope = error_and_jacobian(at, chain.start)[1] @ chain.linear_map
     nv, names = chain.nv, [model.names[1 + k] for k in chain.unknowns]
     labels = " and ".join(anchor.label for anchor in chain.anchors)
     passive, every = _rank(slope[:, nv:]) if names else 0, _rank(slope)
@@ -93,7 +93,7 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
 def _elsewhere(chain: ClosedChain, at: Constraints) -> Float[Array, "m n"]:
     """Derivative of the loop constraints at a generic posture, away from the start."""
     turned = 0.3 * np.sin(1 + np.arange(chain.linear_map.shape[1]) ** 2)
-    return error_and_slope(at, chain.start + chain.linear_map @ turned)[1] @ chain.linear_map
+    return error_and_jacobian(at, chain.start + chain.linear_map @ turned)[1] @ chain.linear_map
 
 
 def _loose(slope: Float[Array, "m n"], names: list[str]) -> str:

@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Description of a closed chain: a tree, its active and passive joints, and the anchors that close its loops.
 
-An anchor keeps two frames together. This module computes, with Pinocchio, the distance between the two frames, the
-Jacobian of the distance, and the passive positions at which the distance is smallest.
+An anchor keeps two frames together. This module computes, with Pinocchio, the error of the anchors, which is the
+displacement and, if the anchor fixes orientations, the rotation between its two frames; the Jacobian of the error; and
+the passive positions at which the norm of the error is smallest.
 """
 
 from __future__ import annotations
@@ -103,8 +104,8 @@ def constraints_of(model: pin.Model, anchors: tuple[Anchor, ...]) -> Constraints
     return Constraints(model, anchors, model.createData(), tuple((one, one.createData()) for one in made))
 
 
-def error_and_slope(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Array, " m"], Float[Array, "m nt"]]:
-    """Distance between the frames of each anchor [m, then rad], in the axes of its first frame, and its Jacobian."""
+def error_and_jacobian(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Array, " m"], Float[Array, "m nt"]]:
+    """Error of each anchor, displacement [m] and rotation vector [rad] in the axes of its first frame, and Jacobian."""
     pin.computeJointJacobians(at.model, at.data, configurations(at.model, x[None])[0])
     errors, slopes = [], []
     for constraint, data in at.pairs:
@@ -117,12 +118,12 @@ def error_and_slope(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Arra
 def nearest(
     chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
 ) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
-    """Unknowns with the smallest distance of the frames (Levenberg-Marquardt), and error and Jacobian at them."""
+    """Unknowns with the smallest norm of the error (Levenberg-Marquardt), and error and Jacobian there."""
     S, nv = chain.linear_map, chain.nv
     fixed, damping = S[:, :nv] @ q + chain.offset, _DAMPING
 
     def evaluate(unknowns: Array) -> tuple[Array, Array]:
-        found, slope = error_and_slope(at, fixed + S[:, nv:] @ unknowns)
+        found, slope = error_and_jacobian(at, fixed + S[:, nv:] @ unknowns)
         return found, slope @ S[:, nv:]
 
     error, slope = evaluate(z)
@@ -141,8 +142,8 @@ def nearest(
     return z, error, slope
 
 
-def sentence_of_worst(chain: ClosedChain, at: Constraints, error: Float[Array, " m"]) -> tuple[str, str]:
-    """Label of the anchor with the largest distance, and this distance in words."""
+def widest_open_anchor(chain: ClosedChain, at: Constraints, error: Float[Array, " m"]) -> tuple[str, str]:
+    """Label of the anchor with the largest error, and the size of this error in words."""
     worst = max(range(len(chain.anchors)), key=lambda k: float(np.linalg.norm(error[at.slices[k]])))
     rows = error[at.slices[worst]]
     apart = f"{np.linalg.norm(rows[:3]):.3g} m"

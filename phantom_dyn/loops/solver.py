@@ -24,9 +24,9 @@ from phantom_dyn.loops.chain import (
     ClosedChain,
     Constraints,
     constraints_of,
-    error_and_slope,
+    error_and_jacobian,
     nearest,
-    sentence_of_worst,
+    widest_open_anchor,
 )
 
 CLOSED = 1e-6
@@ -261,7 +261,7 @@ def _newton(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Floa
     S, nv = chain.linear_map, chain.nv
     fixed = S[:, :nv] @ q + chain.offset
     for _ in range(_ITERATIONS):
-        error, slope = error_and_slope(at, fixed + S[:, nv:] @ z)
+        error, slope = error_and_jacobian(at, fixed + S[:, nv:] @ z)
         slope = slope @ S
         inverse = _inverse(slope[:, nv:])
         if inverse is None:
@@ -284,7 +284,7 @@ def _inverse(slope: Float[Array, "m nz"]) -> Float[Array, "nz m"] | None:
 def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"], where: str) -> str:
     """Sentence on a loop that cannot be closed: out of reach if its smallest distance is not zero, else singular."""
     z, error, slope = nearest(chain, at, q, z)
-    label, apart = sentence_of_worst(chain, at, error)
+    label, apart = widest_open_anchor(chain, at, error)
     if np.abs(error).max() > CLOSED:
         return (
             f"The loop {label} cannot be closed at {where}: its frames stay {apart} apart; "

@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.data.log import Log
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.dynamics.moving_base import place_on_base, torque_of_base
+from phantom_dyn.dynamics.moving_base import place_on_base, torque_jacobian_of_base
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
 
@@ -43,7 +43,7 @@ def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str
         log: Gives the frames of the sensors.
         motion: Motion of the log, or a part of it.
     """
-    slopes = torque_of_base(robot, motion)
+    slopes = torque_jacobian_of_base(robot, motion)
     changes = _corrections(robot, log, motion)
     return {name: np.einsum("njk,nk->nj", slopes, change) for name, change in changes.items()}
 
@@ -51,7 +51,7 @@ def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str
 def torque_of_base_errors(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
     """Change of the modelled torque if several errors of given sizes are removed from the readings at once."""
     change = _without(robot, log, log.motion, sizes)
-    return np.einsum("njk,nk->nj", torque_of_base(robot, log.motion), change)
+    return np.einsum("njk,nk->nj", torque_jacobian_of_base(robot, log.motion), change)
 
 
 def base_without_errors(robot: Robot, log: Log, rows: slice, sizes: Iterable[tuple[str, float]]) -> BaseMotion | None:

@@ -13,7 +13,7 @@ from identification.data.floating.base_columns import carrying_joints
 from identification.data.floating.detected_contacts import slow_motion
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array
-from phantom_dyn.dynamics.moving_base import contact_free, wrench_and_torque
+from phantom_dyn.dynamics.moving_base import contact_null_space, wrench_and_torque
 from phantom_dyn.model.robot import Robot
 
 _RATE = 50.0
@@ -48,7 +48,7 @@ def stance_words(recording: Recording, robot: Robot) -> str:
         swings += int((~held).sum())
         if frames:
             used = np.concatenate([np.ones(6, dtype=bool), held])
-            free = contact_free(robot, motion.q[row], frames, used)
+            free = contact_null_space(robot, motion.q[row], frames, used)
             residuals.append(free.T @ (given[k] - needed[k])[used])
             modelled.append(free.T @ needed[k][used])
     if not residuals:

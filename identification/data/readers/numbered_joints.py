@@ -32,7 +32,7 @@ def joints_of_numbers(
         return dict(zip(numbers, raw.joint_names, strict=True)), ()
     if joints is None:
         return {number: str(number) for number in numbers}, ()
-    for order in raw.motor_orders:
+    for order in raw.documented_joint_orders:
         known = dict(zip(numbers, order, strict=False))
         if set(joints) <= set(known.values()):
             joint_of_number = {number: joint for number, joint in known.items() if joint in joints}

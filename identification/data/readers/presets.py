@@ -34,12 +34,12 @@ class Preset:
     Attributes:
         name: Name for ``--columns``.
         entries: Alternatives by key, as in its file.
-        motor_orders: Orders of joint names that the format's documentation gives for its numbers.
+        documented_joint_orders: Orders of joint names that the format's documentation gives for its numbers.
     """
 
     name: str
     entries: dict[str, list[Any]]
-    motor_orders: tuple[tuple[str, ...], ...] = ()
+    documented_joint_orders: tuple[tuple[str, ...], ...] = ()
 
 
 def preset_of(columns: str | Path) -> Preset | None:

@@ -147,7 +147,7 @@ def read_table(
         raw = columns_joined(raw, [read_raw(one) for one in others])
     if preset is not None:
         raw = with_neighbours(Path(path), raw) if preset.name == "sage" else raw
-        raw = replace(raw, motor_orders=raw.motor_orders or preset.motor_orders)
+        raw = replace(raw, documented_joint_orders=raw.documented_joint_orders or preset.documented_joint_orders)
         own_map = map_of(preset, raw, joints)
     elif own_map is None and raw.asks_units:
         raise LogError(units_question(raw, joints))

@@ -44,9 +44,10 @@ class OwnEffect(Effect):
         self.name = own_name(inner.name, recording)
         self._contains = tuple(own_name(name, recording) for name in inner.contains)
         self.scope, self.regime, self.words, self.acts_as = inner.scope, inner.regime, inner.words, inner.acts_as
-        # A gain in one recording does not scale the torque in the others; a shape is fitted to this recording alone.
+        # A gain in one recording does not scale the torque in the others.
         self.made_of = tuple(source for source in inner.made_of if source != "whole joint")
         self.inertial, self.shows_with = inner.inertial, inner.shows_with
+        # The shape is fitted to this recording alone.
         self.fitted = "plain" if inner.fitted == "shape held" else inner.fitted
 
     @property
@@ -71,7 +72,10 @@ class OwnEffect(Effect):
         return only_in(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds of the difference from the other recordings: friction may be smaller, a delay is never negative."""
+        """Bounds of the coefficients, which are differences from the other recordings.
+
+        There are none, as friction may be smaller, but for effects whose shape is estimated: no delay is negative.
+        """
         return self.inner.coefficient_bounds(robot, joint, shape) if self.shape_is_estimate else ()
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
@@ -162,8 +166,8 @@ ALIKE = Differences()
 def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Differences:
     """Models and own effects that follow from known and unknown changes.
 
-    For each kind of unknown change, all recordings that do not name it share one amount. If all recordings name it, the
-    first one is the reference.
+    For each kind of unknown change, all recordings that do not state it share one value. If all recordings state it,
+    the first one is the reference.
 
     Args:
         changes: One for each recording, those held out at the end; empty if nothing is known.

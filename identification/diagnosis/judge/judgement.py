@@ -124,7 +124,7 @@ class _ResidualAndFloor:
     Attributes:
         torque: Torque of the corrected model for each log.
         residual: Residual after the named effects, in the judged band.
-        whole: Residual after all effects, structures without a name included.
+        whole: Residual after all effects, fitted torques that match no effect of the catalogue included.
         friction_variance: Variance of the friction torque where joints stand, creep or reverse.
         rounding: Spurious torque of coarse readings.
         floor: Noise floor of each joint.
@@ -157,7 +157,7 @@ def _shown_and_residual(explanation: Explanation, plain: Search, noise: Series) 
         size = np.where(joints, residual_sums(plain.problem, left.residual).rms(), 0.0)
         certain = size / left.floor.raised_by(largest_predictable_noise(left.judge)).allowed
         if certain.max() > 1.0:
-            # Above the noise whatever part of it is predictable, which takes long to compute.
+            # Above the largest noise that is possible: the predictable part, which takes long, is not needed.
             return certain
         return size / _with_predictable_noise(left, plain, chosen, noise, joints).floor.allowed
 
@@ -207,7 +207,10 @@ def _above_noise(left: _ResidualAndFloor) -> bool:
 def _residual_of(
     explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: SensorFloors
 ) -> _ResidualAndFloor:
-    """Residual after a set of effects, and the noise floor without the noise that a flexible model can predict."""
+    """Residual after a set of effects, and the noise floor without the noise that moves the joint.
+
+    A flexible model can predict that noise from the motion.
+    """
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
     torque = held_out_torque(problem, named, plain.held_out_fit(named))
     residual = whole = session.in_judged_band(residual_after(problem, torque))
@@ -230,7 +233,7 @@ def _with_predictable_noise(
     noise: Series,
     joints: Bool[Array, " nv"] | None = None,
 ) -> _ResidualAndFloor:
-    """The residual, with a noise floor that includes the noise that a flexible model can predict.
+    """The residual, with a noise floor that includes the noise that moves the joint, which models can predict.
 
     Args:
         left: The residual, with a floor that lacks this noise.
@@ -321,7 +324,7 @@ def joint_gaps(
     """
     robot, torque = problem.session.robot, residual_sums(problem, measured_torque(problem)).rms()
     of_drive = 0.0 if foreseen else DRIVE_CLASSES[robot.torque_source].of_noise * torque
-    # Repetitions show the noise of the drive, too. Gates need less than that: the torque of an effect is not random.
+    # Repetitions show the noise of the drive, too. Gates compare with less: the torque of an effect is not random.
     highest = np.where(np.array(floor.source) == SENSORS, np.maximum(floor.high, of_drive), floor.high)
     out = []
     for j, joint in enumerate(robot.joint_names):
@@ -335,7 +338,7 @@ def joint_gaps(
                 float(before.rms()[j]),
                 left,
                 noise,
-                # Samples count as far as their friction is certain, so that the sum of a judged joint may be below one.
+                # Samples where friction is uncertain have small weights, so that their sum may be below one.
                 int(np.ceil(after.counts[:, j].sum())),
                 rms_torque=float(torque[j]),
                 rms_within_tolerance=tolerated,

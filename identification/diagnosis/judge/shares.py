@@ -30,15 +30,16 @@ def residual_sums_with(plain: Search, chosen: frozenset[Term]) -> ResidualSums:
 
 
 def exceeds_floor(judge: Judge, within: ResidualSums) -> bool:
-    """True if the loss within the tolerances is more than the noise floor's interval allows."""
+    """True if the loss after the best changes within tolerance is more than the noise floor's interval allows."""
     once = np.ones((1, len(within.counts)))
     return float(within.loss(judge.floor, once)[0]) > float(np.mean((judge.highest / judge.floor) ** 2))
 
 
 def gap_of(judge: Judge, within: ResidualSums, after: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-    """The gap of which shares are stated: loss within tolerance above the noise, for weighted blocks.
+    """The gap of which shares are stated: loss after the best changes within tolerance, above the noise.
 
-    The mean loss may be below the noise while one joint is above it: then the gap is the loss that the findings close.
+    A loss is the mean square in units of the noise floor, over weighted blocks. The mean loss may be below the
+    noise while one joint is above it: then the gap is the loss that the findings close.
     """
     base = within.loss(judge.floor, weights)
     beyond = base - 1.0 if exceeds_floor(judge, within) else base - after.loss(judge.floor, weights)
@@ -54,14 +55,15 @@ def drawn_blocks(counted: ResidualSums) -> Float[Array, "R B"]:
 def least_shares_closed(
     left: Callable[[frozenset[Term]], ResidualSums], chosen: frozenset[Term], sound: Float[Array, " nv"]
 ) -> dict[Term, float]:
-    """Lower end of the bootstrap interval of the gap that each effect closes, over the gap that it closes.
+    """The loss that each effect removes for sure (2.5 % of the bootstrap), divided by the loss that it removes.
 
-    The residual of each joint is divided by that of a sound model, or by the residual with all effects if that is a
-    gap: else a joint with a large unexplained residual would hide the gap that an effect closes on another joint. It is
-    minus one for an effect that closes nothing. Near twins are left out, as each closes the gap of the other.
+    The residual of each joint is divided by that of a sound model or, if larger, by the residual with all effects over
+    the largest that is no gap: else a joint with a large unexplained residual would hide the gap that an effect closes
+    on another joint. It is minus one for an effect that closes nothing. Near twins are left out, as each closes the gap
+    of the other.
 
     Args:
-        left: Squared residuals of a set of them in the judged band.
+        left: Gives the squared residuals of a set of effects in the judged band.
         chosen: The effects.
         sound: Residual of each joint with a sound model.
     """

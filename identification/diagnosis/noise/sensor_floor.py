@@ -1,8 +1,9 @@
 """Noise floor of each joint from its sensors: their noise, propagated to the torque in the judged band.
 
-New encoder noise is drawn for the smooth motion and goes through derivatives, model and filters; the noise of the
-torque is the white density of its readings, or of the torque balance where the torque is a command. No fit of a model
-and no flexible predictor is used, because a torque that these do not predict need not be noise.
+New encoder noise is drawn for the smooth motion and goes through derivatives, model and filters. The noise of the
+torque is white; its density is that of the readings or, if the torque is a command, that of the measured minus the
+modelled torque (the torque balance). No fit of a model and no flexible predictor is used, because a torque that these
+do not predict need not be noise.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from phantom_dyn.random_streams import random_stream
 # Noise of each joint's position readings in each log; None where it is not known.
 Readings = tuple[tuple[ReadingNoise | None, ...], ...]
 
-_METHOD = 1.25  # factor by which the density may differ from a clean recording's (benchmarks/noise_floor.py)
+_DENSITY_UNCERTAINTY = 1.25  # largest factor between estimated and true density (benchmarks/noise_floor.py)
 _DRAWS = 4  # number of draws of reading errors: with one draw, their torque in a narrow band is uncertain by a tenth
 
 
@@ -72,8 +73,8 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
         if density is not None:
             torque[j] = np.sqrt(density.value * gain)
             value[j] = np.hypot(torque[j], encoders[j])
-            low[j] = np.hypot(np.sqrt(density.low / _METHOD * gain), encoders[j])
-            high[j] = np.hypot(np.sqrt(density.high * _METHOD * gain), encoders[j])
+            low[j] = np.hypot(np.sqrt(density.low / _DENSITY_UNCERTAINTY * gain), encoders[j])
+            high[j] = np.hypot(np.sqrt(density.high * _DENSITY_UNCERTAINTY * gain), encoders[j])
     return SensorFloor(value, low, high, torque, encoders)
 
 
@@ -96,7 +97,7 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
     out: list[Density | None] = []
     for j in range(robot.nv):
         balance = _mean_density([balance_noise(own[j], deviations) for own in parts], seconds)
-        # A command has no sensor: above the motion it shows what the controller asked for.
+        # A command has no sensor: at frequencies above the motion it shows the controller's answer.
         seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
         out.append(_smaller_density(seen, balance))
     return out
@@ -105,8 +106,8 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
 def _smaller_density(seen: Density | None, balance: Density | None) -> Density | None:
     """The smaller of two estimates, each of which may be too large.
 
-    Jumps of friction raise what is seen in the readings, errors of the model raise the balance. Where encoders hide the
-    balance, it is no estimate but an upper limit: what is seen counts up to that.
+    Jumps of friction raise what is seen in the readings, errors of the model raise the balance. If the noise of
+    encoders dominates the balance, the density of the readings counts up to the balance's upper end.
     """
     if seen is not None and balance is not None and balance.may_be_nothing:
         return Density(min(seen.value, balance.high), balance.low, balance.high)

@@ -1,4 +1,8 @@
-"""Gates of the search, applied to effects in a set, and backward elimination of effects that fail them."""
+"""Gates of the search, applied to effects in a set, and backward elimination of effects that fail them.
+
+A claim says that effects are there. A gate is a test that a claim has to pass. The gap is what the given model leaves
+above the noise.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +30,11 @@ _MOST_TRIED = 12
 
 
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
-    """Held-out gain that a claim needs: more than chance gives, and a fair part of the gap on the joints of the claim.
+    """Held-out gain that a claim needs: more than chance gives, and a fair part of the gap where it gains.
 
     An effect may have columns on a joint with a large gap and gain on another joint. Its gain counts only on joints
-    where it is a fair part of the gap. If the set contains wrong inertial parameters, the gap is computed after these,
-    because their columns are exact.
+    where it is a fair part of the gap. If the set contains corrections of inertial parameters, the gap is what these
+    leave, because their columns are exact.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
@@ -83,6 +87,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     extra = search.price_of(chosen) - search.price_of(without)
     by_row = plain.row_losses - rich.row_losses
     needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
+    # A near twin may hide the gain. If the torque of the new effects is large enough, they need what chance gives.
     if _torque_beside_twins(new, without, rich) > needed:
         needed = min(needed, search.threshold.of(*new))
     yield fair_part_of_the_gap(gain, needed)

@@ -12,9 +12,9 @@ EffectJoint = tuple[str, str | None]
 
 
 class Record:
-    """Decisions on effects, by effect and joint for all shapes together; of each gate the last result counts.
+    """Decisions on effects: one entry for an effect and joint, with the last result of each gate.
 
-    Structures without a name have no entries of their own; they may be what replaced an effect.
+    All shapes of a law share the entry. Torques that match no effect have none, but may replace effects.
     """
 
     def __init__(self) -> None:
@@ -55,10 +55,10 @@ class Record:
         """All effects and joints that were claimed at any time, in the order of their first claim."""
         return tuple(self._results)
 
-    def results_of(self, cause: EffectJoint) -> tuple[GateResult, ...]:
-        """Last result of each gate that an effect met."""
-        return tuple(self._results.get(cause, {}).values())
+    def results_of(self, effect_joint: EffectJoint) -> tuple[GateResult, ...]:
+        """Last result of each gate that was applied to an effect."""
+        return tuple(self._results.get(effect_joint, {}).values())
 
-    def replacements_of(self, cause: EffectJoint) -> tuple[EffectJoint, ...]:
+    def replacements_of(self, effect_joint: EffectJoint) -> tuple[EffectJoint, ...]:
         """Effects that replaced an effect; empty if none did."""
-        return self._replacements.get(cause, ())
+        return self._replacements.get(effect_joint, ())

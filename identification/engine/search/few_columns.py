@@ -72,11 +72,11 @@ def set_fits(
     bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
     seen: Bool[Array, " p"],
 ) -> SetFits:
-    """Products of columns and residual, both projected off the nuisances.
+    """Fits of all sets of columns, from the products of columns and residual.
 
     Args:
-        columns: In units of noise.
-        residual: In units of noise.
+        columns: In units of noise, projected off the nuisances.
+        residual: The same of the residual.
         bounds: Least and largest coefficient of each column.
         seen: False for columns that are linear combinations of nuisances.
     """
@@ -140,7 +140,7 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
         fits: Products.
         chosen: All columns that were found.
         group: Some of them.
-        near: Squares by which a rival may fit worse.
+        near: Largest increase of the sum of squares by a rival.
     """
     rest, most = tuple(k for k in chosen if k not in group), fits.squares(chosen) + near
     out = []
@@ -156,13 +156,13 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
 def until_same_set(
     state: State, search: Callable[[State, int], tuple[State, Chosen]], recompute: Callable[[State, Chosen], State]
 ) -> tuple[State, Chosen]:
-    """The set that a search finds again after the columns were computed at the fit of that set.
+    """Search, and compute the columns at the fit of the set found, until a search finds the same set again.
 
-    The search also ends if it returns to an earlier set.
+    It also ends if a search returns to an earlier set. Returns the last state and set.
 
     Args:
-        state: With the columns of the first search.
-        search: A search: the state after it and the set found, from a state and the number of earlier rounds.
+        state: Initial state, with the columns of the first search.
+        search: Takes a state and the number of earlier rounds, returns the new state and the set found.
         recompute: The state with columns computed at the fit of a set.
     """
     chosen: Chosen = ()

@@ -11,8 +11,9 @@ by the noise, the same moments give the motor force while the hand is at rest.
 
 References:
     O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-Time Markov Jump Linear Systems, 2005, chapter 3 (recalled,
-    not read). The chapter of `force_feedforward` mentions noise of the force sensor, and the same book describes a
-    wireless controller, both without equations. Tests compare with spectra, the loop without loss, and simulation.
+    not read). The source of `force_feedforward` mentions noise of the force sensor, and another chapter of its book
+    describes a wireless controller, both without equations. Tests compare with spectra, the loop without loss, and
+    simulation.
 """
 
 from __future__ import annotations

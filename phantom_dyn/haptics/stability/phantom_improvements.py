@@ -20,13 +20,15 @@ ratio follows. **None of these numbers is published, and none is measured here.*
 - **Damping, 5.0 to 11 N s/m.** The strongest virtual damper "over the entire workspace" is that of the lightest
   direction, z with 32.2 g at the origin in the dynamic model. The lags of both estimators are published, so that one
   number is unknown. A damping of the hand of 1.11 N s/m gives the ratio, and also **both values** within 0.2 %, to
-  which it was not fitted. A hand without damping gives a ratio of 5.7. This is the linear loop; with the encoder's
-  edges the period measurement allows some 7 N s/m. The paper does not describe its "additional software logic".
+  which it was not fitted. A hand without damping gives a ratio of 5.7. This is the linear loop; with the steps of
+  the encoder, velocities from the time between steps allow some 7 N s/m. The paper does not describe its "additional
+  software logic".
 - **Loop gain, +50 %.** By the linear condition, a stock amplifier with a delay of 0.25 ms gives the ratio for any
   damping of the two devices.
 
-Wall and loop gain together need one more number. If the same amplifier has a delay of 0.25 ms, the wall improves by 35
-% only if its loop is 0.21 ms (0.25 / 0.35 ms minus half a period) later than that of teleoperation in both set-ups.
+Wall and loop gain together need one more number. Suppose that the amplifier of the wall has this delay of 0.25 ms, too.
+Then +35 % needs 0.25 ms = 0.35 (T/2 + d): in both set-ups the loop of the wall has a further delay d = 0.21 ms, which
+the loop of teleoperation does not have.
 """
 
 from __future__ import annotations

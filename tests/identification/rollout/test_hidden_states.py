@@ -21,10 +21,10 @@ from identification.engine.products.blocks import Block
 from identification.notes import Code
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion
-from identification.rollout.followed import with_followed
 from identification.rollout.rollout_starts import Window, given_torque, spread, true_state, windows_in
 from identification.rollout.shots import has_hidden_states, under_torque
 from identification.rollout.simulated_models import model_of
+from identification.rollout.simulated_motion import with_simulated_motion
 from identification.words.note_words import sentence
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
@@ -370,6 +370,6 @@ def test_swings_of_two_legs_at_once_are_both_drawn():
         WindowMotion(Window(0, 20, 70, 0, 0, (0,)), one, one),
         WindowMotion(Window(0, 30, 80, 0, 0, (1,)), other, other),
     )
-    followed = with_followed(evidence, Rollout(0.5, {}, {}, motions=motions), (log,)).followed
+    followed = with_simulated_motion(evidence, Rollout(0.5, {}, {}, motions=motions), (log,)).followed
     assert np.flatnonzero(followed.before[:, 0] == 1.0).tolist() == list(range(21, 70))
     assert np.flatnonzero(followed.after[:, 1] == 2.0).tolist() == list(range(31, 80))

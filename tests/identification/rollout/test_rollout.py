@@ -12,12 +12,12 @@ from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Judgement, Unexplained
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion, horizon_of
-from identification.rollout.followed import with_followed
 from identification.rollout.joint_limits import EngagedLimit, Simulated, limit_notes, limits_engaged, recorded_past
 from identification.rollout.rollout import _without_gaps, motion_deviations, unknown_if_motion_deviates
 from identification.rollout.rollout_starts import States, Window, given_torque, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import model_of, with_load
+from identification.rollout.simulated_motion import with_simulated_motion
 from identification.words.note_words import sentence, sentences
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
@@ -328,7 +328,7 @@ def log() -> Log:
 def test_each_window_stands_at_its_own_samples_but_for_its_first():
     logs, read = (log(), log()), np.arange(50.0)[:, None]
     motions = (WindowMotion(Window(1, 20, 70, 0, 0), read, -read),)
-    found = with_followed(evidence(42), Rollout(0.1, {}, {}, motions=motions, controlled=True), logs).followed
+    found = with_simulated_motion(evidence(42), Rollout(0.1, {}, {}, motions=motions, controlled=True), logs).followed
     assert found is not None
     assert (round(found.seconds, 9), found.controlled) == (0.49, True)
     expected = np.full(42, np.nan)
@@ -339,4 +339,4 @@ def test_each_window_stands_at_its_own_samples_but_for_its_first():
 
 def test_nothing_simulated_changes_nothing():
     given = evidence(21)
-    assert with_followed(given, Rollout(None, {}, {}), (log(),)) is given
+    assert with_simulated_motion(given, Rollout(None, {}, {}), (log(),)) is given

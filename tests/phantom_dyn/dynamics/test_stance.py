@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.dynamics.moving_base import base_motion, contact_free, wrench_and_torque
+from phantom_dyn.dynamics.moving_base import base_motion, contact_null_space, wrench_and_torque
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -69,17 +69,17 @@ def test_without_forces_the_rows_of_base_and_joints_are_those_of_pinocchio(on_th
 
 
 def test_projected_rows_do_not_depend_on_the_forces(robot, on_the_ground, rng):
-    some = contact_free(robot, on_the_ground.q, FEET)
+    some = contact_null_space(robot, on_the_ground.q, FEET)
     for size in (0.0, 1.0, 30.0):
         asked, needed = on_the_ground(size * rng.normal(size=(2, 3)))
         np.testing.assert_allclose(some.T @ (asked - needed), 0.0, rtol=0, atol=1e-10)
 
 
 def test_as_many_rows_are_left_as_two_points_do_not_take(robot, on_the_ground):
-    assert contact_free(robot, on_the_ground.q, FEET).shape == (12, 6)
+    assert contact_null_space(robot, on_the_ground.q, FEET).shape == (12, 6)
 
 
 def test_a_joint_with_its_foot_in_the_air_is_one_of_the_rows(robot, on_the_ground):
-    some = contact_free(robot, on_the_ground.q, FEET[:1])
+    some = contact_null_space(robot, on_the_ground.q, FEET[:1])
     own = np.eye(12)[:, 9:]
     np.testing.assert_allclose(some @ (some.T @ own), own, atol=1e-10)

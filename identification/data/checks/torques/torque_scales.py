@@ -49,8 +49,8 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     for j, regression in enumerate(regress_joints(with_external, model)):
         if regression is None:
             continue
-        # If the links make a small share of the torque, rotors and friction under load can only raise the slope, which
-        # is the ratio of measured to modelled torque.
+        # Rotor inertia and friction under load can only raise the slope, which is the ratio of measured to modelled
+        # torque. So a slope that is not too high counts even if the links make a small share of the torque.
         clear = regression.model_share > _CLEAR * regression.unexplained and 0 < max(regression.slope) < np.exp(
             OWN_FACTOR
         )
@@ -147,6 +147,6 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
     load = "carries a load or is heavier" if scale < 1 else "is lighter"
     return (
         f"the {which} of {names(robot, joints)} {are} {1 / scale:.2g} times what weight "
-        f"and inertia of the model need{alike}: if the robot {load} than its model, nothing is to be done, as the "
-        f"diagnosis says so; if this is a motor current, with a factor of about {scale:.2g} {units}"
+        f"and inertia of the model need{alike}: if the robot {load} than its model, nothing has to be done: the "
+        f"diagnosis will say so; if this is a motor current, with a factor of about {scale:.2g} {units}"
     ), entries

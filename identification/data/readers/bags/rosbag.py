@@ -261,7 +261,7 @@ def _table(file: str, states: _Topic, references: _Topic | None) -> RawTable:
         place=lambda row: f"message {row + 1}",
         warnings=warnings,
         numbered=not names,
-        motor_orders=MOTOR_ORDERS if states.kind in DOCUMENTED_ORDER else (),
+        documented_joint_orders=MOTOR_ORDERS if states.kind in DOCUMENTED_ORDER else (),
     )
     if references is None:
         return table

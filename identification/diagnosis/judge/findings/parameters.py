@@ -73,7 +73,7 @@ def _stated_law(
     values = law(x)
     slope = np.empty((len(values), len(x)))
     for k in range(len(x)):
-        # Over a hundredth of a standard deviation every law is linear.
+        # For a step of a hundredth of a standard deviation every law is linear.
         step = 0.01 * np.sqrt(max(cov[k, k], 1e-30))
         shifted = x.copy()
         shifted[k] += step

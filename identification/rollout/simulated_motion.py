@@ -12,8 +12,8 @@ from identification.diagnosis.evidence import Evidence, Followed
 from identification.rollout.compare import Rollout
 
 
-def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> Evidence:
-    """Evidence with the simulated motion of both models; unchanged if no motion was simulated.
+def with_simulated_motion(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> Evidence:
+    """Evidence with the simulated motion of the given and of the corrected model; unchanged if no motion was simulated.
 
     Args:
         evidence: Samples of all recordings, one after the other.
@@ -33,7 +33,8 @@ def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> 
         at = firsts[window.log] + inside
         for out, q in ((before, motion.given), (after, motion.corrected)):
             here = q[rows[inside] - window.start]
-            # Other legs may swing at the same time, in other windows.
+            # A window simulates one swinging leg of a legged robot, and its other joints are NaN. Windows of several
+            # legs may overlap.
             out[at] = np.where(np.isnan(here), out[at], here)
         t = logs[window.log].motion.t
         seconds = max(seconds, float(t[window.stop - 1] - t[window.start]))
