@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.data.checks.one_line import is_one_sine
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.fewer_columns import columns_for
 from identification.diagnosis.columns.session import Series
@@ -156,13 +155,12 @@ def strong_motion_search(
 def _strong_up_to(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
     """Frequency [Hz] up to which the torque has `MOVED_BY_NOISE` times the power of the residual; may be infinite.
 
-    If the torque is a single sine, frequencies below that of the sine are not tested.
+    Frequencies below that of the largest power are not tested: below a periodic motion there is no motion.
     """
     length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
     f, noise = power_density(rest, rate_hz, length)
     _, power = power_density(torque, rate_hz, length)
     # The first bin is the mean, which the spectrum removes.
     weak = (power < moved_joints.MOVED_BY_NOISE * noise) & (f > 0.0)
-    if is_one_sine(torque):
-        weak[: np.argmax(power)] = False
+    weak[: np.argmax(power)] = False
     return float(min(f[weak], default=np.inf))

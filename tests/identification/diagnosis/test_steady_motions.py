@@ -146,7 +146,9 @@ def test_a_joint_on_a_coarse_encoder_stands_where_it_stands_and_not_between_its_
     assert stands[(t > 1.0) & (t < 3.0) | (t > 9.0) & (t < 11.0)].all()
 
 
-def test_a_sine_counts_as_loud_up_to_its_line(rng):
+@pytest.mark.parametrize("harmonic", [0.0, 0.4])
+def test_a_periodic_torque_is_strong_up_to_its_first_line(rng, harmonic):
+    # Closed form: a sine, and the weight of a lever that swings far, which has its third harmonic.
     t = np.arange(4000) / 100.0
-    edge = _strong_up_to(0.01 * rng.standard_normal(len(t)), np.sin(2 * np.pi * 5.0 * t), 100.0)
-    assert 5.0 < edge < 8.0
+    torque = np.sin(2 * np.pi * 5.0 * t) + harmonic * np.sin(2 * np.pi * 15.0 * t)
+    assert 5.0 < _strong_up_to(0.01 * rng.standard_normal(len(t)), torque, 100.0) < 8.0
