@@ -22,6 +22,16 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.imitation import (
+    OF_A_MODEL,
+    UNCERTAIN,
+    beside_imitation,
+    imitation_of,
+    is_inertial_or_scale,
+    joints_on_lines,
+    joints_with_computed_torque,
+    with_limit,
+)
 from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
 from identification.diagnosis.judge.findings.parameters import base_parameters, finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import (
@@ -34,16 +44,6 @@ from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_touched_by
-from identification.diagnosis.search.imitation import (
-    OF_A_MODEL,
-    UNCERTAIN,
-    beside_imitation,
-    imitation_of,
-    is_inertial_or_scale,
-    joints_on_lines,
-    joints_with_computed_torque,
-    with_limit,
-)
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
 from identification.notes import Code, Note, Said

@@ -41,25 +41,13 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
     """
     if not _is_of_timing(term):
         return {}
-    rivals = [
-        other
-        for other in bench.search.terms
-        if _is_of_timing(other)
-        and other.effect is not term.effect
-        and (other.joint == term.joint or None in (other.joint, term.joint))
-        and other.effect_joint not in barred
-    ]
-    residual = residual_sums_with(bench.plain, found).rms()
-    strong, terms = strong_motion_search(bench.plain, found, found.union(rivals), bench.noise)
+    rivals = _comparable(bench, found, term, barred)
+    if not rivals:
+        return {}
+    strong, terms = strong_motion_search(bench.plain, found, found.union(rivals.values()), bench.noise)
     base = strong.held_out_fit(frozenset(terms[one] for one in found))
     best = dict[EffectJoint, tuple[float, Chosen, Array]]()
-    for rival in rivals:
-        swapped = with_replacement(found, term, frozenset([rival]))
-        if rival not in swapped:
-            continue
-        times = residual_sums_with(bench.plain, swapped).rms() / np.maximum(residual, 1e-300)
-        if times.max() > FLOORS_LEFT or times.min() < 1.0 / FLOORS_LEFT:
-            continue
+    for swapped, rival in rivals.items():
         fit = strong.held_out_fit(frozenset(terms[one] for one in swapped))
         if simplest_effects(strong.problem.session.robot, terms[rival], fit) is None:
             continue
@@ -69,6 +57,22 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
         if rival.effect_joint not in best or total < best[rival.effect_joint][0]:
             best[rival.effect_joint] = total, swapped, kept * worse
     return {swapped: loss for _, swapped, loss in best.values()}
+
+
+def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Term]:
+    """Sets with another law of timing in place of a finding, beside which neither leaves a gap, and these laws."""
+    residual, out = np.maximum(residual_sums_with(bench.plain, found).rms(), 1e-300), dict[Chosen, Term]()
+    for rival in bench.search.terms:
+        same_place = rival.joint == term.joint or None in (rival.joint, term.joint)
+        if not _is_of_timing(rival) or rival.effect is term.effect or not same_place or rival.effect_joint in barred:
+            continue
+        swapped = with_replacement(found, term, frozenset([rival]))
+        if rival not in swapped:
+            continue
+        times = residual_sums_with(bench.plain, swapped).rms() / residual
+        if times.max() <= FLOORS_LEFT and times.min() >= 1.0 / FLOORS_LEFT:
+            out[swapped] = rival
+    return out
 
 
 def _is_of_timing(term: Term) -> bool:

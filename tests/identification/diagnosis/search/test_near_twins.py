@@ -14,19 +14,19 @@ import pytest
 from scipy.stats import norm
 
 from identification.data.recording import Recording
-from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search import claims, swaps
-from identification.diagnosis.search import search as search_module
-from identification.diagnosis.search.claims import _torque_beside_twins, backward_elimination
-from identification.diagnosis.search.containment import are_near_twins
-from identification.diagnosis.search.fair_costs import weighted_by_rarity
-from identification.diagnosis.search.imitation import (
+from identification.diagnosis.judge.findings.imitation import (
     UNCERTAIN,
     beside_imitation,
     imitation_of,
     joints_on_lines,
     with_limit,
 )
+from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search import claims, swaps
+from identification.diagnosis.search import search as search_module
+from identification.diagnosis.search.claims import _torque_beside_twins, backward_elimination
+from identification.diagnosis.search.containment import are_near_twins
+from identification.diagnosis.search.fair_costs import weighted_by_rarity
 from identification.diagnosis.search.plausible_sizes import implausible_size, rarity
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.special_cases import (

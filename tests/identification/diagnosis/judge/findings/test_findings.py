@@ -18,7 +18,7 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.full_fit import full_fit
 from identification.diagnosis.judge.findings import shown as shown_module
-from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
+from identification.diagnosis.judge.findings.bench import Shown, State
 from identification.diagnosis.judge.findings.findings import one_sided_notes
 from identification.diagnosis.judge.findings.shown import (
     _with_exchanges_undone,
@@ -27,7 +27,7 @@ from identification.diagnosis.judge.findings.shown import (
     with_equal_probabilities,
     with_replacements,
 )
-from identification.diagnosis.judge.judged_band import Judge, plain_search
+from identification.diagnosis.judge.judged_band import plain_search
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.rivalry import likelier_than_rivals
@@ -46,22 +46,13 @@ def rubbing(lab, planar2):
     return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
 
 
-def bench_of(prepared) -> Bench:
-    """A bench in whose judged band noise is next to nothing."""
-    plain = plain_search(prepared.search, prepared.noise)
-    tiny = np.full(2, 1e-9)
-    judge = Judge(plain.problem, tiny, tiny)
-    residuals = Residuals(lambda _: judge, lambda *_: np.full_like(tiny, np.inf), lambda _: True)
-    return Bench(prepared.search, plain, prepared.noise, residuals)
-
-
 @pytest.fixture
 def all_sure(monkeypatch):
     """Every effect closes for sure, so that the other gates decide."""
     monkeypatch.setattr(shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, 1.0))
 
 
-def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_sure):
+def test_what_is_not_told_from_zero_is_no_finding(bench_of, rubbing, all_sure):
     # Known truth: friction on the elbow, and no offset.
     bench, offset = bench_of(rubbing), rubbing.term("torque_offset", "elbow")
     friction = rubbing.term("coulomb_friction", "elbow")
@@ -72,7 +63,7 @@ def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_sure):
     assert not results["differs from simpler"].passed
 
 
-def test_a_torque_constant_of_one_is_no_finding(rubbing, all_sure):
+def test_a_torque_constant_of_one_is_no_finding(bench_of, rubbing, all_sure):
     # Known truth: the torque constants are right; by the contract a ratio differs from one by two deviations.
     friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
     assert shown_effects(bench_of(rubbing), State.of(frozenset([friction, ratio]))).chosen == {friction}
@@ -86,7 +77,7 @@ def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     assert friction not in effects_in_place_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
 
 
-def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing, monkeypatch):
+def test_the_search_for_a_leader_ends_where_every_set_names_another_one(bench_of, rubbing, monkeypatch):
     # By hand: each of the first sets has the next term lead in its place; the rival of the third is ahead by least.
     terms = tuple({term.effect_joint: term for term in rubbing.search.terms if term.named}.values())
     asked: list[Term] = []
@@ -114,7 +105,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
 
 @pytest.mark.parametrize(("of_rival", "in_its_place"), [(0.5, True), (-0.5, False)])
 def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_does_not(
-    rubbing, monkeypatch, of_rival, in_its_place
+    bench_of, rubbing, monkeypatch, of_rival, in_its_place
 ):
     # By hand: viscous friction opens the gap in some draws; Coulomb friction, its rival, does so or does not.
     viscous, coulomb = (rubbing.term(name, "elbow") for name in ("viscous_friction", "coulomb_friction"))
@@ -128,7 +119,7 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
     assert bench.record.replacements_of(viscous.effect_joint) == ((coulomb.effect_joint,) if in_its_place else ())
 
 
-def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbing, monkeypatch):
+def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(bench_of, rubbing, monkeypatch):
     # By hand: what closes nothing of the gap may as well be noise.
     viscous = rubbing.term("viscous_friction", "elbow")
     monkeypatch.setattr(shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, -1.0))
@@ -136,7 +127,7 @@ def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbin
     assert not shown_module._closing_gate(bench_of(rubbing), State.of(frozenset([viscous]))).shown
 
 
-def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown(rubbing, monkeypatch):
+def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown(bench_of, rubbing, monkeypatch):
     # By hand: friction closes the gap beside the structure, and enlarges it alone, as in the corrected model.
     viscous = rubbing.term("viscous_friction", "elbow")
     structure = next(term for term in rubbing.search.terms if not term.named)
@@ -148,7 +139,7 @@ def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown
     assert after.shown == {structure}
 
 
-def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):
+def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(bench_of, rubbing):
     # Known truth: Coulomb friction alone; what was found in its place changes its name.
     stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
     bench = bench_of(rubbing)

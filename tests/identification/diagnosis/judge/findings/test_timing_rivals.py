@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings.bench import Bench, Residuals
 from identification.diagnosis.judge.findings.timing_rivals import losses_beyond
-from identification.diagnosis.judge.judged_band import Judge, plain_search
 from identification.diagnosis.search.rival_sets import compare_with_rivals
 from identification.pipeline import diagnose
 
@@ -24,19 +22,16 @@ def late(lab, planar2):
     return prepared
 
 
-def beyond(prepared, name):
-    """Losses beyond that of an effect on the elbow, summed, by the effects that take its place."""
-    plain = plain_search(prepared.search, prepared.noise)
-    judge = Judge(plain.problem, np.ones(2), np.ones(2))
-    residuals = Residuals(lambda _: judge, lambda *_: np.ones(2), lambda *_: False)
-    bench = Bench(prepared.search, plain, prepared.noise, residuals)
-    term = prepared.term(name, "elbow")
-    found = losses_beyond(bench, frozenset([term]), term, frozenset())
-    out: dict[tuple[str, str | None], float] = {}
-    for chosen, loss in found.items():
-        (rival,) = chosen
-        out[rival.effect_joint] = float(loss.sum())
-    return out
+@pytest.fixture
+def beyond(bench_of):
+    """A function that sums the losses beyond that of an effect on the elbow, by the effects that take its place."""
+
+    def summed(prepared, name):
+        term = prepared.term(name, "elbow")
+        found = losses_beyond(bench_of(prepared), frozenset([term]), term, frozenset())
+        return {rival.effect_joint: float(loss.sum()) for (rival,), loss in found.items()}
+
+    return summed
 
 
 @pytest.mark.parametrize(("seconds", "separated"), [(0.1, True), (0.002, False)])
@@ -48,12 +43,12 @@ def test_a_lag_is_separated_from_a_delay_if_it_is_not_short(lab, planar2, second
     assert (found.probability > 0.9) == separated
 
 
-def test_a_short_lag_and_a_delay_are_one(late):
+def test_a_short_lag_and_a_delay_are_one(late, beyond):
     # Closed form: both multiply by 1 + i w T, as long as w T is small.
     assert beyond(late(0.001), "actuator_lag")["input_delay", "elbow"] == 0.0
 
 
-def test_friction_is_compared_with_its_rivals_at_all_frequencies(late):
+def test_friction_is_compared_with_its_rivals_at_all_frequencies(late, beyond):
     assert beyond(late(0.06), "coulomb_friction") == {}
 
 
