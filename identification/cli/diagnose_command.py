@@ -176,8 +176,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
         else:
             without_plan = _diagnosis_of_changes(arguments, robot, known, progress)
     diagnosis = without_plan.diagnosis
-    say(summary(diagnosis))
-    sys.stdout.flush()
+    say(summary(diagnosis), flush=True)
     if arguments.quick:
         written = write_diagnosis_alone(
             replace(diagnosis, command=arguments.command), out=arguments.out, json_file=arguments.json

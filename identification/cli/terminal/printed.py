@@ -12,6 +12,8 @@ from phantom_dyn.errors import printable
 def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) -> None:
     """Print lines without control characters.
 
+    If the program that reads them has ended (head, less), they are lost, and the command goes on: it may write files.
+
     Args:
         words: One line or several.
         file: Stream; standard output by default.
@@ -21,7 +23,10 @@ def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) 
     stream = sys.stdout if file is None else file
     if stream is not None:
         text = _in_encoding(text, stream)
-    print(text, file=file, flush=flush)
+    try:
+        print(text, file=file, flush=flush)
+    except BrokenPipeError:
+        discard_output(sys.stdout if file is None else file)
 
 
 def _in_encoding(text: str, stream: TextIO) -> str:

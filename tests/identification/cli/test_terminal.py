@@ -243,6 +243,15 @@ def in_a_process(log: Path, out: Path, *, threads: int, hashes: int) -> str:
     return lasting(out)
 
 
+def test_files_are_written_although_the_reader_of_the_answer_has_left(logs, tmp_path):
+    words = [sys.executable, "-m", "identification.cli", "diagnose", str(ROBOT), str(logs[0]), "--quick"]
+    with subprocess.Popen([*words, "--out", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as child:
+        assert child.stdout is not None
+        child.stdout.close()
+        assert child.wait() == 0
+    assert json.loads((tmp_path / "diagnosis.json").read_text())["findings"]
+
+
 def test_threads_hashes_and_processes_change_nothing(logs, tmp_path):
     one = in_a_process(logs[0], tmp_path / "one.json", threads=1, hashes=0)
     two = in_a_process(logs[0], tmp_path / "two.json", threads=2, hashes=1)
