@@ -95,8 +95,9 @@ def _motion_effects(search: Search, joint: str) -> frozenset[Term]:
 def noise_may_imitate(term: Term) -> bool:
     """True for an effect that noise may imitate.
 
-    Its torque depends on the motion, or is friction of slow joints, or is largest at high accelerations. The
-    acceleration contains noise of the encoder, to which a controller responds with a torque.
+    Its torque depends on the motion, or acts while a joint is slow or reverses, or is largest at high accelerations.
+    The acceleration contains noise of the encoder, to which a controller responds with a torque. While a joint reverses
+    its friction is uncertain, also where the model is right.
     """
     effect = term.effect
     return term.named and bool(effect.goes_with_motion or effect.acts_when_slow or effect.regime == "high_acceleration")

@@ -89,6 +89,7 @@ class PreslidingFriction(Effect):
     name = "presliding_friction"
     regime = "velocity_reversal"
     acts_as = "dry friction"
+    shows_with = "slow motion"
     other_laws = (dahl_torque,)
     words = EffectWords(
         name="presliding friction",

@@ -62,6 +62,7 @@ class Backlash(Effect):
     name = "backlash"
     regime = "velocity_reversal"
     made_of = ("model",)
+    shows_with = "slow motion"
     fitted = "size in shape"
     other_laws = (with_unfiltered_load,)
     words = EffectWords(

@@ -261,9 +261,11 @@ def test_an_inertia_that_noise_may_imitate_is_shown_where_there_would_be_a_gap_w
         ("coulomb_friction", False),
         ("transmission_compliance", True),
         ("encoder_eccentricity", False),
+        ("presliding_friction", True),
+        ("backlash", True),
     ],
 )
-def test_noise_makes_no_dry_friction(quiet, name, made):
+def test_noise_may_imitate_what_shows_in_the_acceleration_or_at_reversals(quiet, name, made):
     assert noise_may_imitate(quiet.term(name, "elbow")) is made
 
 
