@@ -48,6 +48,11 @@ def test_a_short_lag_and_a_delay_are_one(late, beyond):
     assert beyond(late(0.001), "actuator_lag")["input_delay", "elbow"] == 0.0
 
 
+def test_a_delay_that_leaves_a_gap_beside_a_long_lag_is_compared_at_all_frequencies(late, beyond):
+    # Closed form: 1 + i w T and exp(i w T) differ by half where w T is one.
+    assert beyond(late(0.3), "actuator_lag") == {}
+
+
 def test_friction_is_compared_with_its_rivals_at_all_frequencies(late, beyond):
     assert beyond(late(0.06), "coulomb_friction") == {}
 
