@@ -14,7 +14,14 @@ from identification.diagnosis.columns.residual_columns import Columns, columns_l
 from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.whitening import filtered, friction_variance, noise_filters, noise_variance
+from identification.diagnosis.noise.whitening import (
+    certain_samples,
+    filtered,
+    friction_variance,
+    law_and_variance,
+    noise_variance,
+    prediction_filter,
+)
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -33,7 +40,7 @@ class PlannedRecording:
         like: Columns of the recordings, restricted to those that are needed.
         union: Indices of the columns whose products are computed.
         band: Filter of a planned motion, with as many samples as that of the recordings.
-        kernels: Filters that whiten the noise of each row.
+        laws: Law of each row's noise, see `noise_law`, and its variance while the joint moves [torque unit^2].
         variance: Variance of the whitened noise of each row [torque unit^2], ``(nv,)``.
         trust: Mean share of the noise in the variance of noise and friction errors, on each row of the recordings,
             ``(nv,)``.
@@ -44,7 +51,7 @@ class PlannedRecording:
     like: Columns
     union: Int[Array, " u"]
     band: Band
-    kernels: tuple[Float[Array, "_"], ...]
+    laws: tuple[tuple[Float[Array, "_"], float], ...]
     variance: Float[Array, " nv"]
     trust: Float[Array, " nv"]
     found: tuple[FoundEffect, ...]
@@ -65,21 +72,23 @@ class PlannedRecording:
         for j, row in enumerate(columns.rows):
             places = {column: k for k, column in enumerate(row)}
             here = [(k, places[column]) for k, column in enumerate(self.union.tolist()) if column in places]
-            kernel = self.kernels[j]
-            share = noise_share(self.variance[j], friction_variance(columns, 0, j, kernel))
-            values = filtered(kernel, columns.values[0][j][:, [place for _, place in here]])
+            law, moving = self.laws[j]
+            filters = prediction_filter(law, certain_samples(columns, 0, j, moving))
+            share = noise_share(self.variance[j], friction_variance(columns, 0, j, filters))
+            values = filtered(filters, columns.values[0][j][:, [place for _, place in here]])
             values *= np.sqrt(share / self.trust[j])[:, None]
-            values = values[len(kernel) - 1 :][columns.usable[0][len(kernel) - 1 :, j]]
+            values = values[columns.usable[0][:, j]]
             at = [k for k, _ in here]
             out[np.ix_(at, at)] += self.problem.weights.per_sample[j] * values.T @ values
         return out
 
 
-def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"]) -> tuple[float, float]:
+def _trusted(columns: Columns, noise: Series, row: int, law: Float[Array, "_"], moving: float) -> tuple[float, float]:
     """Variance of a row's white noise in the recordings, and its mean share in the variance of noise and friction."""
     use = [part[:, row] for part in columns.usable]
-    doubt = np.concatenate([friction_variance(columns, log, row, kernel)[u] for log, u in enumerate(use)])
-    variance = noise_variance(columns, [part[:, row] for part in noise], row, kernel)
+    filters = [prediction_filter(law, certain_samples(columns, log, row, moving)) for log in range(len(use))]
+    doubt = np.concatenate([friction_variance(columns, log, row, filters[log])[u] for log, u in enumerate(use)])
+    variance = noise_variance(columns, [part[:, row] for part in noise], row, filters)
     return variance, max(float(np.mean(noise_share(variance, doubt))), 1e-300) if len(doubt) else 1.0
 
 
@@ -93,11 +102,11 @@ def planned_recording(
         block for block in columns.local if wanted.intersection(range(block.first, block.first + block.count))
     )
     session = problem.session
-    kernels = tuple(noise_filters(columns, noise))
-    trusted = [_trusted(columns, noise, j, kernel) for j, kernel in enumerate(kernels)]
+    laws = tuple(law_and_variance(columns, noise, j) for j in range(session.robot.nv))
+    trusted = [_trusted(columns, noise, j, *law) for j, law in enumerate(laws)]
     variance, trust = (np.array(values) for values in zip(*trusted, strict=True))
     like, band = replace(columns, local=local), coarser(session.logs[0].band)
-    return PlannedRecording(problem, like, union, band, kernels, variance, trust, found)
+    return PlannedRecording(problem, like, union, band, laws, variance, trust, found)
 
 
 def coarser(band: Band) -> Band:

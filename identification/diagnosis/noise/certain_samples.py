@@ -43,6 +43,22 @@ def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> 
     return variance
 
 
+def moving_variance(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> float:
+    """Variance of the noise of a row while its joint moves; above zero.
+
+    Args:
+        columns: Which samples are usable, and the friction of standing joints.
+        noise: Noise of the row, for each log.
+        row: Index of the row.
+    """
+    use = [part[:, row] for part in columns.usable]
+    doubt = [part[:, row] ** 2 for part in columns.standstill_std]
+    squares, beside = (
+        np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)
+    )
+    return max(certain_variance(squares**2, beside), 1e-300)
+
+
 def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> list[Float[Array, " n"]]:
     """Square root of the weight of each sample of a row, for each log: one where the joint moves.
 
@@ -51,10 +67,5 @@ def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
-    doubt = [part[:, row] ** 2 for part in columns.standstill_std]
-    use = [part[:, row] for part in columns.usable]
-    squares, beside = (
-        np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)
-    )
-    variance = max(certain_variance(squares**2, beside), 1e-300)
-    return [np.sqrt(noise_share(variance, part)) for part in doubt]
+    variance = moving_variance(columns, noise, row)
+    return [np.sqrt(noise_share(variance, part[:, row] ** 2)) for part in columns.standstill_std]

@@ -15,53 +15,78 @@ import numpy as np
 from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.noise.certain_samples import certain_variance, root_weights
+from identification.diagnosis.noise.certain_samples import certain_variance, moving_variance, root_weights
 from identification.engine.numerics.two_threads import in_two_threads
-from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
-_ORDER = 8  # coefficients of a filter: four are too few, a real servo with a load is then diagnosed differently
-_LOST = 0.5  # largest share of the usable samples that the start of a filter may cost
+_ORDER = 8  # samples that predict one: four are too few, a real servo with a load is then diagnosed differently
+_REACH = 16  # samples back to which they are sought, where some between them say nothing
 _ROWS = 64  # samples that are filtered at a time
 
 
-def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Array, " m"]:
-    """Finite filter ``1, -a_1 .. -a_order`` that whitens series of the same noise, by the Yule-Walker equations."""
+def noise_law(e: list[Float[Array, " n"]]) -> Float[Array, " m"]:
+    """Autocovariance of series of the same noise at lags 0 to `_REACH`; of lag zero alone if there is little of it."""
     count = sum(len(part) for part in e)
-    lags = np.zeros(order + 1)
+    lags = np.zeros(_REACH + 1)
     for part in e:
-        for lag in range(min(order + 1, len(part))):
+        for lag in range(min(_REACH + 1, len(part))):
             lags[lag] += part[lag:] @ part[: len(part) - lag]
     if count < 20 * _ORDER or lags[0] == 0:
         return np.array([1.0])
     # A millionth of the variance keeps the equations solvable for noise that is nothing but low frequencies.
-    matrix = lags[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))] + 1e-6 * lags[0] * np.eye(order)
-    return np.concatenate([[1.0], -np.linalg.solve(matrix, lags[1:])])
+    lags[0] *= 1.0 + 1e-6
+    return lags / count
 
 
-def longest_order(usable: list[Bool[Array, " n"]]) -> int:
-    """Largest order of a filter, up to `_ORDER`, that costs no more than `_LOST` of the usable samples; 0 without any.
+def prediction_filter(law: Float[Array, " m"], certain: Bool[Array, " n"]) -> Float[Array, "n m"]:
+    """Filter of each sample that whitens a noise: one, and minus the best prediction from samples before it.
 
-    Each run of usable samples loses as many as the order. Runs are short where only the swings of a leg are judged.
+    A sample is predicted from the nearest ones before it that are certain, so that none is lost after those that are
+    not. Predictions from few samples have larger errors; filters are scaled so that all errors have the same variance.
 
     Args:
-        usable: Usable samples of one joint, for each log.
+        law: Autocovariance of the noise, see `noise_law`.
+        certain: Samples that may predict others.
     """
-    ends = [np.flatnonzero(np.diff(np.concatenate([[False], part, [False]]))) for part in usable]
-    runs = np.concatenate([np.diff(at)[::2] for at in ends])
-    if not len(runs):
-        return 0
-    return max(m for m in range(_ORDER + 1) if np.minimum(runs, m).sum() <= _LOST * runs.sum())
+    reach = len(law) - 1
+    if reach == 0:
+        return np.ones((len(certain), 1))
+    padded = np.concatenate([np.zeros(reach, dtype=bool), certain])
+    before = np.lib.stride_tricks.sliding_window_view(padded, reach)[: len(certain), ::-1].copy()
+    before &= np.cumsum(before, axis=1) <= _ORDER
+    patterns, which = np.unique(before, axis=0, return_inverse=True)
+    filters = np.array([_predictor(law, np.flatnonzero(pattern) + 1) for pattern in patterns])
+    return filters[which.ravel()]
 
 
-def filtered(kernel: Float[Array, " m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
-    """``x`` through a causal finite filter along time; the first samples see zeros before them."""
-    out = kernel[0] * x
+def _predictor(law: Float[Array, " m"], lags: Int[Array, " k"]) -> Float[Array, " m"]:
+    """The filter that predicts a sample from those at some lags before it, by the equations of Yule and Walker."""
+    out = np.zeros(len(law))
+    out[0] = 1.0
+    out[lags] = -_prediction(law, lags)[0]
+    full = np.arange(1, min(_ORDER, len(law) - 1) + 1)
+    return out * np.sqrt(_prediction(law, full)[1] / _prediction(law, lags)[1])
+
+
+def _prediction(law: Float[Array, " m"], lags: Int[Array, " k"]) -> tuple[Float[Array, " k"], float]:
+    """Coefficients of the best prediction from samples at some lags, and the variance of its error."""
+    a = np.linalg.solve(law[np.abs(lags[:, None] - lags)], law[lags]) if len(lags) else np.zeros(0)
+    return a, float(law[0] - a @ law[lags])
+
+
+def filtered(filters: Float[Array, "n m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
+    """``x`` through a causal filter that may differ between samples; the first samples see zeros before them."""
+    weights = filters.reshape(*filters.shape, *(1,) * (x.ndim - 1))
+    out = weights[:, 0] * x
     # A few samples at a time stay in the processor's cache until all lags are done.
     for start in range(0, len(x), _ROWS):
         stop = min(start + _ROWS, len(x))
-        for lag in range(1, min(len(kernel), stop)):
+        for lag in range(1, min(filters.shape[1], stop)):
             first = max(start, lag)
-            out[first:stop] += kernel[lag] * x[first - lag : stop - lag]
+            own = weights[first:stop, lag]
+            # The longest lags are needed only where samples between them say nothing.
+            if own.any():
+                out[first:stop] += own * x[first - lag : stop - lag]
     return out
 
 
@@ -80,7 +105,6 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
         values=tuple(filters.columns(own, log) for log, own in enumerate(columns.values)),
         residual=filters.series(columns.residual),
         model_torque=filters.series(columns.model_torque),
-        usable=_usable_white(filters, columns),
     )
     return made, filters.series(noise)
 
@@ -90,18 +114,18 @@ class Whitening:
     """Filters that make the noise of each row white, and weights of the samples.
 
     Attributes:
-        kernels: Filter of each row.
+        filters: Filter of each sample, for each row and log.
         weights: Factor of each sample, for each log ``(n, nv)``.
     """
 
-    kernels: list[Float[Array, " m"]]
+    filters: list[list[Float[Array, "n m"]]]
     weights: list[Float[Array, "n nv"]]
 
     def columns(self, values: tuple[Float[Array, "n k"], ...], log: int) -> tuple[Float[Array, "n k"], ...]:
         """Whitened columns of one log, row by row."""
 
         def white(j: int) -> Array:
-            out = filtered(self.kernels[j], values[j])
+            out = filtered(self.filters[j][log], values[j])
             out *= self.weights[log][:, j : j + 1]
             return out
 
@@ -110,8 +134,8 @@ class Whitening:
     def series(self, parts: Series) -> Series:
         """Whitened series of all logs, ``(n, nv)`` each."""
         return tuple(
-            np.column_stack([filtered(kernel, part[:, j]) for j, kernel in enumerate(self.kernels)]) * weights
-            for part, weights in zip(parts, self.weights, strict=True)
+            np.column_stack([filtered(row[log], part[:, j]) for j, row in enumerate(self.filters)]) * weights
+            for log, (part, weights) in enumerate(zip(parts, self.weights, strict=True))
         )
 
     def transposed(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
@@ -126,10 +150,14 @@ class Whitening:
         Returns:
             The series, and the index of its first sample, which is earlier by the length of the filter.
         """
-        kernel = self.kernels[row]
-        back = np.convolve(e * self.weights[log][start : start + len(e), row], kernel[::-1])
-        early = max(len(kernel) - 1 - start, 0)
-        return back[early:], start - len(kernel) + 1 + early
+        stop = start + len(e)
+        filters, weighted = self.filters[row][log][start:stop], e * self.weights[log][start:stop, row]
+        longest = filters.shape[1] - 1
+        back = np.zeros(longest + len(e))
+        for lag in range(longest + 1):
+            back[longest - lag : longest - lag + len(e)] += filters[:, lag] * weighted
+        early = max(longest - start, 0)
+        return back[early:], start - longest + early
 
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
@@ -142,15 +170,19 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
         columns: Columns before whitening.
         noise: Unpredictable part of the residual, for each log; zero where a sample is not usable.
     """
-    kernels = noise_filters(columns, noise)
+    by_row = [law_and_variance(columns, noise, j) for j in range(noise[0].shape[1])]
+    filters = [
+        [prediction_filter(law, certain_samples(columns, log, j, moving)) for log in range(len(noise))]
+        for j, (law, moving) in enumerate(by_row)
+    ]
     friction = [
-        np.column_stack([friction_variance(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
+        np.column_stack([friction_variance(columns, log, j, row[log]) for j, row in enumerate(filters)])
         for log in range(len(noise))
     ]
     variance = np.array(
-        [noise_variance(columns, [part[:, j] for part in noise], j, kernel) for j, kernel in enumerate(kernels)]
+        [noise_variance(columns, [part[:, j] for part in noise], j, row) for j, row in enumerate(filters)]
     )
-    return Whitening(kernels, _mean_square_one(columns, [noise_share(variance, part) for part in friction]))
+    return Whitening(filters, _mean_square_one(columns, [noise_share(variance, part) for part in friction]))
 
 
 def weights_without_filter(columns: Columns, noise: Series) -> Series:
@@ -163,15 +195,23 @@ def weights_without_filter(columns: Columns, noise: Series) -> Series:
     return tuple(_mean_square_one(columns, share))
 
 
-def noise_filters(columns: Columns, noise: Series) -> list[Float[Array, " m"]]:
-    """Filter of each row that makes its noise white, from the samples in which the joint moves."""
-    kernels = []
-    for j in range(noise[0].shape[1]):
-        own = [part[:, j] for part in noise]
-        roots = root_weights(columns, own, j)
-        most = longest_order([use[:, j] & (root**2 > 0.5) for use, root in zip(columns.usable, roots, strict=True)])
-        kernels.append(noise_filter([part * root for part, root in zip(own, roots, strict=True)], most))
-    return kernels
+def law_and_variance(columns: Columns, noise: Series, row: int) -> tuple[Float[Array, " m"], float]:
+    """Law of a row's noise from the samples in which the joint moves, and the variance of the noise there."""
+    own = [part[:, row] for part in noise]
+    roots = root_weights(columns, own, row)
+    return noise_law([part * root for part, root in zip(own, roots, strict=True)]), moving_variance(columns, own, row)
+
+
+def certain_samples(columns: Columns, log: int, row: int, variance: float) -> Bool[Array, " n"]:
+    """Usable samples at which friction at standstill is less uncertain than the torque is noisy.
+
+    Args:
+        columns: Usable samples, and the static friction at standstill.
+        log: Index of the log.
+        row: Index of the row.
+        variance: Variance of the noise of the row.
+    """
+    return columns.usable[log][:, row] & (columns.standstill_std[log][:, row] ** 2 < variance)
 
 
 def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Series:
@@ -186,8 +226,7 @@ def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Se
         sensed: Noise of the sensors in the torque.
     """
     filters = whitening_of(columns, noise)
-    use = _usable_white(filters, columns)
-    own, least = (squares_by_row(filters.series(series), use) for series in (noise, sensed))
+    own, least = (squares_by_row(filters.series(series), columns.usable) for series in (noise, sensed))
     lacking = np.sqrt(np.maximum(1.0 - own / np.maximum(least, 1e-300), 0.0))
     return tuple(part + lacking * more for part, more in zip(noise, sensed, strict=True))
 
@@ -198,22 +237,22 @@ def squares_by_row(series: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Flo
     return np.asarray(sum(np.sum(np.where(use, part, 0.0) ** 2, axis=0) for part, use in parts))
 
 
-def friction_variance(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
+def friction_variance(columns: Columns, log: int, row: int, filters: Float[Array, "n m"]) -> Float[Array, " n"]:
     """Variance of the whitened torque of a row due to uncertain friction, at reversals and at standstill, by sample.
 
     At a reversal the time of the step of friction is uncertain: that error is filtered. The static friction of a joint
     at standstill may change from sample to sample, so the largest possible output of the filter is taken.
     """
-    return filtered(kernel, columns.reversal_std[log][:, row]) ** 2 + standstill_variance(columns, log, row, kernel)
+    return filtered(filters, columns.reversal_std[log][:, row]) ** 2 + standstill_variance(columns, log, row, filters)
 
 
-def standstill_variance(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
+def standstill_variance(columns: Columns, log: int, row: int, filters: Float[Array, "n m"]) -> Float[Array, " n"]:
     """The part of `friction_variance` that is due to standstill."""
-    return filtered(np.abs(kernel), columns.standstill_std[log][:, row]) ** 2
+    return filtered(np.abs(filters), columns.standstill_std[log][:, row]) ** 2
 
 
 def noise_variance(
-    columns: Columns, noise: Sequence[Float[Array, " n"]], row: int, kernel: Float[Array, " m"]
+    columns: Columns, noise: Sequence[Float[Array, " n"]], row: int, filters: list[Float[Array, "n m"]]
 ) -> float:
     """Variance of the whitened noise of a row over the samples in which the joint moves; above zero.
 
@@ -221,11 +260,11 @@ def noise_variance(
         columns: Usable samples, and the static friction at standstill.
         noise: Noise of the row, for each log.
         row: Index of the row.
-        kernel: Filter that whitens the noise.
+        filters: Filters that whiten the noise, for each log.
     """
     use = [part[:, row] for part in columns.usable]
-    white = [filtered(kernel, part)[u] ** 2 for part, u in zip(noise, use, strict=True)]
-    still = [standstill_variance(columns, log, row, kernel)[u] for log, u in enumerate(use)]
+    white = [filtered(own, part)[u] ** 2 for own, part, u in zip(filters, noise, use, strict=True)]
+    still = [standstill_variance(columns, log, row, filters[log])[u] for log, u in enumerate(use)]
     return max(certain_variance(np.concatenate(white), np.concatenate(still)), 1e-300)
 
 
@@ -236,20 +275,3 @@ def _mean_square_one(columns: Columns, share: list[Float[Array, "n nv"]]) -> lis
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
     # On a row without usable samples the weight has no effect.
     return [np.where(count > 0, np.sqrt(s / mean), 1.0) for s in share]
-
-
-def _usable_white(filters: Whitening, columns: Columns) -> tuple[Bool[Array, "n nv"], ...]:
-    """Usable samples of each log after whitening."""
-    return tuple(
-        np.column_stack([_with_history(len(kernel), use) for kernel, use in zip(filters.kernels, part.T, strict=True)])
-        for part in columns.usable
-    )
-
-
-def _with_history(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:
-    """True at usable samples that follow enough usable ones for a filter of ``length`` coefficients."""
-    out = usable.copy()
-    out[: length - 1] = False
-    for lag in range(1, length):
-        out[lag:] &= usable[:-lag]
-    return out

@@ -16,8 +16,9 @@ from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST, disc
 from identification.diagnosis.noise.noise_floor import _plain_first, noise_without, smaller_noise, weights_of
 from identification.diagnosis.noise.whitening import (
     filtered,
-    noise_filter,
+    noise_law,
     noise_variance,
+    prediction_filter,
     whitened,
     whitening_of,
 )
@@ -236,9 +237,10 @@ def test_samples_in_doubt_count_as_if_their_noise_were_larger_by_it(quiet, rng):
     plain, _ = whitened(replace(columns, reversal_std=(np.zeros_like(doubt[0]),)), noise)
     white, _ = whitened(replace(columns, reversal_std=doubt), noise)
     for j in range(2):
-        kernel, use = noise_filter([noise[0][:, j]]), columns.usable[0][:, j]
-        variance = np.mean(filtered(kernel, noise[0][:, j])[use] ** 2)
-        share = variance / (variance + filtered(kernel, doubt[0][:, j]) ** 2)
+        use = columns.usable[0][:, j]
+        filters = prediction_filter(noise_law([noise[0][:, j]]), use)
+        variance = np.mean(filtered(filters, noise[0][:, j])[use] ** 2)
+        share = variance / (variance + filtered(filters, doubt[0][:, j]) ** 2)
         expected = plain.residual[0][:, j] * np.sqrt(share / share[use].mean())
         np.testing.assert_allclose(white.residual[0][:, j], expected, rtol=1e-9)
 
@@ -250,11 +252,11 @@ def test_what_standing_joints_leave_open_counts_at_the_most_that_the_filter_make
     standing = (3.0 * rng.random(columns.residual[0].shape) * (rng.random(columns.residual[0].shape) < 0.2),)
     made = replace(columns, reversal_std=(np.zeros_like(standing[0]),), standstill_std=standing)
     white, _ = whitened(made, noise)
-    for j, kernel in enumerate(whitening_of(made, noise).kernels):
+    for j, (filters,) in enumerate(whitening_of(made, noise).filters):
         use, own = columns.usable[0][:, j], noise[0][:, j]
-        variance = noise_variance(made, [own], j, kernel)
-        share = variance / (variance + filtered(np.abs(kernel), standing[0][:, j]) ** 2)
-        expected = filtered(kernel, columns.residual[0][:, j]) * np.sqrt(share / share[use].mean())
+        variance = noise_variance(made, [own], j, [filters])
+        share = variance / (variance + filtered(np.abs(filters), standing[0][:, j]) ** 2)
+        expected = filtered(filters, columns.residual[0][:, j]) * np.sqrt(share / share[use].mean())
         np.testing.assert_allclose(white.residual[0][:, j], expected, rtol=1e-9)
 
 

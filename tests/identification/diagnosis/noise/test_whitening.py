@@ -2,16 +2,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.signal import lfilter
 
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.noise.whitening import (
     Whitening,
     at_least_sensor_noise,
+    certain_samples,
     filtered,
-    longest_order,
-    noise_filter,
+    noise_law,
+    prediction_filter,
     whitened,
     whitening_of,
 )
@@ -22,6 +23,11 @@ def autoregressive(rng: np.random.Generator, coefficients: list[float], count: i
     return lfilter([1.0], [1.0, *(-a for a in coefficients)], rng.normal(size=count + 500))[500:]
 
 
+def filter_of(*parts: np.ndarray) -> np.ndarray:
+    """The filter of noise all samples of which are certain, beyond the first ones."""
+    return prediction_filter(noise_law([*parts]), np.ones(20, dtype=bool))[-1]
+
+
 def autocorrelation(e: np.ndarray, lags: int) -> np.ndarray:
     return np.array([e[k:] @ e[: len(e) - k] for k in range(1, lags + 1)]) / (e @ e)
 
@@ -29,8 +35,8 @@ def autocorrelation(e: np.ndarray, lags: int) -> np.ndarray:
 @pytest.mark.parametrize("coefficients", [[1.2, -0.5], [0.3, 0.4], [-0.6, -0.2]])
 def test_noise_of_a_known_law_becomes_white(rng, coefficients):
     # Known truth: second-order autoregressive noise; white noise keeps 95 % of its autocorrelations in 2/sqrt(n).
-    kernel = noise_filter([autoregressive(rng, coefficients, 6000)])
-    e = filtered(kernel, autoregressive(rng, coefficients, 6000))[10:]
+    law = noise_law([autoregressive(rng, coefficients, 6000)])
+    e = filtered(prediction_filter(law, np.ones(6000, dtype=bool)), autoregressive(rng, coefficients, 6000))
     rho = autocorrelation(e, 40)
     assert np.mean(np.abs(rho) < 2 / np.sqrt(len(e))) > 0.85
     assert np.abs(rho).max() < 4 / np.sqrt(len(e))
@@ -38,30 +44,29 @@ def test_noise_of_a_known_law_becomes_white(rng, coefficients):
 
 def test_the_filter_is_one_less_the_law_of_the_noise(rng):
     # Closed form: the whitening filter of the law is 1, -a_1, -a_2, 0, ...
-    kernel = noise_filter([autoregressive(rng, [1.2, -0.5], 20000)])
-    np.testing.assert_allclose(kernel, [1.0, -1.2, 0.5, *np.zeros(6)], atol=4 / np.sqrt(20000))
+    found = filter_of(autoregressive(rng, [1.2, -0.5], 20000))
+    np.testing.assert_allclose(found, [1.0, -1.2, 0.5, *np.zeros(14)], atol=4 / np.sqrt(20000))
 
 
 def test_recordings_of_one_noise_share_its_filter(rng):
-    parts = [autoregressive(rng, [1.2, -0.5], 5000) for _ in range(4)]
-    kernel = noise_filter(parts)
-    np.testing.assert_allclose(kernel[:3], [1.0, -1.2, 0.5], atol=4 / np.sqrt(20000))
+    found = filter_of(*(autoregressive(rng, [1.2, -0.5], 5000) for _ in range(4)))
+    np.testing.assert_allclose(found[:3], [1.0, -1.2, 0.5], atol=4 / np.sqrt(20000))
 
 
 @pytest.mark.parametrize("e", [np.zeros(1000), np.ones(20)], ids=["no noise", "few samples"])
 def test_noise_that_tells_nothing_is_left_as_it_is(e):
-    np.testing.assert_array_equal(noise_filter([e]), [1.0])
+    np.testing.assert_array_equal(filter_of(e), [1.0])
 
 
 def test_filtering_is_that_of_scipy(rng):
     kernel, x = rng.normal(size=6), rng.normal(size=(300, 2))
-    np.testing.assert_allclose(filtered(kernel, x), lfilter(kernel, [1.0], x, axis=0), atol=1e-13)
+    np.testing.assert_allclose(filtered(np.tile(kernel, (300, 1)), x), lfilter(kernel, [1.0], x, axis=0), atol=1e-13)
 
 
 @pytest.mark.parametrize("start", [0, 3, 50])
 def test_a_series_times_white_columns_is_the_filtered_series_times_the_columns(rng, start):
     # Oracle: the white columns themselves; the filter looks back before the first sample of the series.
-    filters = Whitening([rng.normal(size=6)], [rng.random((80, 1))])
+    filters = Whitening([[rng.normal(size=(80, 6))]], [rng.random((80, 1))])
     x, e = rng.normal(size=(80, 4)), rng.normal(size=30)
     (white,) = filters.columns((x,), 0)
     series, first = filters.transposed(e, 0, 0, start)
@@ -71,7 +76,7 @@ def test_a_series_times_white_columns_is_the_filtered_series_times_the_columns(r
 def test_filtering_leaves_its_input_alone(rng):
     x = rng.normal(size=30)
     before = x.copy()
-    filtered(np.array([1.0, 0.5]), x)
+    filtered(np.tile([1.0, 0.5], (30, 1)), x)
     np.testing.assert_array_equal(x, before)
 
 
@@ -89,35 +94,45 @@ def quiet_noise(quiet) -> np.ndarray:
     return estimate_noise(quiet.session, quiet.columns)[0][0]
 
 
-def test_samples_whose_filter_reaches_an_unusable_one_are_not_used(quiet):
-    # Brute force over the samples that the filter of each row sees.
-    usable = np.ones_like(quiet.columns.usable[0])
-    usable[100:110, 0] = False
-    noise = np.random.default_rng(3).normal(size=usable.shape)
-    white, _ = whitened(replace(quiet.columns, usable=(usable,)), (noise,))
-    length = len(noise_filter([noise[:, 0]]))
-    expected = [k >= length - 1 and bool(usable[k - length + 1 : k + 1, 0].all()) for k in range(len(usable))]
-    np.testing.assert_array_equal(white.usable[0][:, 0], expected)
+@pytest.mark.parametrize("gap", [1, 3, 12, 40])
+def test_after_uncertain_samples_noise_is_predicted_from_the_certain_ones_within_reach(gap):
+    # Oracle: conditional expectation of a normal distribution with the covariance of the noise, the nearest eight.
+    law = 0.8 ** np.arange(17) + 0.5 * (np.arange(17) == 0)
+    certain = np.ones(120, dtype=bool)
+    certain[40 : 40 + gap] = False
+    filters = prediction_filter(law, certain)
+    for n in (40 + gap, 42 + gap, 60 + gap):
+        before = [k for k in range(n - 1, n - 17, -1) if certain[k]][:8]
+        cov = toeplitz(law)
+        lags = n - np.array(before, dtype=int)
+        expected = np.zeros(17)
+        expected[lags] = -np.linalg.solve(cov[np.ix_(lags, lags)], cov[lags, 0]) if len(lags) else 0.0
+        np.testing.assert_allclose(filters[n] / filters[n, 0], expected + (np.arange(17) == 0), atol=1e-9)
 
 
-@pytest.mark.parametrize(("run", "order"), [(1, 0), (4, 2), (5, 2), (8, 4), (15, 7), (16, 8), (4000, 8)])
-def test_looking_back_takes_at_most_half_of_short_swings(run, order):
-    # By hand: a filter of order m has no use for the first m samples of every run.
-    swings = np.tile(np.repeat([True, False], run), 20)
-    assert longest_order([swings, swings[:run]]) == order
+def test_errors_of_all_predictions_have_one_variance(rng):
+    # Closed form: the variance of a filtered noise is k C k, with the covariance C of the noise.
+    law = 0.8 ** np.arange(17) + 0.5 * (np.arange(17) == 0)
+    filters = prediction_filter(law, rng.random(200) < 0.6)
+    variances = np.einsum("nk,kl,nl->n", filters, toeplitz(law), filters)
+    np.testing.assert_allclose(variances, variances[0], rtol=1e-9)
 
 
-def test_a_joint_without_a_sample_of_certain_friction_has_no_filter():
-    # A filter of any length keeps half of nothing, and all samples of uncertain friction would be lost to its start.
-    assert longest_order([np.zeros(50, dtype=bool)]) == 0
+def test_no_sample_is_lost_after_a_standstill(quiet):
+    # By hand: the friction of a standing joint is uncertain by a hundred times the noise, and only there.
+    standing = np.zeros_like(quiet.columns.residual[0])
+    standing[100:110] = 100.0
+    noise = np.random.default_rng(3).normal(size=standing.shape)
+    columns = replace(quiet.columns, standstill_std=(standing,), reversal_std=(np.zeros_like(standing),))
+    weights = whitening_of(columns, (noise,)).weights[0][:, 0]
+    np.testing.assert_array_equal(weights < 0.5 * weights.max(), standing[:, 0] > 0.0)
 
 
-def test_a_joint_that_is_free_in_short_swings_alone_keeps_half_of_its_samples(quiet):
-    usable = np.ones_like(quiet.columns.usable[0])
-    usable[:, 0] = np.arange(len(usable)) % 12 < 6
-    noise = np.random.default_rng(3).normal(size=usable.shape)
-    white, _ = whitened(replace(quiet.columns, usable=(usable,)), (noise,))
-    assert white.usable[0][:, 0].sum() >= 0.5 * usable[:, 0].sum()
+def test_a_sample_is_certain_if_it_is_usable_and_friction_at_standstill_is_below_the_noise(quiet):
+    usable, standing = np.ones((4, 2), dtype=bool), np.zeros((4, 2))
+    usable[1, 0], standing[2:, 0] = False, [0.9, 1.1]
+    columns = replace(quiet.columns, usable=(usable,), standstill_std=(standing,))
+    np.testing.assert_array_equal(certain_samples(columns, 0, 0, 1.0), [True, False, True, False])
 
 
 def test_the_filter_solves_the_equations_of_yule_and_walker(rng):
@@ -127,13 +142,13 @@ def test_the_filter_solves_the_equations_of_yule_and_walker(rng):
     lags = sum(np.correlate(e, e, "full")[len(e) - 1 :][:9] for e in parts[:2])
     lags[:5] += np.correlate(parts[2], parts[2], "full")[4:]
     expected = solve_toeplitz(np.concatenate([[lags[0] * (1 + 1e-6)], lags[1:8]]), lags[1:])
-    np.testing.assert_allclose(noise_filter(parts), [1.0, *-expected], rtol=1e-6)
+    np.testing.assert_allclose(filter_of(*parts)[:9], [1.0, *-expected], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("samples", "known"), [(159, False), (160, True)])
 def test_a_hundred_and_sixty_samples_tell_the_law_of_a_noise(rng, samples, known):
     e = autoregressive(rng, [0.9], samples)
-    assert (len(noise_filter([e[:100], e[100:]])) == 9) is known
+    assert (len(noise_law([e[:100], e[100:]])) > 1) is known
 
 
 def test_noise_that_is_nothing_leaves_everything_as_it_is(quiet):
