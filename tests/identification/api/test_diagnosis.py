@@ -16,6 +16,7 @@ from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
+from sines import sines
 
 pytestmark = pytest.mark.whole
 
@@ -119,17 +120,25 @@ def test_plot_of_an_unknown_joint_names_those_that_there_are(made_up):
         made_up.plot("elbow")
 
 
-def test_saved_and_loaded_again_it_says_the_same(diagnosis, tmp_path):
-    written = diagnosis.save(tmp_path / "out")
+@pytest.fixture
+def ambiguous():
+    """A diagnosis with a rival, so that a next experiment is planned. Known truth: 1.2 times the torque constant."""
+    robot, motion = str(ROBOTS / "pendulum.urdf"), sines(np.arange(1501) / 100, 1, np.random.default_rng(1), size=0.3)
+    made = dyn.simulate(robot, motion, effects=[("torque_constant", "pin", {"ratio": 1.2})])
+    return dyn.diagnose(robot, made.recording(position_noise=1e-5, torque_noise=0.05))
+
+
+def test_saved_and_loaded_again_it_says_the_same(ambiguous, tmp_path):
+    written = ambiguous.save(tmp_path / "out")
     assert {"report.html", "diagnosis.json", "corrected.yaml", "corrected.urdf"} <= {path.name for path in written}
     loaded = dyn.Diagnosis.load(tmp_path / "out" / "diagnosis.json")
     said = {**to_json(loaded.result), "files": []}
     # What the reference holds is known once its file is written.
     assert len(said["next_experiment"].pop("reference_sha256")) == 64
-    assert said == to_json(diagnosis.result)
+    assert said == to_json(ambiguous.result)
     assert [file.file for file in loaded.result.files][:2] == ["corrected.yaml", "corrected.urdf"]
-    assert str(dyn.Diagnosis.load(tmp_path / "out")).splitlines()[0] == str(diagnosis).splitlines()[0]
-    assert repr(loaded) == repr(diagnosis)
+    assert str(dyn.Diagnosis.load(tmp_path / "out")).splitlines()[0] == str(ambiguous).splitlines()[0]
+    assert repr(loaded) == repr(ambiguous)
 
 
 def test_a_file_without_the_name_of_the_robot_is_read_all_the_same(diagnosis, tmp_path):
