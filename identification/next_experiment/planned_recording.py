@@ -15,12 +15,11 @@ from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.whitening import (
-    certain_samples,
     filtered,
     friction_variance,
-    law_and_variance,
+    noise_law,
     noise_variance,
-    prediction_filter,
+    row_filters,
 )
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -40,7 +39,7 @@ class PlannedRecording:
         like: Columns of the recordings, restricted to those that are needed.
         union: Indices of the columns whose products are computed.
         band: Filter of a planned motion, with as many samples as that of the recordings.
-        laws: Law of each row's noise, see `noise_law`, and its variance while the joint moves [torque unit^2].
+        laws: Autocovariance of each row's noise [torque unit^2], see `noise_law`.
         variance: Variance of the whitened noise of each row [torque unit^2], ``(nv,)``.
         trust: Mean share of the noise in the variance of noise and friction errors, on each row of the recordings,
             ``(nv,)``.
@@ -51,7 +50,7 @@ class PlannedRecording:
     like: Columns
     union: Int[Array, " u"]
     band: Band
-    laws: tuple[tuple[Float[Array, "_"], float], ...]
+    laws: tuple[Float[Array, "_"], ...]
     variance: Float[Array, " nv"]
     trust: Float[Array, " nv"]
     found: tuple[FoundEffect, ...]
@@ -72,8 +71,7 @@ class PlannedRecording:
         for j, row in enumerate(columns.rows):
             places = {column: k for k, column in enumerate(row)}
             here = [(k, places[column]) for k, column in enumerate(self.union.tolist()) if column in places]
-            law, moving = self.laws[j]
-            filters = prediction_filter(law, certain_samples(columns, 0, j, moving))
+            filters = row_filters(columns, 0, j, self.laws[j])
             share = noise_share(self.variance[j], friction_variance(columns, 0, j, filters))
             values = filtered(filters, columns.values[0][j][:, [place for _, place in here]])
             values *= np.sqrt(share / self.trust[j])[:, None]
@@ -83,12 +81,14 @@ class PlannedRecording:
         return out
 
 
-def _trusted(columns: Columns, noise: Series, row: int, law: Float[Array, "_"], moving: float) -> tuple[float, float]:
+def _trusted(
+    columns: Columns, noise: list[Float[Array, " n"]], row: int, law: Float[Array, "_"]
+) -> tuple[float, float]:
     """Variance of a row's white noise in the recordings, and its mean share in the variance of noise and friction."""
     use = [part[:, row] for part in columns.usable]
-    filters = [prediction_filter(law, certain_samples(columns, log, row, moving)) for log in range(len(use))]
+    filters = [row_filters(columns, log, row, law) for log in range(len(use))]
     doubt = np.concatenate([friction_variance(columns, log, row, filters[log])[u] for log, u in enumerate(use)])
-    variance = noise_variance(columns, [part[:, row] for part in noise], row, filters)
+    variance = noise_variance(columns, noise, row, filters)
     return variance, max(float(np.mean(noise_share(variance, doubt))), 1e-300) if len(doubt) else 1.0
 
 
@@ -102,8 +102,9 @@ def planned_recording(
         block for block in columns.local if wanted.intersection(range(block.first, block.first + block.count))
     )
     session = problem.session
-    laws = tuple(law_and_variance(columns, noise, j) for j in range(session.robot.nv))
-    trusted = [_trusted(columns, noise, j, *law) for j, law in enumerate(laws)]
+    by_row = [[part[:, j] for part in noise] for j in range(session.robot.nv)]
+    laws = tuple(noise_law(columns, own, j) for j, own in enumerate(by_row))
+    trusted = [_trusted(columns, own, j, law) for j, (own, law) in enumerate(zip(by_row, laws, strict=True))]
     variance, trust = (np.array(values) for values in zip(*trusted, strict=True))
     like, band = replace(columns, local=local), coarser(session.logs[0].band)
     return PlannedRecording(problem, like, union, band, laws, variance, trust, found)

@@ -14,7 +14,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 
 _ROUNDS = 30  # most iterations between variance and weights
 _CONVERGED = 0.99  # ratio of two successive variances above which the iteration has converged
@@ -67,5 +67,21 @@ def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
-    variance = moving_variance(columns, noise, row)
+    return roots_of_shares(columns, row, moving_variance(columns, noise, row))
+
+
+def roots_of_shares(columns: Columns, row: int, variance: float) -> list[Float[Array, " n"]]:
+    """`root_weights` at a given variance of the noise."""
     return [np.sqrt(noise_share(variance, part[:, row] ** 2)) for part in columns.standstill_std]
+
+
+def certain_samples(columns: Columns, log: int, row: int, variance: float) -> Bool[Array, " n"]:
+    """Usable samples at which friction at standstill is less uncertain than the torque is noisy.
+
+    Args:
+        columns: Usable samples, and the static friction at standstill.
+        log: Index of the log.
+        row: Index of the row.
+        variance: Variance of the noise of the row.
+    """
+    return columns.usable[log][:, row] & (columns.standstill_std[log][:, row] ** 2 < variance)

@@ -15,62 +15,83 @@ import numpy as np
 from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.noise.certain_samples import certain_variance, moving_variance, root_weights
+from identification.diagnosis.noise.certain_samples import (
+    certain_samples,
+    certain_variance,
+    moving_variance,
+    root_weights,
+    roots_of_shares,
+)
+from identification.engine.autocorrelation import lagged_products
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 _ORDER = 8  # samples that predict one: four are too few, a real servo with a load is then diagnosed differently
-_REACH = 16  # samples back to which they are sought, where some between them say nothing
 _ROWS = 64  # samples that are filtered at a time
 
 
-def noise_law(e: list[Float[Array, " n"]]) -> Float[Array, " m"]:
-    """Autocovariance of series of the same noise at lags 0 to `_REACH`; of lag zero alone if there is little of it."""
-    count = sum(len(part) for part in e)
-    lags = np.zeros(_REACH + 1)
+def noise_law(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> Float[Array, " m"]:
+    """Autocovariance of a row's noise while its joint moves, at lags 0 to `_ORDER`; at lag 0 alone if there is little.
+
+    Args:
+        columns: Usable samples, and the static friction at standstill.
+        noise: Noise of the row, for each log.
+        row: Index of the row.
+    """
+    variance = moving_variance(columns, noise, row)
+    roots = roots_of_shares(columns, row, variance)
+    lags = autocovariance([part * root for part, root in zip(noise, roots, strict=True)])
+    return lags * (variance / lags[0])
+
+
+def autocovariance(e: Sequence[Float[Array, " n"]]) -> Float[Array, " m"]:
+    """Products of series of one noise, summed, at lags 0 to `_ORDER`; a single one if series are short or zero."""
+    lags = np.zeros(_ORDER + 1)
     for part in e:
-        for lag in range(min(_REACH + 1, len(part))):
-            lags[lag] += part[lag:] @ part[: len(part) - lag]
-    if count < 20 * _ORDER or lags[0] == 0:
+        own = lagged_products(part)[: _ORDER + 1]
+        lags[: len(own)] += own
+    if sum(len(part) for part in e) < 20 * _ORDER or lags[0] == 0:
         return np.array([1.0])
     # A millionth of the variance keeps the equations solvable for noise that is nothing but low frequencies.
     lags[0] *= 1.0 + 1e-6
-    return lags / count
+    return lags
 
 
-def prediction_filter(law: Float[Array, " m"], certain: Bool[Array, " n"]) -> Float[Array, "n m"]:
+def row_filters(columns: Columns, log: int, row: int, law: Float[Array, " m"]) -> Float[Array, "n m"]:
+    """Filters that whiten the noise of a row of one log; samples with certain friction predict others."""
+    return prediction_filters(law, certain_samples(columns, log, row, law[0]))
+
+
+def prediction_filters(law: Float[Array, " m"], certain: Bool[Array, " n"]) -> Float[Array, "n m"]:
     """Filter of each sample that whitens a noise: one, and minus the best prediction from samples before it.
 
-    A sample is predicted from the nearest ones before it that are certain, so that none is lost after those that are
-    not. Predictions from few samples have larger errors; filters are scaled so that all errors have the same variance.
+    A sample is predicted from those that are certain, so that none is lost after those that are not (Yule and Walker's
+    equations). Predictions from few samples have larger errors; filters are scaled so that all errors have the same
+    variance.
 
     Args:
-        law: Autocovariance of the noise, see `noise_law`.
+        law: Autocovariance of the noise, as far back as samples predict others.
         certain: Samples that may predict others.
     """
     reach = len(law) - 1
     if reach == 0:
         return np.ones((len(certain), 1))
     padded = np.concatenate([np.zeros(reach, dtype=bool), certain])
-    before = np.lib.stride_tricks.sliding_window_view(padded, reach)[: len(certain), ::-1].copy()
-    before &= np.cumsum(before, axis=1) <= _ORDER
+    before = np.lib.stride_tricks.sliding_window_view(padded, reach)[: len(certain), ::-1]
     patterns, which = np.unique(before, axis=0, return_inverse=True)
-    filters = np.array([_predictor(law, np.flatnonzero(pattern) + 1) for pattern in patterns])
+    least = _prediction(law, np.arange(1, reach + 1))[1]
+    filters = np.zeros((len(patterns), reach + 1))
+    for own, pattern in zip(filters, patterns, strict=True):
+        lags = np.flatnonzero(pattern) + 1
+        coefficients, variance = _prediction(law, lags)
+        own[0], own[lags] = 1.0, -coefficients
+        own *= np.sqrt(least / variance)
     return filters[which.ravel()]
-
-
-def _predictor(law: Float[Array, " m"], lags: Int[Array, " k"]) -> Float[Array, " m"]:
-    """The filter that predicts a sample from those at some lags before it, by the equations of Yule and Walker."""
-    out = np.zeros(len(law))
-    out[0] = 1.0
-    out[lags] = -_prediction(law, lags)[0]
-    full = np.arange(1, min(_ORDER, len(law) - 1) + 1)
-    return out * np.sqrt(_prediction(law, full)[1] / _prediction(law, lags)[1])
 
 
 def _prediction(law: Float[Array, " m"], lags: Int[Array, " k"]) -> tuple[Float[Array, " k"], float]:
     """Coefficients of the best prediction from samples at some lags, and the variance of its error."""
-    a = np.linalg.solve(law[np.abs(lags[:, None] - lags)], law[lags]) if len(lags) else np.zeros(0)
+    a = np.linalg.solve(law[np.abs(lags[:, None] - lags)], law[lags])
     return a, float(law[0] - a @ law[lags])
 
 
@@ -83,10 +104,7 @@ def filtered(filters: Float[Array, "n m"], x: Float[Array, "n ..."]) -> Float[Ar
         stop = min(start + _ROWS, len(x))
         for lag in range(1, min(filters.shape[1], stop)):
             first = max(start, lag)
-            own = weights[first:stop, lag]
-            # The longest lags are needed only where samples between them say nothing.
-            if own.any():
-                out[first:stop] += own * x[first - lag : stop - lag]
+            out[first:stop] += weights[first:stop, lag] * x[first - lag : stop - lag]
     return out
 
 
@@ -170,18 +188,14 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
         columns: Columns before whitening.
         noise: Unpredictable part of the residual, for each log; zero where a sample is not usable.
     """
-    by_row = [law_and_variance(columns, noise, j) for j in range(noise[0].shape[1])]
-    filters = [
-        [prediction_filter(law, certain_samples(columns, log, j, moving)) for log in range(len(noise))]
-        for j, (law, moving) in enumerate(by_row)
-    ]
+    by_row = [[part[:, j] for part in noise] for j in range(noise[0].shape[1])]
+    laws = [noise_law(columns, own, j) for j, own in enumerate(by_row)]
+    filters = [[row_filters(columns, log, j, law) for log in range(len(noise))] for j, law in enumerate(laws)]
     friction = [
         np.column_stack([friction_variance(columns, log, j, row[log]) for j, row in enumerate(filters)])
         for log in range(len(noise))
     ]
-    variance = np.array(
-        [noise_variance(columns, [part[:, j] for part in noise], j, row) for j, row in enumerate(filters)]
-    )
+    variance = np.array([noise_variance(columns, own, j, filters[j]) for j, own in enumerate(by_row)])
     return Whitening(filters, _mean_square_one(columns, [noise_share(variance, part) for part in friction]))
 
 
@@ -193,25 +207,6 @@ def weights_without_filter(columns: Columns, noise: Series) -> Series:
     roots = [root_weights(columns, [part[:, j] for part in noise], j) for j in range(noise[0].shape[1])]
     share = [np.column_stack([of_row[log] ** 2 for of_row in roots]) for log in range(len(noise))]
     return tuple(_mean_square_one(columns, share))
-
-
-def law_and_variance(columns: Columns, noise: Series, row: int) -> tuple[Float[Array, " m"], float]:
-    """Law of a row's noise from the samples in which the joint moves, and the variance of the noise there."""
-    own = [part[:, row] for part in noise]
-    roots = root_weights(columns, own, row)
-    return noise_law([part * root for part, root in zip(own, roots, strict=True)]), moving_variance(columns, own, row)
-
-
-def certain_samples(columns: Columns, log: int, row: int, variance: float) -> Bool[Array, " n"]:
-    """Usable samples at which friction at standstill is less uncertain than the torque is noisy.
-
-    Args:
-        columns: Usable samples, and the static friction at standstill.
-        log: Index of the log.
-        row: Index of the row.
-        variance: Variance of the noise of the row.
-    """
-    return columns.usable[log][:, row] & (columns.standstill_std[log][:, row] ** 2 < variance)
 
 
 def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Series:

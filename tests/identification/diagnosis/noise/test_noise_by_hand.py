@@ -15,10 +15,10 @@ from identification.diagnosis.decision_rules import ORDINARY_SHARE
 from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST, discrepancy, slow_samples
 from identification.diagnosis.noise.noise_floor import _plain_first, noise_without, smaller_noise, weights_of
 from identification.diagnosis.noise.whitening import (
+    autocovariance,
     filtered,
-    noise_law,
     noise_variance,
-    prediction_filter,
+    prediction_filters,
     whitened,
     whitening_of,
 )
@@ -238,7 +238,7 @@ def test_samples_in_doubt_count_as_if_their_noise_were_larger_by_it(quiet, rng):
     white, _ = whitened(replace(columns, reversal_std=doubt), noise)
     for j in range(2):
         use = columns.usable[0][:, j]
-        filters = prediction_filter(noise_law([noise[0][:, j]]), use)
+        filters = prediction_filters(autocovariance([noise[0][:, j]]), use)
         variance = np.mean(filtered(filters, noise[0][:, j])[use] ** 2)
         share = variance / (variance + filtered(filters, doubt[0][:, j]) ** 2)
         expected = plain.residual[0][:, j] * np.sqrt(share / share[use].mean())

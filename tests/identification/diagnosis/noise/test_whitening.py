@@ -5,14 +5,14 @@ import pytest
 from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.signal import lfilter
 
+from identification.diagnosis.noise.certain_samples import certain_samples
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.noise.whitening import (
     Whitening,
     at_least_sensor_noise,
-    certain_samples,
+    autocovariance,
     filtered,
-    noise_law,
-    prediction_filter,
+    prediction_filters,
     whitened,
     whitening_of,
 )
@@ -25,7 +25,7 @@ def autoregressive(rng: np.random.Generator, coefficients: list[float], count: i
 
 def filter_of(*parts: np.ndarray) -> np.ndarray:
     """The filter of noise all samples of which are certain, beyond the first ones."""
-    return prediction_filter(noise_law([*parts]), np.ones(20, dtype=bool))[-1]
+    return prediction_filters(autocovariance([*parts]), np.ones(20, dtype=bool))[-1]
 
 
 def autocorrelation(e: np.ndarray, lags: int) -> np.ndarray:
@@ -35,8 +35,8 @@ def autocorrelation(e: np.ndarray, lags: int) -> np.ndarray:
 @pytest.mark.parametrize("coefficients", [[1.2, -0.5], [0.3, 0.4], [-0.6, -0.2]])
 def test_noise_of_a_known_law_becomes_white(rng, coefficients):
     # Known truth: second-order autoregressive noise; white noise keeps 95 % of its autocorrelations in 2/sqrt(n).
-    law = noise_law([autoregressive(rng, coefficients, 6000)])
-    e = filtered(prediction_filter(law, np.ones(6000, dtype=bool)), autoregressive(rng, coefficients, 6000))
+    law = autocovariance([autoregressive(rng, coefficients, 6000)])
+    e = filtered(prediction_filters(law, np.ones(6000, dtype=bool)), autoregressive(rng, coefficients, 6000))
     rho = autocorrelation(e, 40)
     assert np.mean(np.abs(rho) < 2 / np.sqrt(len(e))) > 0.85
     assert np.abs(rho).max() < 4 / np.sqrt(len(e))
@@ -45,7 +45,7 @@ def test_noise_of_a_known_law_becomes_white(rng, coefficients):
 def test_the_filter_is_one_less_the_law_of_the_noise(rng):
     # Closed form: the whitening filter of the law is 1, -a_1, -a_2, 0, ...
     found = filter_of(autoregressive(rng, [1.2, -0.5], 20000))
-    np.testing.assert_allclose(found, [1.0, -1.2, 0.5, *np.zeros(14)], atol=4 / np.sqrt(20000))
+    np.testing.assert_allclose(found, [1.0, -1.2, 0.5, *np.zeros(6)], atol=4 / np.sqrt(20000))
 
 
 def test_recordings_of_one_noise_share_its_filter(rng):
@@ -94,26 +94,24 @@ def quiet_noise(quiet) -> np.ndarray:
     return estimate_noise(quiet.session, quiet.columns)[0][0]
 
 
-@pytest.mark.parametrize("gap", [1, 3, 12, 40])
+@pytest.mark.parametrize("gap", [1, 3, 12])
 def test_after_uncertain_samples_noise_is_predicted_from_the_certain_ones_within_reach(gap):
-    # Oracle: conditional expectation of a normal distribution with the covariance of the noise, the nearest eight.
-    law = 0.8 ** np.arange(17) + 0.5 * (np.arange(17) == 0)
-    certain = np.ones(120, dtype=bool)
+    # Oracle: conditional expectation of a normal distribution with the covariance of the noise.
+    law = 0.8 ** np.arange(9) + 0.5 * (np.arange(9) == 0)
+    certain = np.ones(80, dtype=bool)
     certain[40 : 40 + gap] = False
-    filters = prediction_filter(law, certain)
+    filters = prediction_filters(law, certain)
     for n in (40 + gap, 42 + gap, 60 + gap):
-        before = [k for k in range(n - 1, n - 17, -1) if certain[k]][:8]
-        cov = toeplitz(law)
-        lags = n - np.array(before, dtype=int)
-        expected = np.zeros(17)
-        expected[lags] = -np.linalg.solve(cov[np.ix_(lags, lags)], cov[lags, 0]) if len(lags) else 0.0
-        np.testing.assert_allclose(filters[n] / filters[n, 0], expected + (np.arange(17) == 0), atol=1e-9)
+        lags = np.array([lag for lag in range(1, 9) if certain[n - lag]], dtype=int)
+        expected = np.eye(9)[0]
+        expected[lags] = -np.linalg.solve(toeplitz(law)[np.ix_(lags, lags)], law[lags])
+        np.testing.assert_allclose(filters[n] / filters[n, 0], expected, atol=1e-9)
 
 
 def test_errors_of_all_predictions_have_one_variance(rng):
     # Closed form: the variance of a filtered noise is k C k, with the covariance C of the noise.
-    law = 0.8 ** np.arange(17) + 0.5 * (np.arange(17) == 0)
-    filters = prediction_filter(law, rng.random(200) < 0.6)
+    law = 0.8 ** np.arange(9) + 0.5 * (np.arange(9) == 0)
+    filters = prediction_filters(law, rng.random(200) < 0.6)
     variances = np.einsum("nk,kl,nl->n", filters, toeplitz(law), filters)
     np.testing.assert_allclose(variances, variances[0], rtol=1e-9)
 
@@ -142,13 +140,13 @@ def test_the_filter_solves_the_equations_of_yule_and_walker(rng):
     lags = sum(np.correlate(e, e, "full")[len(e) - 1 :][:9] for e in parts[:2])
     lags[:5] += np.correlate(parts[2], parts[2], "full")[4:]
     expected = solve_toeplitz(np.concatenate([[lags[0] * (1 + 1e-6)], lags[1:8]]), lags[1:])
-    np.testing.assert_allclose(filter_of(*parts)[:9], [1.0, *-expected], rtol=1e-6)
+    np.testing.assert_allclose(filter_of(*parts), [1.0, *-expected], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("samples", "known"), [(159, False), (160, True)])
 def test_a_hundred_and_sixty_samples_tell_the_law_of_a_noise(rng, samples, known):
     e = autoregressive(rng, [0.9], samples)
-    assert (len(noise_law([e[:100], e[100:]])) > 1) is known
+    assert (len(autocovariance([e[:100], e[100:]])) > 1) is known
 
 
 def test_noise_that_is_nothing_leaves_everything_as_it_is(quiet):
