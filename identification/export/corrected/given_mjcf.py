@@ -48,6 +48,8 @@ _BUILT = ("include", "frame", "replicate", "attach")
 """Elements that MuJoCo expands into others."""
 _NAMED = ("body", "joint", "freejoint")
 """Elements that need a name, so that they are found again."""
+_WIDTHS = {"free": (7, 6), "ball": (4, 3)}
+"""Numbers of positions and of velocities of joints with several of them."""
 _PLACES = ("meshdir", "texturedir")
 """Attributes of <compiler> that state folders."""
 _SAME = 1e-12
@@ -80,11 +82,12 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
         _add_joint(given, corrected, name)
     left_out = set_drives(given, corrected)
     add_cogging(given.root, corrected)
-    waves = sum(len(waves) for waves in corrected.cogging.values())
-    for key in _keys(given, "ctrl") if waves else ():
-        key.set("ctrl", str(key.get("ctrl")) + " 0" * waves)
+    # Keyframes need a command for each added actuator.
+    added = sum(len(waves) for waves in corrected.cogging.values())
+    for key in _keys(given, "ctrl"):
+        key.set("ctrl", str(key.get("ctrl")) + " 0" * added)
     add_couplings(given.root, corrected)
-    if not any(True for _ in given.root.iter("equality")):
+    if given.root.find(".//equality") is None:
         add_followers(given.root, corrected.robot)
     _relocate(given.root, file.resolve().parent, folder)
     ElementTree.indent(given.root)
@@ -106,6 +109,7 @@ def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> N
     """Refuse files whose compiler changes inertias, whose joints have no names, or whose loops are in another file."""
     for compiler in given.root.iter("compiler"):
         for word in _REWRITES:
+            # Zeros such as "0" or "0 0" become empty: they are among the values that switch a rewrite off.
             if compiler.get(word, "auto").strip(" 0.") not in ("", "auto", "false", "-1"):
                 raise RobotError(f"{word} of <compiler> in {file.name} would change the inertias again: remove it.")
     names = list(corrected.given.model.names)[1:]
@@ -113,6 +117,7 @@ def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> N
     if unnamed:
         raise RobotError(f"{file.name} has a joint without a name ({unnamed[0]}): name it.")
     chain = corrected.given.chain
+    # Labels of loops that the MJCF states start with <connect> or <weld>; others are from robot.yaml.
     if chain is not None and any(not anchor.label.startswith("<") for anchor in chain.anchors):
         raise RobotError(f"robot.yaml closes loops of {file.name} between frames: state them as <equality> in it.")
 
@@ -147,7 +152,7 @@ def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
 
 
 def _held_bodies(link: Element) -> frozenset[str]:
-    """Bodies behind joints that the model locks: they can move in the file, so they keep their own inertia."""
+    """Bodies behind any joint below a link: they can move in the file, so they keep their own inertia."""
     out: set[str] = set()
     todo = [(body, False) for body in link.findall("body")]
     while todo:
@@ -195,10 +200,9 @@ def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
         stated = given.attribute(joint, attribute)
         if stated:
             joint.set(attribute, attribute_text([float(x) + more for x in stated.split()]))
-    place = _joint_names(given).index(name)
     for key in _keys(given, "qpos"):
         numbers = [float(x) for x in str(key.get("qpos")).split()]
-        numbers[place] += zero
+        numbers[_place(given, joint, "qpos")] += zero
         key.set("qpos", attribute_text(numbers))
 
 
@@ -214,16 +218,19 @@ def _add_joint(given: GivenMjcf, corrected: CorrectedModel, name: str) -> None:
     element = ElementTree.Element("joint", none | own | place | {"limited": "true" if "range" in own else "false"})
     body = given.owners[joint]
     body.insert(list(body).index(joint) + 1, element)
-    at = _joint_names(given).index(own["name"])
     for attribute in ("qpos", "qvel"):
+        at = _place(given, element, attribute)
         for key in _keys(given, attribute):
             words = str(key.get(attribute)).split()
             key.set(attribute, " ".join([*words[:at], "0", *words[at:]]))
 
 
-def _joint_names(given: GivenMjcf) -> list[str | None]:
-    """Names of the joints in MuJoCo's order."""
-    return [joint.get("name") for world in given.root.iter("worldbody") for joint in world.iter("joint")]
+def _place(given: GivenMjcf, joint: Element, attribute: str) -> int:
+    """Index of a joint's value in ``qpos`` or ``qvel`` of a keyframe, in which each body's joints follow each other."""
+    bodies = [body for world in given.root.iter("worldbody") for body in world.iter("body")]
+    joints = [element for body in bodies for element in body if element.tag in ("joint", "freejoint")]
+    kinds = ["free" if one.tag == "freejoint" else given.attribute(one, "type") for one in joints]
+    return sum(_WIDTHS.get(kind or "hinge", (1, 1))[attribute == "qvel"] for kind in kinds[: joints.index(joint)])
 
 
 def _keys(given: GivenMjcf, attribute: str) -> list[Element]:

@@ -12,6 +12,7 @@ import pytest
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_files import model_files
 from identification.export.corrected.corrected_model import corrected_model
+from identification.export.corrected.given_mjcf import edited_mjcf
 from identification.export.model_files.reload import mujoco_problem
 from identification.words.note_words import sentence, sentences
 from phantom_dyn import load_robot
@@ -203,6 +204,37 @@ def test_a_play_is_a_joint_of_its_own_that_keyframes_know(cell):
     np.testing.assert_allclose(found.joint("shoulder_play").range, [-0.025, 0.025])
     assert found.dof_damping[found.joint("shoulder_play").dofadr[0]] == 0
     np.testing.assert_allclose(found.key_qpos[0], [0.1, 0, 0.2, 0.01, -0.01])
+
+
+HELD = """<mujoco><worldbody><body name="trunk">{}
+  <inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.1"/>
+  <body name="leg">
+    <inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.002"/>
+    <body name="load"><joint name="ball" type="ball"/><inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+      <body name="foot"><joint name="ankle" axis="0 1 0"/>
+        <inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.002"/></body></body>
+    <joint name="hip" axis="0 1 0"/>
+  </body></body></worldbody>
+  <keyframe><key qpos="0 0 0.3 1 0 0 0 0.5 1 0 0 0 0.2" qvel="1 2 3 4 5 6 7 8 9 10 11"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("base", ['<freejoint name="base"/>', '<joint name="base" type="free"/>', "<freejoint/>"])
+@pytest.mark.parametrize("joint", ["hip", "ankle"])
+def test_keyframes_of_joints_behind_a_held_base_and_a_ball_keep_their_places(base, joint, tmp_path):
+    # MuJoCo's places of the joints in its compiled models.
+    file = tmp_path / "leg.xml"
+    file.write_text(HELD.format(base))
+    (tmp_path / "robot.yaml").write_text("base: fixed\nlock: [ball]\n")
+    given, robot = mujoco.MjModel.from_xml_path(str(file)), load_robot(file)
+    effects = KnownEffect("encoder_offset", joint, (0.1,)), KnownEffect("backlash", joint, (0.05,))
+    found = mujoco.MjModel.from_xml_string(edited_mjcf(corrected_model(robot, effects), file, None)[0])
+    for keys, first, zero in (("key_qpos", "jnt_qposadr", 0.1), ("key_qvel", "jnt_dofadr", 0.0)):
+        before, after = (np.split(getattr(m, keys)[0], getattr(m, first)[1:]) for m in (given, found))
+        names = [found.joint(k).name for k in range(found.njnt)]
+        assert after.pop(names.index(f"{joint}_play")) == 0
+        names.remove(f"{joint}_play")
+        for name, old, new in zip(names, before, after, strict=True):
+            np.testing.assert_allclose(new, old + (zero if name == joint else 0.0), atol=1e-12, err_msg=name)
 
 
 def test_a_part_that_the_robot_lacks_is_taken_off_and_what_moves_behind_it_stays(cell):
