@@ -41,8 +41,9 @@ class LinearFit(NamedTuple):
         active: Columns in the fit.
         penalty: Cost of the nuisances by their priors: their squares in sigmas, summed.
         objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
-        loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
-        fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
+        loss: Weighted squared residual of each block without its first samples (its core), each predicted by a fit that
+            has not seen the block, ``(B,)``.
+        fold_active: Coefficients of these columns in the fit that has not seen each fold, ``(F, k)``.
     """
 
     theta: Float[Array, " K"]
@@ -74,25 +75,21 @@ class NearFits:
         self._solved: list[SolvedSet] = []
         # Coefficients of the last fits, from which similar ones start.
         self._past_fits, self._held_out_fits = deque[PastFit](maxlen=_KEPT_FITS), deque[PastFit](maxlen=_KEPT_FITS)
-        self._nothing = float(problem.grams.c[problem.grams.fold >= 0].sum())
+        self._loss_without_columns = float(problem.grams.c[problem.grams.fold >= 0].sum())
 
     def fit(self, active: Int[Array, " k"], *, held_out: bool) -> LinearFit:
         """Fit of some columns to all blocks; with ``held_out`` also once without each fold."""
         problem = self.problem
         solved, found, x = self._coefficients(active, held_out=held_out)
-        new, gone, index = solved.changes(active)
-        theta = np.zeros(len(problem.precision))
-        theta[index] = x[-1]
+        new, _, index = solved.changes(active)
+        every = np.zeros((len(x), len(problem.precision)))
+        every[:, index] = x
+        theta = every[-1].copy()  # a view would keep all of them in memory
         nuisances = slice(0, problem.nuisance_count)
         penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
-        objective = self._nothing + found[-1].value
-        loss, fold_active = np.zeros(0), np.zeros((0, len(active)))
-        if held_out:
-            loss = _losses(solved, new, x)
-            kept = np.delete(np.arange(len(index)), gone)
-            order = kept[np.argsort(index[kept])]
-            fold_active = x[:-1, order]
-        return LinearFit(theta, active, penalty, objective, loss, fold_active)
+        objective = self._loss_without_columns + found[-1].value
+        loss = _losses(solved, new, x) if held_out else np.zeros(0)
+        return LinearFit(theta, active, penalty, objective, loss, every[:-1, active])
 
     def coefficients(self, active: Int[Array, " k"]) -> Float[Array, "G K"]:
         """Coefficients of the fit of some columns without each fold and, last, of that to all blocks."""
@@ -132,18 +129,18 @@ class NearFits:
         tableaus = (*solved.folds, solved.whole) if held_out else (solved.whole,)
         entering = [*(solved.fold_entering(new) if held_out else ()), solved.entering(new)]
         near = np.full((len(tableaus), len(self.problem.precision)), np.nan)
-        end = self._most_similar_fit(active, held_out=held_out)
+        similar = self._most_similar_fit(active, held_out=held_out)
         # If the set is the solved one, its active bounds are known.
-        if end is not None and len(new) + len(gone) > 0:
-            near[:, end.index] = end.x[-len(near) :]
+        if similar is not None and len(new) + len(gone) > 0:
+            near[:, similar.index] = similar.x[-len(near) :]
         parts = zip(tableaus, entering, near[:, index], strict=True)
         return [changed(one, more, gone, bounds, start) for one, more, start in parts]
 
     def _most_similar_fit(self, active: Int[Array, " k"], *, held_out: bool) -> PastFit | None:
         """The earlier fit of the most similar set; the latest one if several are equally similar."""
         wanted = self._bits(active)
-        ends = self._held_out_fits if held_out else self._past_fits
-        return min(reversed(ends), key=lambda end: (end.bits ^ wanted).bit_count(), default=None)
+        past = self._held_out_fits if held_out else self._past_fits
+        return min(reversed(past), key=lambda one: (one.bits ^ wanted).bit_count(), default=None)
 
     def _bits(self, active: Int[Array, " k"]) -> int:
         """A number with the bit of each column set."""
@@ -169,9 +166,9 @@ class NearFits:
 
     def _nearest(self, active: Int[Array, " k"]) -> SolvedSet:
         """The most similar solved set; a set that differs much from all of them is solved fully."""
-        wanted, end = marked(active, len(self.problem.precision)), self._most_similar_fit(active, held_out=False)
-        near = min(self._solved, key=lambda one: one.differences(wanted, end), default=None)
-        if near is None or near.differences(wanted, end) > _MOST_DIFFERENCES:
+        wanted, similar = marked(active, len(self.problem.precision)), self._most_similar_fit(active, held_out=False)
+        near = min(self._solved, key=lambda one: one.differences(wanted, similar), default=None)
+        if near is None or near.differences(wanted, similar) > _MOST_DIFFERENCES:
             return self._solve(active, near)
         self._solved = [*(one for one in self._solved if one is not near), near]
         return near
@@ -190,6 +187,11 @@ class NearFits:
 class _AddedColumns:
     """Columns that may be added to a fit, projected off its free columns.
 
+    Their products are the Schur complement ``square + cross response' - slope_by_flipped among_flipped^-1
+    flipped_by_wanted'``: the second term takes off the free columns of the solved set (``response`` has the sign for
+    that), the third the difference of the two sets. Flipped columns are free here and held there, or the other way
+    round.
+
     Args:
         solved: The solved set from which the fit was computed.
         new: Columns of the fit that are not in the solved set.
@@ -201,22 +203,23 @@ class _AddedColumns:
         self._wanted, self._problem, free = wanted, solved.problem, ~solved.whole.held
         cross, response, slope, self._scale = solved.entering_parts(wanted)
         entered = solved.entering(new)
-        n, k = len(solved.columns), len(found.flipped)
+        n, flipped = len(solved.columns), len(found.flipped)
         places, action = found.action
-        own = places < n
-        across = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
-        across = across + cross[:, free] @ entered.response[:, free].T
-        # Response of the slopes of the wanted columns to the changes, and the other way round.
-        there = np.empty((len(wanted), len(places)))
-        there[:, own] = np.where(solved.whole.held[places[own]], 1.0, -1.0) * response[:, places[own]]
-        there[:, ~own] = across[:, places[~own] - n]
-        back = np.empty((len(wanted), k))
-        back[:, own[:k]] = response[:, places[:k][own[:k]]]
-        back[:, ~own[:k]] = across[:, places[:k][~own[:k]] - n]
-        square = answers_among(solved.whole, entered, found.flipped)
-        self._cross, self._response, self._there = cross[:, free], response[:, free], there[:, :k]
-        self._made = np.linalg.solve(square, back.T).T
-        self._slope = (slope + there @ action) / self._scale
+        is_solved = places < n
+        products = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
+        products_with_entered = products + cross[:, free] @ entered.response[:, free].T
+        # Response of the slopes of the wanted columns to each action, and of the flipped columns to a wanted one.
+        slope_by_action = np.empty((len(wanted), len(places)))
+        signs = np.where(solved.whole.held[places[is_solved]], 1.0, -1.0)
+        slope_by_action[:, is_solved] = signs * response[:, places[is_solved]]
+        slope_by_action[:, ~is_solved] = products_with_entered[:, places[~is_solved] - n]
+        flipped_by_wanted = slope_by_action[:, :flipped].copy()
+        flipped_by_wanted[:, is_solved[:flipped]] = response[:, places[:flipped][is_solved[:flipped]]]
+        among_flipped = answers_among(solved.whole, entered, found.flipped)
+        self._cross, self._response = cross[:, free], response[:, free]
+        self._slope_by_flipped = slope_by_action[:, :flipped]
+        self._flipped_response = np.linalg.solve(among_flipped, flipped_by_wanted.T).T
+        self._slope = (slope + slope_by_action @ action) / self._scale
 
     def left(self, columns: Int[Array, "g m"]) -> tuple[Float[Array, "g m m"], Float[Array, "g m"]]:
         """Products of the projected columns among each group, with priors, and with the residual."""
@@ -224,7 +227,7 @@ class _AddedColumns:
         square = self._problem.total_a[columns[:, :, None], columns[:, None, :]]
         square[:, np.arange(size), np.arange(size)] += self._problem.precision[columns]
         taken = self._cross[at] @ self._response[at].transpose(0, 2, 1)
-        taken = taken - self._there[at] @ self._made[at].transpose(0, 2, 1)
+        taken = taken - self._slope_by_flipped[at] @ self._flipped_response[at].transpose(0, 2, 1)
         scale = self._scale[at]
         return square + taken / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
 

@@ -111,16 +111,16 @@ class SolvedSet:
         """True for the columns of the set whose coefficient is at a bound, among all columns."""
         return marked(self.columns[self.whole.held], len(self.problem.precision))
 
-    def differences(self, wanted: Bool[Array, " K"], end: PastFit | None) -> int:
+    def differences(self, wanted: Bool[Array, " K"], similar: PastFit | None) -> int:
         """Number of columns that only one of two sets has, or that are at a bound in only one of them.
 
         Args:
             wanted: The columns of the set.
-            end: An earlier fit of a similar set, whose active bounds are compared; None if there is none.
+            similar: An earlier fit of a similar set, whose active bounds are compared; None if there is none.
         """
         other = self.inside != wanted
-        if end is not None:
-            other = other | (self.inside & wanted & end.known & (self.held != end.held))
+        if similar is not None:
+            other = other | (self.inside & wanted & similar.known & (self.held != similar.held))
         return int(np.count_nonzero(other))
 
     def changes(self, active: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " l"], Int[Array, " v"]]:
