@@ -47,15 +47,15 @@ def coarse_rounding(
     """Coarse joints whose rounding makes much of the noise on some joint, in the judged band or above it."""
     results, energy = [], []
     for one in coarse:
-        squares, plain = (
+        squares, squares_usual_low_pass = (
             residual_sums(problem, problem.session.in_judged_band(torque)).rms() ** 2
-            for torque in (one.torque, one.at_band_edge)
+            for torque in (one.torque, one.usual_low_pass)
         )
-        # The judged band ends where rounding hides the motion: it may matter above that band.
-        wide = residual_sums(problem, one.at_band_edge).rms() ** 2 / np.maximum(
+        # The judged band ends where rounding hides the motion: rounding may still matter above that band.
+        wide = residual_sums(problem, one.usual_low_pass).rms() ** 2 / np.maximum(
             residual_sums(problem, noise).rms() ** 2, 1e-300
         )
-        result = rounding_matters(float(np.max([plain / floor**2, wide])))
+        result = rounding_matters(float(np.max([squares_usual_low_pass / floor**2, wide])))
         results.append((one, result))
         energy += [squares] if result.passed else []
     kept = tuple(one for one, result in results if result.passed)
@@ -78,8 +78,18 @@ def coarse_findings(
         # Distances of levels are exact up to rounding of numbers; a hundredth of a step is a safe deviation.
         step = Value(one.step, 0.01 * one.step, unit)
         interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
-        parameters, verdict = {"step": step}, "supported"
         out.append(
-            Finding(effect.name, joint, effect.regime, parameters, closed, interval, 1.0, (), verdict, share=closed)
+            Finding(
+                effect.name,
+                joint,
+                effect.regime,
+                parameters={"step": step},
+                gap_closed=closed,
+                gap_closed_interval=interval,
+                probability=1.0,
+                rivals=(),
+                verdict="supported",
+                share=closed,
+            )
         )
     return tuple(out)

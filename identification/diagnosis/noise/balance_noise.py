@@ -1,9 +1,9 @@
-"""White noise of a joint's torque balance above the motion: from torque readings, or from a drive that is not logged.
+"""White noise of measured minus modelled torque, at frequencies above the band of the motion.
 
-A command is exact, but the drive that follows it is not: its ripple is in no column, and moves the robot. Such ripple
-and the noise of a torque reading are white in measured minus modelled torque. Above the band of the motion little else
-is: jumps of friction, backlash and contacts are short, so the power is estimated by the median over the time in which
-the joint travels. The part from the noise of the encoders is subtracted.
+It is noise of torque readings, or ripple of a drive that no column records: a command is exact, but the drive that
+follows it is not, and its ripple moves the robot. Above the band of the motion little else is white: jumps of friction,
+backlash and contacts are short, so the power is estimated by the median over the time in which the joint travels. The
+contribution of encoder noise is subtracted.
 """
 
 from __future__ import annotations
@@ -26,23 +26,27 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 _TOP = 0.2  # highest frequency used, as a share of the rate: above, derivatives of a spline lose more than 2 %
-_RATIO = 2.0  # ratio of the ends of a part of the band: a filter of an octave rings for a period
-_AROUND = 1.0  # distance to a stop or a reversal, in periods of a part's lower end, beyond which friction adds nothing
-_FEWEST = 40.0  # independent values in a part: with fewer its power is uncertain by more than a third
-_OF_ENCODERS = 0.5  # largest share of a part's power from the encoders: beyond, the difference is too uncertain
+_RATIO = 2.0  # ratio of the ends of a sub-band: a filter of an octave rings for a period
+# Distance to a stop or a reversal beyond which friction adds nothing, in periods of a sub-band's lower end.
+_AROUND = 1.0
+_FEWEST = 40.0  # independent values in a sub-band: with fewer its power is uncertain by more than a third
+_OF_ENCODERS = 0.5  # largest share of a sub-band's power from encoder noise: beyond, the difference is too uncertain
 _EFFICIENCY = 0.37  # efficiency of the median of squares relative to their mean
-_HIDDEN = 0.3  # share of a part's power below which the torque's noise may be an error of the encoders' part
-# Share of the largest possible power that is taken where encoders hide the torque's: a quarter of its size.
+# If torque noise is a smaller share of a sub-band's power than this, it may only be an error of the computed encoder
+# noise.
+_HIDDEN = 0.3
+# Where encoder noise hides the torque noise, this share of its largest possible power is assumed: a quarter of the
+# amplitude.
 _BETWEEN = 1.0 / 16.0
-_LOWEST = 2  # most parts with the least power that are averaged: remains of motion and effects raise the others
+_LOWEST = 2  # most sub-bands with the least power that are averaged: remains of motion and effects raise the others
 
 
 @dataclass(frozen=True)
-class Part:
-    """Power density of a joint's torque balance in a part of the band above the motion.
+class SubBand:
+    """Power density of a joint's measured minus modelled torque between two frequencies above the motion.
 
     Attributes:
-        centre: Centre frequency of the part [Hz].
+        centre: Centre frequency [Hz].
         whole: Density of measured minus modelled torque [(N m)^2/Hz].
         encoders: Density from the noise of the position readings [(N m)^2/Hz].
         count: Number of independent values.
@@ -55,30 +59,30 @@ class Part:
 
     @property
     def torque(self) -> float:
-        """Density without the part from the encoders [(N m)^2/Hz]."""
+        """Density without that from encoder noise [(N m)^2/Hz]."""
         return self.whole - self.encoders
 
 
-def balance_noise(parts: list[Part], deviations: float) -> Density | None:
-    """White noise of a joint's torque balance [(N m)^2/Hz] and its interval; None without any part.
+def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
+    """White noise of measured minus modelled torque [(N m)^2/Hz] and its interval; None without any sub-band.
 
-    White noise is in every part. The value is the mean of the two parts with the least power where these agree, and
-    else the least power: more in the other one is no white noise, as at a resonance. Neither is it larger than the
-    whole power of a part in which encoder noise dominates. The interval reaches from the least power to that of the
-    part next to the motion, as the ripple of a drive may rise towards lower frequencies, each extended by the
-    uncertainty of a median. Where encoder noise dominates every part, the interval reaches from nothing to the
-    uncertainty of the encoders' part, and the value is a quarter of the size of that.
+    White noise is in every sub-band. The value is the mean of the two with the least power where these agree, and else
+    the least power: more in the other one is no white noise, as at a resonance. Neither is it larger than the whole
+    power of a sub-band in which encoder noise dominates. The interval reaches from the least power to that of the
+    sub-band next to the motion, as the ripple of a drive may rise towards lower frequencies, each extended by the
+    uncertainty of a median. Where encoder noise dominates every sub-band, the interval reaches from nothing to the
+    uncertainty of the computed encoder noise, and the value is that of a quarter of the amplitude.
 
     Args:
-        parts: Power of the balance in bands above the motion, from `balance_parts`.
+        bands: Power in each sub-band above the motion, from `balance_bands`.
         deviations: Half width of the interval in standard errors.
     """
-    clear = sorted((one for one in parts if one.encoders < _OF_ENCODERS * one.whole), key=lambda one: one.torque)
-    hidden = [one for one in parts if one not in clear]
-    if not parts:
+    clear = sorted((one for one in bands if one.encoders < _OF_ENCODERS * one.whole), key=lambda one: one.torque)
+    hidden = [one for one in bands if one not in clear]
+    if not bands:
         return None
     if not clear:
-        # A small difference may be an error of the encoders' part. No noise at all is the least likely of all sizes.
+        # A small difference may be an error of the encoder noise. No noise at all is the least likely of all sizes.
         least = min(hidden, key=lambda one: one.whole)
         most = max(least.torque, 0.0) + _HIDDEN * least.whole
         if least.torque > _HIDDEN * least.whole:
@@ -89,22 +93,22 @@ def balance_noise(parts: list[Part], deviations: float) -> Density | None:
         lowest = clear[:1]
     reach = _reach(lowest, deviations)
     value = min([float(np.mean([one.torque for one in lowest])), *(one.whole for one in hidden)])
-    highest = min(clear, key=lambda one: one.centre).torque
-    nearest = min(parts, key=lambda one: one.centre)
-    highest = min(highest, nearest.whole) if nearest in hidden else highest
+    near_motion = min(clear, key=lambda one: one.centre).torque
+    nearest = min(bands, key=lambda one: one.centre)
+    near_motion = min(near_motion, nearest.whole) if nearest in hidden else near_motion
     low = clear[0].torque / reach
-    return Density(value, low if low <= value else 0.0, max(value, highest) * reach)
+    return Density(value, low if low <= value else 0.0, max(value, near_motion) * reach)
 
 
-def _reach(parts: list[Part], deviations: float) -> float:
-    """Factor by which the mean power of some parts may be wrong, as it is of medians."""
-    return float(np.exp(deviations * np.sqrt(2.0 / (_EFFICIENCY * sum(one.count for one in parts)))))
+def _reach(bands: list[SubBand], deviations: float) -> float:
+    """Factor by which the mean power of some sub-bands may be wrong, as each is a median."""
+    return float(np.exp(deviations * np.sqrt(2.0 / (_EFFICIENCY * sum(one.count for one in bands)))))
 
 
-def balance_parts(
+def balance_bands(
     robot: Robot, log: Log, judged_hz: float, readings: tuple[ReadingNoise | None, ...]
-) -> tuple[list[Part], ...]:
-    """Power density of every joint's torque balance in parts of the band above the motion, a list for each joint.
+) -> tuple[list[SubBand], ...]:
+    """Power density of measured minus modelled torque in each sub-band above the motion, a list for each joint.
 
     Args:
         robot: The given model.
@@ -112,7 +116,7 @@ def balance_parts(
         judged_hz: Edge of the band of the motion [Hz].
         readings: Noise of each joint's position readings; None where it is not known.
     """
-    out: tuple[list[Part], ...] = tuple([] for _ in range(robot.nv))
+    out: tuple[list[SubBand], ...] = tuple([] for _ in range(robot.nv))
     rate = log.band.rate_hz
     low, high = ABOVE_MOTION * judged_hz, _TOP * rate
     count = int(np.log(high / low) / np.log(_RATIO)) if high > low else 0
@@ -125,12 +129,13 @@ def balance_parts(
         balance = balance + log.external
     noise = reading_errors(log, readings, random_stream("errors of readings above the band"))
     encoder_torque = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
-    # Swings have a wide judged band: above it, encoder noise dominates all but the nearest frequencies.
+    # With known contacts (legged robots) the judged band is that of leg swings, and wide: sub-bands stay one octave, as
+    # encoder noise dominates all but the nearest frequencies.
     step = (high / low) ** (1 / count) if log.touched is None else _RATIO
     for a, b in pairwise(low * step ** np.arange(count + 1)):
         whole, encoders = (band_passed(x, rate, a, b) for x in (balance, encoder_torque))
         travels = _travels(log, _AROUND / a)
-        for j, parts in enumerate(out):
+        for j, bands in enumerate(out):
             use = travels[:, j]
             values = float(2.0 * (b - a) * use.sum() / rate)
             if values >= _FEWEST:
@@ -138,7 +143,7 @@ def balance_parts(
                 width = (b - a) * float(log.noise_gain(np.array([centre]))[0])
                 # The median of the magnitudes of normal noise, times 1.4826, is its standard deviation.
                 power, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / width for x in (whole, encoders))
-                parts.append(Part(centre, power, own, values))
+                bands.append(SubBand(centre, power, own, values))
     return out
 
 

@@ -47,15 +47,15 @@ class Coarse:
         step: Step of the readings [rad or m].
         torque: For each log, the spurious in-band torque that rounding causes beyond what the expected step causes,
             ``(n, nv)``.
-        at_band_edge: The same with a low-pass of the positions that ends at the edge of the band, as programs usually
-            have it; for `torque` it may end below, because of the steps.
+        usual_low_pass: The same with the low pass of the positions that finer readings would get (`motion_edge`); that
+            for `torque` may end lower, because of the steps.
         coarser: Result of the gate that found the steps larger.
     """
 
     row: int
     step: float
     torque: tuple[Float[Array, "n nv"], ...]
-    at_band_edge: tuple[Float[Array, "n nv"], ...]
+    usual_low_pass: tuple[Float[Array, "n nv"], ...]
     coarser: GateResult
 
 
@@ -106,8 +106,8 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
         share = float(np.sqrt(1.0 - min((expected / step) ** 2, 1.0)))
         pairs = tuple(zip(session.logs, columns.operations, strict=True))
         torque = tuple(share * _rounding_torque(log, o, alone) for log, o in pairs)
-        at_band_edge = tuple(share * _rounding_torque(replace(log, position_edges=None), o, alone) for log, o in pairs)
-        out.append(Coarse(j, step, torque, at_band_edge, coarser))
+        usual = tuple(share * _rounding_torque(replace(log, position_edges=None), o, alone) for log, o in pairs)
+        out.append(Coarse(j, step, torque, usual, coarser))
     return tuple(out)
 
 
@@ -126,7 +126,7 @@ def _step_of_others(robot: Robot, steps: tuple[float | None, ...], j: int) -> fl
 
 @dataclass(frozen=True)
 class SimulatedRecordings:
-    """Simulated recordings of a robot that moves like its model, and whose encoders are as noisy as the recorded ones.
+    """Simulated recordings of a robot that moves like its model, with encoders as noisy as the recorded ones.
 
     Attributes:
         session: Session with new readings in each log.
@@ -138,7 +138,7 @@ class SimulatedRecordings:
 
 
 def simulated_recordings(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> SimulatedRecordings:
-    """Simulated recordings of a robot that moves like its model, and whose encoders are as noisy as the recorded ones.
+    """Read the smooth motion of each recording again with new encoder noise, under the torque that the model needs.
 
     Args:
         session: The recordings.
@@ -207,6 +207,7 @@ def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Serie
     """
     columns, values = columns_by_log(simulated.session, problem.columns)
     filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
+    # One fold for all blocks that fits may see; blocks that none may see keep -1.
     session = replace(problem.session, folds=np.minimum(problem.session.folds, 0))
     rows: tuple[RowGrams, ...] = ()
     for log in range(len(session.logs)):
@@ -221,7 +222,8 @@ def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Serie
 
 def _without_cores(row: RowGrams) -> RowGrams:
     """Products of one row without those over the core of each block, which only held-out fits need."""
-    # A log may have only blocks that no fit may see, which come last: the products of its fold are then zero.
+    # Products come by fold, those of blocks that no fit may see last. A log with such blocks alone has no others: the
+    # products of its one fold are zero.
     seen = row.a if len(row.a) > 1 else np.concatenate([np.zeros_like(row.a), row.a])
     return replace(row, a=seen.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
 

@@ -17,7 +17,7 @@ from identification.data.floating.base_columns import with_redrawn_noise
 from identification.data.log import Log
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series, Session
-from identification.diagnosis.noise.balance_noise import balance_noise, balance_parts, reading_errors
+from identification.diagnosis.noise.balance_noise import balance_bands, balance_noise, reading_errors
 from identification.diagnosis.noise.certain_samples import root_weights
 from identification.diagnosis.noise.discrepancy import shown_error
 from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_noise
@@ -84,7 +84,7 @@ def _readings_of(session: Session) -> Readings:
 
 
 def torque_densities(session: Session, readings: Readings, deviations: float = 2.0) -> list[Density | None]:
-    """White noise of each joint's torque, from torque readings or from the torque balance; None if unknown.
+    """White noise of each joint's torque, from torque readings or from measured minus modelled torque; None if unknown.
 
     Args:
         session: Recordings at their full rate, and their judged band.
@@ -92,11 +92,11 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
         deviations: Half width of a density's interval in standard errors.
     """
     robot, logs = session.robot, session.logs
-    parts = [balance_parts(robot, log, session.cutoff_hz, own) for log, own in zip(logs, readings, strict=True)]
+    bands = [balance_bands(robot, log, session.cutoff_hz, own) for log, own in zip(logs, readings, strict=True)]
     seconds = [len(log.motion.t) / log.band.rate_hz for log in logs]
     out: list[Density | None] = []
     for j in range(robot.nv):
-        balance = _mean_density([balance_noise(own[j], deviations) for own in parts], seconds)
+        balance = _mean_density([balance_noise(own[j], deviations) for own in bands], seconds)
         # A command has no sensor: at frequencies above the motion it shows the controller's answer.
         seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
         out.append(_smaller_density(seen, balance))

@@ -1,9 +1,9 @@
-"""Rivals of a late drive that are late, too, compared where the motion is far above the noise.
+"""Compares a drive's delay or lag with other laws of lateness, at frequencies where the motion is far above the noise.
 
 The torque of a delay or a lag is computed from the rate of the needed torque. At frequencies above those of the motion
 that rate is noise, and the noise of a lag differs from that of a delay. There the residual says which of the two has
-less noise, and not which one the drive has. So these frequencies are left out, unless the residual of one law would be
-a gap beside that of the other.
+less noise, and not which one the drive has. So these frequencies are left out. They are kept if the residual of one law
+would be a gap beside that of the other: noise does not make such a difference.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from phantom_dyn.array_types import Array
 def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Array]:
     """Held-out losses, by block, of sets with another law of timing beyond the loss of the set with a finding.
 
-    They include the difference of the penalties. They are computed at frequencies where the torque of the motion is far
-    above the noise, and are nearer to zero by the price of a parameter, which a law gains by chance.
+    They are computed at frequencies where the torque of the motion is far above the noise. The difference of penalties
+    is added, spread evenly over the blocks. Then all are scaled so that the sum comes nearer to zero by the price of a
+    parameter, which a law gains by chance, and at most to zero.
 
     Args:
         bench: Searches and fits.

@@ -186,7 +186,7 @@ def test_a_coarse_reading_counts_by_what_an_ordinary_low_pass_leaves_of_it(quiet
     # Known truth: the lowered low pass of this joint has taken all of its rounding away.
     nothing, one = (tuple(size * np.ones_like(part) * [0.0, 1.0] for part in quiet.noise) for size in (0.0, 1.0))
     loud = tuple(1e6 * np.ones_like(part) for part in quiet.noise)
-    coarse = replace(coarse_elbow(*nothing), at_band_edge=one)
+    coarse = replace(coarse_elbow(*nothing), usual_low_pass=one)
     found = coarse_rounding(quiet.problem, (coarse,), np.ones(2), loud)
     assert found.coarse == (coarse,)
     np.testing.assert_array_equal(found.total, 0.0)

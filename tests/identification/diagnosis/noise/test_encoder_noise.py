@@ -13,7 +13,7 @@ from identification.data.signals import process, process_all
 from identification.diagnosis.columns.residual_columns import columns_like
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.noise.balance_noise import Part, balance_noise, balance_parts, band_passed
+from identification.diagnosis.noise.balance_noise import SubBand, balance_bands, balance_noise, band_passed
 from identification.diagnosis.noise.encoder_noise import (
     _null_problem,
     at_least_encoder_noise,
@@ -109,7 +109,7 @@ def test_a_lower_low_pass_takes_the_torque_of_rounding_away(quiet):
     motion = log.motion.with_joints(*differentiate(log.raw_q, log.band.rate_hz, edges))
     session = replace(session, logs=(replace(log, motion=motion, position_edges=edges),))
     (one,) = coarse_joints(session, quiet.columns, (None, STEP))
-    left, plain = (rms([part[:, 1] for part in torque]) for torque in (one.torque, one.at_band_edge))
+    left, plain = (rms([part[:, 1] for part in torque]) for torque in (one.torque, one.usual_low_pass))
     assert left < 0.5 * plain
 
 
@@ -209,7 +209,7 @@ def parts_of(lab, planar2):
             (lab.recording(planar2, motion, torque(motion) if torque else 0.0, noise=noise),), planar2
         )
         assert judged < 10.0
-        return log[0], balance_parts(planar2, log[0], judged, (ReadingNoise(1e-5, 0.0),) * 2)
+        return log[0], balance_bands(planar2, log[0], judged, (ReadingNoise(1e-5, 0.0),) * 2)
 
     return parts
 
@@ -245,34 +245,34 @@ def test_the_interval_holds_the_density(parts_of):
 
 
 def test_what_the_encoders_make_is_taken_off():
-    assert Part(10.0, 4.0, 1.0, 100.0).torque == 3.0
+    assert SubBand(10.0, 4.0, 1.0, 100.0).torque == 3.0
 
 
 def test_the_two_lowest_parts_are_the_noise_and_the_nearest_its_upper_end():
     # By hand: what is left of the motion raises the others. Medians of so many values are sure to exp(0.1) in one
     # deviation.
     count = 100.0 / 0.37
-    parts = [Part(f, level, 0.0, count) for f, level in ((10.0, 9.0), (20.0, 1.2), (30.0, 1.0), (40.0, 3.0))]
+    parts = [SubBand(f, level, 0.0, count) for f, level in ((10.0, 9.0), (20.0, 1.2), (30.0, 1.0), (40.0, 3.0))]
     seen = balance_noise(parts, 1.0)
     assert (seen.low, seen.value, seen.high) == pytest.approx((np.exp(-0.1), 1.1, 9.0 * np.exp(0.1)))
 
 
 def test_noise_that_one_part_alone_has_is_not_white():
     # By hand: a resonance at 20 Hz has far more power than the parts about it, in which white noise would be, too.
-    parts = [Part(f, level, 0.0, 1e6) for f, level in ((10.0, 1.0), (20.0, 20.0), (40.0, 30.0))]
+    parts = [SubBand(f, level, 0.0, 1e6) for f, level in ((10.0, 1.0), (20.0, 20.0), (40.0, 30.0))]
     seen = balance_noise(parts, 0.0)
     assert (seen.low, seen.value, seen.high) == (1.0, 1.0, 1.0)
 
 
 def test_white_noise_is_no_larger_than_a_part_that_is_mostly_the_encoders():
     # By hand: the part next to the motion has a power of 1 in all, whatever it is made of.
-    seen = balance_noise([Part(10.0, 1.0, 0.8, 1e6), Part(20.0, 2.0, 0.0, 1e6)], 0.0)
+    seen = balance_noise([SubBand(10.0, 1.0, 0.8, 1e6), SubBand(20.0, 2.0, 0.0, 1e6)], 0.0)
     assert (seen.low, seen.value, seen.high) == (0.0, 1.0, 1.0)
 
 
 def test_noise_that_the_encoders_hide_need_not_be_there_and_is_three_tenths_of_theirs_at_most():
     # By hand: a quarter of the largest size is a sixteenth of its power.
-    seen = balance_noise([Part(10.0, 1.0, 1.1, 1e6), Part(20.0, 16.0, 15.0, 1e6)], 0.0)
+    seen = balance_noise([SubBand(10.0, 1.0, 1.1, 1e6), SubBand(20.0, 16.0, 15.0, 1e6)], 0.0)
     assert (seen.value, seen.low, seen.high) == pytest.approx((0.3 / 16.0, 0.0, 0.3))
 
 
@@ -282,4 +282,4 @@ def test_without_a_part_nothing_is_known():
 
 def test_a_motion_that_reaches_up_to_the_rate_leaves_no_parts(parts_of, planar2):
     log, _ = parts_of()
-    assert balance_parts(planar2, log, 0.4 * log.band.rate_hz, (None, None)) == ([], [])
+    assert balance_bands(planar2, log, 0.4 * log.band.rate_hz, (None, None)) == ([], [])
