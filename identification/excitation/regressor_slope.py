@@ -184,7 +184,6 @@ def propagate(
     add_motion_cross(D, V, -1.0, M)
     for i in range(6):
         V[i] += joint_motion[1] * J[i]
-    for i in range(6):
         A[i] += joint_motion[2] * J[i]
     add_motion_cross(V, J, joint_motion[1], A)
 
@@ -223,6 +222,7 @@ def add_slope(
         add_force_cross(J, h, -1.0, dL_dV)
         add_force_cross(J, f, 1.0, dJf)
         total += inner(J, f)
+    # Sum of the forces on the axes before a joint if it moves, in the memory of h, which is free now.
     sum_dJf = h
     for i in range(6):
         sum_dJf[i] = 0.0
@@ -234,7 +234,6 @@ def add_slope(
         slope[0, row] += inner(D, dL_dV) + inner(x, dL_dA) - inner(J, sum_dJf)
         for i in range(6):
             x[i] = 2.0 * D[i]
-            # Force on the axes before j if j moves.
             sum_dJf[i] += work[5 + j, i]
         add_motion_cross(J, V, 1.0, x)
         slope[1, row] += inner(J, dL_dV) + inner(x, dL_dA)

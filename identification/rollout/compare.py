@@ -177,17 +177,18 @@ def compare_models(
         given, model = models(plain.window)
         shot = hidden_states(plain, model)
         signs = rng.choice([-1.0, 1.0], (2, robot.nv))
-        corrected, others = shoot(shot, model, None), _not_compared(shot.window, robot.nv)
+        corrected, others = shoot(shot, model, None), _nan_unless_compared(shot.window, robot.nv)
         before.append(shoot(shot, given, None) - shot.read + others)
         after.append(corrected - shot.read + others)
         noise.append(shoot(shot, model, signs * np.array([shot.states.q_std, shot.states.v_std])) - corrected + others)
-    travel = tuple(shot.read - shot.read[0] + _not_compared(shot.window, robot.nv) for shot in shots)
+    travel = tuple(shot.read - shot.read[0] + _nan_unless_compared(shot.window, robot.nv) for shot in shots)
     errors = Errors(tuple(shot.t for shot in shots), tuple(before), tuple(after), tuple(noise), travel)
     horizon = horizon_of(errors, horizons)
-    notes = () if horizon >= possible_horizons(errors, horizons)[0] else (shortened(horizon, controlled=controlled),)
-    engaged = limits_engaged(robot, tuple(_seen(shot, errors, k, horizon) for k, shot in enumerate(shots)))
-    deviations = np.sqrt(np.mean([shot.states.scatter**2 for shot in shots], axis=0))
-    read_noise = dict(zip(robot.joint_names, deviations.tolist(), strict=True))
+    shorter = Note(Code.SHORTER_HORIZON, None, {"seconds": horizon, "controlled": controlled})
+    notes = () if horizon >= possible_horizons(errors, horizons)[0] else (shorter,)
+    engaged = limits_engaged(robot, tuple(_motion_up_to(shot, errors, k, horizon) for k, shot in enumerate(shots)))
+    read_std = np.sqrt(np.mean([shot.states.scatter**2 for shot in shots], axis=0))
+    read_noise = dict(zip(robot.joint_names, read_std.tolist(), strict=True))
     files = list(dict.fromkeys(shot.log.file for shot in shots))
     by_recording = {
         file: _sizes(robot, errors.of([k for k, shot in enumerate(shots) if shot.log.file == file]), horizon)
@@ -209,7 +210,7 @@ def compare_models(
     )
 
 
-def _not_compared(window: Window, nv: int) -> Float[Array, " nv"]:
+def _nan_unless_compared(window: Window, nv: int) -> Float[Array, " nv"]:
     """Zero for joints that a window compares and NaN for all others, ``(nv,)``."""
     out = np.zeros(nv) if window.joints is None else np.full(nv, np.nan)
     out[list(window.joints or ())] = 0.0
@@ -223,7 +224,7 @@ def _sizes(robot: Robot, errors: Errors, horizon: float) -> tuple[dict[str, floa
     return dict(zip(names, before, strict=True)), dict(zip(names, after, strict=True))
 
 
-def _seen(shot: Shot, errors: Errors, k: int, horizon: float) -> Simulated:
+def _motion_up_to(shot: Shot, errors: Errors, k: int, horizon: float) -> Simulated:
     """Recorded and simulated motion of a window up to the horizon."""
     keep = errors.t[k] <= horizon + 1e-9
     t = shot.log.motion.t[shot.window.start : shot.window.stop]
@@ -231,8 +232,3 @@ def _seen(shot: Shot, errors: Errors, k: int, horizon: float) -> Simulated:
     return Simulated(
         shot.log.file, t[keep], read[keep], (read + errors.before[k])[keep], (read + errors.after[k])[keep]
     )
-
-
-def shortened(horizon: float, *, controlled: bool) -> Note:
-    """A note on a horizon that is shorter than the longest one."""
-    return Note(Code.SHORTER_HORIZON, None, {"seconds": horizon, "controlled": controlled})

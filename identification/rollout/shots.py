@@ -101,14 +101,14 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
     law, base = torque_over_time(log.motion.t[rows], torque[rows]), base_of(model, log, rows)
 
     def run(shifts: Array) -> Simulation:
-        return simulated_with_torque(model, law, _shifted(model, first_guess, shifts * spread), base)
+        return simulated_with_torque(model, law, _with_fitted_shifts(model, first_guess, shifts * spread), base)
 
     def residuals(shifts: Array) -> Array:
         # The shifts themselves are residuals of a prior with the standard deviations of `spread`.
         return np.concatenate([((run(shifts).q - states.raw[rows]) / states.read_std).ravel(), shifts])
 
     shifts = _best_fitted(residuals, _guesses(model, spread))
-    return HiddenStart(model, at, _shifted(model, first_guess, shifts * spread))
+    return HiddenStart(model, at, _with_fitted_shifts(model, first_guess, shifts * spread))
 
 
 def _after_feedback(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
@@ -116,10 +116,9 @@ def _after_feedback(log: Log, states: States, model: Model, torque: Array, at: i
 
     It is `true_state` where an encoder is on a link behind a spring or backlash, as feedback through these is unstable.
     """
-    start = true_state(model, states, max(at - lead, 0), 1.0 / log.band.rate_hz)
-    elastic = [row_of(model.robot, part.joint) for part in model.transmissions]
-    if lead < 2 or not all(_on_motor(model, row) for row in elastic):
+    if lead < 2 or not all(_on_motor(model, row) for row in _hidden(model)):
         return true_state(model, states, at, 1.0 / log.band.rate_hz)
+    start = true_state(model, states, at - lead, 1.0 / log.band.rate_hz)
     rows = slice(at - lead, at + 1)
     gains = feedback_gains(model, states.q[at])
     everywhere = np.ones((lead + 1, model.robot.nv), dtype=bool)
@@ -138,7 +137,12 @@ def _hidden(model: Model) -> list[int]:
     return sorted({row_of(model.robot, part.joint) for part in model.transmissions})
 
 
-def _shifted(model: Model, start: Start, shifts: Float[Array, " n"]) -> Start:
+def _gap(model: Model, row: int) -> float:
+    """Backlash of a joint [rad or m]; zero without any."""
+    return sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
+
+
+def _with_fitted_shifts(model: Model, start: Start, shifts: Float[Array, " n"]) -> Start:
     """A start with shifted states.
 
     Args:
@@ -164,12 +168,12 @@ def _shifted(model: Model, start: Start, shifts: Float[Array, " n"]) -> Start:
 
 
 def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n"]:
-    """Standard deviation of each shift of `_shifted`."""
+    """Standard deviation of each shift of `_with_fitted_shifts`."""
     v = 5.0 * states.v_std + _SPEED_ERROR * states.v.std(axis=0)
     q = 5.0 * states.q_std + _SPEED_ERROR_TIME_S * v
     out = [*q, *v]
     for row in _hidden(model):
-        gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
+        gap = _gap(model, row)
         deflection = abs(float(start.motor_q[row] - start.q[row]))
         out += [q[row] + gap + 0.2 * deflection, 2.0 * v[row]]
     return np.array(out)
@@ -179,7 +183,7 @@ def _guesses(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"
     """Starts of the fit of the shifts, in units of ``spread``: zero, and hidden sides shifted within their backlash."""
     out, nv = [np.zeros(len(spread))], model.robot.nv
     for k, row in enumerate(_hidden(model)):
-        gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
+        gap = _gap(model, row)
         for share in _TRIED_SHIFTS if gap > 0 else ():
             shifts = np.zeros(len(spread))
             shifts[2 * nv + 2 * k] = share * gap / spread[2 * nv + 2 * k]
@@ -274,7 +278,7 @@ def under_torque(
         return _from_hidden_start(shot, hidden, torque, start_shift)
     shift = np.zeros((2, model.robot.nv)) if start_shift is None else start_shift
     window, states = shot.window, shot.states
-    lead = min(window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
+    lead = _settling_lead(shot, model)
     rows = slice(window.start - lead, window.stop)
     t, q, v = shot.log.motion.t[rows], states.q[rows] + shift[0], states.v[rows] + shift[1]
     with_feedback = _touched(shot.log, rows)
@@ -282,6 +286,11 @@ def under_torque(
     law = feedback_law(t, torque[rows], q, v, feedback_gains(model, states.q[window.start]), with_feedback)
     start = true_state(model, states, rows.start, float(t[1] - t[0]), shift)
     return np.array(simulated_with_torque(model, law, start, base_of(model, shot.log, rows)).q[lead:])
+
+
+def _settling_lead(shot: Shot, model: Model) -> int:
+    """Number of samples before a window over which hidden states of a model settle, as far as the window has them."""
+    return min(shot.window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
 
 
 def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
@@ -299,12 +308,12 @@ def _from_hidden_start(
     q, v, where = states.q[rows], states.v[rows], _touched(shot.log, rows)
     law = feedback_law(shot.log.motion.t[rows], torque[rows], q, v, gains, where)
     motion = simulated_with_torque(
-        hidden.model, law, _shifted_start(hidden.start, start_shift), base_of(hidden.model, shot.log, rows)
+        hidden.model, law, _with_start_shift(hidden.start, start_shift), base_of(hidden.model, shot.log, rows)
     )
     return np.array(motion.q[shot.window.start - hidden.at :])
 
 
-def _shifted_start(start: Start, start_shift: Float[Array, "2 nv"] | None) -> Start:
+def _with_start_shift(start: Start, start_shift: Float[Array, "2 nv"] | None) -> Start:
     """A start whose links and motors have the same shift of position and velocity."""
     if start_shift is None:
         return start
@@ -331,9 +340,9 @@ def under_control(
     if shot.log.q_ref is None:
         raise LogError(f"{shot.log.file} has no references.")
     if shot.hidden_start is not None and shot.hidden_start.model is model:
-        first, start = shot.hidden_start.at, _shifted_start(shot.hidden_start.start, start_shift)
+        first, start = shot.hidden_start.at, _with_start_shift(shot.hidden_start.start, start_shift)
     else:
-        first = window.start - min(window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
+        first = window.start - _settling_lead(shot, model)
         start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, start_shift)
     rows = slice(first, window.stop)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
@@ -342,9 +351,8 @@ def under_control(
     law = with_late_references(law, late) if late.any() else law
     law = _with_contact_feedback(law, shot, model, rows)
     causes = (*controller_delays(robot), *model.commands, *model.causes)
-    moving = replace(robot, torque_source="command")
     base = base_of(model, shot.log, rows)
-    return np.array(simulated(moving, causes, law, start, base, max_step=max_step).q[window.start - first :])
+    return np.array(simulated(robot, causes, law, start, base, max_step=max_step).q[window.start - first :])
 
 
 def _with_contact_feedback(law: Tracking, shot: Shot, model: Model, rows: slice) -> Tracking:
