@@ -3,8 +3,9 @@
 The files are written into a hidden folder next to the target folder. All other files of the target folder are
 hard-linked into the hidden one. Then one system call exchanges the two folders. That is impossible if the target
 contains folders, is the working folder of a process, has a parent without write access, or if the system has no such
-call. Then the files are renamed one by one, the index last. Runs that write into one folder at the same time wait for
-each other. Every text ends with the id of its run, so that a mixture of two runs can be recognised.
+call. Then the files are renamed one by one, last the main file, which the others belong to. Runs that write into one
+folder at the same time wait for each other. Every text ends with the id of its run, so that a mixture of two runs can
+be recognised.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable
 
     Args:
         folder: Target folder; it is made if it is missing, and other files in it are kept.
-        texts: Text of each file by its name, the index last.
+        texts: Text of each file by its name, the main file last (such as ``diagnosis.json``).
         obsolete: Names of files of earlier sets, which are removed.
 
     Returns:

@@ -37,14 +37,13 @@ def fleet_page(result: DiagnosedRecordings) -> str:
     """
     series = series_of(result)
     outliers, changed = out_of_line(series), changes(series)
-    count, robots = len(result.rows), len({Path(row.log).parent for row in result.rows})
+    count, robots = len(result.rows), len(set(_folders(result)))
+    sentences = [*map(_outlier_words, outliers), *map(_change_words, changed)]
     parts = [
-        listed([*map(_outlier_words, outliers), *map(_change_words, changed)]),
+        listed(sentences) if sentences else "<p>No robot is out of line with the others, and none changed.</p>",
         "<h2>Robots</h2>",
         _robots_table(result, outliers, changed),
     ]
-    if not (outliers or changed):
-        parts[0] = "<p>No robot is out of line with the others, and none changed.</p>"
     if series:
         parts += [
             "<h2>Sizes over time</h2>",
@@ -102,13 +101,19 @@ def _sized(value: float, unit: str) -> str:
     return with_unit(number(value), unit)
 
 
+def _folders(result: DiagnosedRecordings) -> list[str]:
+    """Folder of each recording, which stands for its robot."""
+    return [str(Path(row.log).parent) for row in result.rows]
+
+
 def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], changed: tuple[Change, ...]) -> str:
     """Table with one row per robot: its recordings, their verdicts, differences and changes."""
-    folders = list(dict.fromkeys(str(Path(row.log).parent) for row in result.rows))
+    of_rows = _folders(result)
+    folders = list(dict.fromkeys(of_rows))
     names = short_names(folders)
     rows = []
     for folder in folders:
-        verdicts = Counter(row.verdict for row in result.rows if str(Path(row.log).parent) == folder)
+        verdicts = Counter(row.verdict for row, own in zip(result.rows, of_rows, strict=True) if own == folder)
         remarks = [f"out of line: {one.quantity}" for one in outliers if one.robot == names[folder]]
         remarks += [
             f"{'drifts' if one.drifts else 'changed'} since {one.since}: {one.quantity}"
@@ -122,15 +127,15 @@ def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], 
 
 def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Change]) -> str:
     """Chart of a size of all robots with 95 % intervals; robots that differ or changed are in colour."""
-    places, names = _time(series)
+    places, names = _places_and_names(series)
     marked = list(dict.fromkeys(one.robot for one in (*outliers, *changed)))
     plain = len(series) <= len(_COLOURS) and not marked
     quiet = [one for one in series if one.robot not in marked]
-    curves, legend = [], not plain
+    curves = []
     for k, one in enumerate(quiet):
-        label = one.robot if plain else "other robots" * legend
+        # All grey robots share one entry in the legend.
+        label = one.robot if plain else "" if k else "other robots"
         colour = _COLOURS[k] if plain else _OTHERS
-        legend = False
         curves.append(_curve(one, places[one.robot] + _beside(k, len(series)), colour, label, 0.8))
     for k, robot in enumerate(marked):
         (one,) = (one for one in series if one.robot == robot)
@@ -145,8 +150,11 @@ def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Chang
                   [*map(_outlier_words, outliers), *map(_change_words, changed)])  # fmt: skip
 
 
-def _time(series: list[Series]) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Positions of the recordings on the axis, by robot, and their names; numbers if the robots' names differ."""
+def _places_and_names(series: list[Series]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Positions of the recordings on the axis, by robot, and the names on it.
+
+    Recordings with the same name share a position. If the robots share few names, recordings are numbered instead.
+    """
     every = sorted({log for one in series for log in one.logs})
     longest = max(len(one.logs) for one in series)
     if len(every) > 1.5 * longest and len(series) > 1:

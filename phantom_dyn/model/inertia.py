@@ -158,9 +158,8 @@ def payload_body(robot: Robot) -> int:
     last link depends on the order in the file.
     """
     frame = robot.payload_frame or _TIP
-    if robot.model.existFrame(frame) and robot.model.frames[robot.model.getFrameId(frame)].parentJoint > 0:
-        return robot.model.frames[robot.model.getFrameId(frame)].parentJoint
-    return robot.model.njoints - 1
+    joint = robot.model.frames[robot.model.getFrameId(frame)].parentJoint if robot.model.existFrame(frame) else 0
+    return joint if joint > 0 else robot.model.njoints - 1
 
 
 def tip_of(robot: Robot) -> Float[Array, " 3"] | None:

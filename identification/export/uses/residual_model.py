@@ -66,7 +66,7 @@ def _docstring(model: ResidualModel) -> str:
     return f"""Torque on one joint that the corrected model lacks. Written by phantom-dyn {__version__}.
 
 {kind}
-It predicts {percent(model.predicted_share)} of the sum of squares of the residual there, on held-out data.\
+It predicts {percent(model.predicted_share)} of the sum of squares of that joint's residual, on held-out data.\
 {bands}
 
     residual = Residual()
@@ -99,22 +99,23 @@ def residual_table(model: ResidualModel, diagnosis: Diagnosis) -> str:
     table.writerow(["joint", *(text_cell(name) for name in axes), "torque", "run"])
     for place in product(*axes.values()):
         at = {**middle, **dict(zip(axes, place, strict=True))}
-        torque = sum(law["terms"](at, _ends(law, at, speed)))
+        torque = sum(law["terms"](at, _settled_states(law, at, speed)))
         table.writerow([text_cell(model.joint), *place, float(torque), diagnosis.run])
     return text.getvalue()
 
 
-def _ends(law: Mapping[str, Any], at: Mapping[str, float], speed: str) -> list[float]:
+def _settled_states(law: Mapping[str, Any], at: Mapping[str, float], speed: str) -> list[float]:
+    """States of the law after a long time with constant inputs, in motion in the direction of the velocity."""
     direction = law["side"](at.get(speed, 0.0))
-    ends: list[float] = []
+    out: list[float] = []
     for state in law["states"]():
         if isinstance(state, law["ResonatorRate"]):
-            ends.append(0.0)
+            out.append(0.0)
         elif isinstance(state, law["Low"] | law["Late"] | law["Resonator"]):
-            ends.append(at[state.name])
+            out.append(at[state.name])
         else:
-            ends.append(1.0 if isinstance(state, law["Load"]) else direction)
-    return ends
+            out.append(1.0 if isinstance(state, law["Load"]) else direction)
+    return out
 
 
 def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:

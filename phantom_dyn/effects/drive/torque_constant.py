@@ -30,7 +30,7 @@ from phantom_dyn.effects.author import (
     SpecialCase,
     command_law,
 )
-from phantom_dyn.effects.support.rows import rows_of
+from phantom_dyn.effects.support.rows import hidden_behind_drive, rows_of
 
 # Range of ratios that are fitted: beyond it the torque is in another unit, or on the other side of a gear.
 _LEAST, _MOST = 0.1, 10.0
@@ -56,11 +56,7 @@ class TorqueConstant(Effect):
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """A torque sensor behind the drive does not show the torque constant."""
-        if robot.torque_source == "sensor":
-            return (
-                "the torque columns come from a sensor, behind the drive: the torque constant leaves no trace in them"
-            )
-        return None
+        return hidden_behind_drive(robot, "the torque constant")
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of true to logged torque."""

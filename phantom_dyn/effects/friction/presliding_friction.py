@@ -55,8 +55,7 @@ _START = np.array([np.nan, 0.0, 0.0])
 def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
     r"""Torque of a Dahl (1968) bristle as a share of its largest, along the positions ``q``; 0 at the first sample.
 
-    :math:`dz/dq = (1 - z\,\mathrm{sign}\,dq) / d` is solved exactly from sample to sample. Each step is
-    ``z -> r z + c``. Two successive steps are a step of the same form, so that ``log2(N)`` passes combine all of them.
+    :math:`dz/dq = (1 - z\,\mathrm{sign}\,dq) / d` is solved exactly from sample to sample.
 
     Args:
         q: Positions [rad or m].
@@ -64,13 +63,16 @@ def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
     """
     moved = np.diff(q, prepend=q[:1])
     ratio = np.exp(-np.abs(moved) / displacement)
-    constant = np.sign(moved) * (1.0 - ratio)
-    reach = 1
-    while reach < len(q):
-        constant = np.concatenate([constant[:reach], ratio[reach:] * constant[:-reach] + constant[reach:]])
-        ratio = np.concatenate([ratio[:reach], ratio[reach:] * ratio[:-reach]])
-        reach *= 2
-    return constant
+    out = np.sign(moved) * (1.0 - ratio)
+    _accumulate(ratio, out)
+    return out
+
+
+@jit
+def _accumulate(ratio: Array, out: Array) -> None:
+    """Add to each entry of ``out`` its ratio times the entry before."""
+    for k in range(1, len(out)):
+        out[k] += ratio[k] * out[k - 1]
 
 
 def dahl_torque(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
@@ -98,14 +100,14 @@ class PreslidingFriction(Effect):
         size="of {torque}, built up over {displacement}",
         parameters={
             "torque": "friction torque once the joint slides",
-            "displacement": "way after a reversal over which friction builds up",
+            "displacement": "displacement over which presliding friction builds up",
             "coulomb_torque": "change of the Coulomb torque that sets in at once",
             "static_ratio": "friction torque at rest over that while sliding",
             "stick_velocity": "speed below which the joint sticks",
         },
         shown_over=("displacement",),
         kept="of presliding friction, the torque behind the bristle",
-        lost="the way of presliding friction up to its torque",
+        lost="the displacement over which presliding friction builds up",
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -190,9 +192,10 @@ class PreslidingFriction(Effect):
         is proportional to the root of the displacement. If it is short, a recording determines only its product with
         the torque.
         """
-        less = coefficients[0] * np.sqrt(np.array(shape))
-        total = np.sum(coefficients, keepdims=True)
-        return SpecialCase((), np.concatenate([total, less])), SpecialCase(("coulomb_friction",), less)
+        torque_root_displacement = coefficients[0] * np.sqrt(np.array(shape))
+        change_of_coulomb = np.sum(coefficients, keepdims=True)
+        no_friction = SpecialCase((), np.concatenate([change_of_coulomb, torque_root_displacement]))
+        return no_friction, SpecialCase(("coulomb_friction",), torque_root_displacement)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """The slip torque, the displacement of the shape, and the change of the modelled Coulomb torque."""

@@ -42,7 +42,8 @@ _FLIGHT = 0.008
 _GAP_RATIO = 1.7
 # Smallest tried gap, as a share of the widest: two seconds of arc, half a micrometre.
 _FINEST = 1e-4
-# Lowest, usual and highest cutoff of the low pass of the load [Hz], after which its changes of sign must remain.
+# Lowest, usual and highest cutoff [Hz] of the low pass that removes encoder noise from the load. Its changes of sign
+# must remain, as the link becomes loose there.
 _EDGES = (15.0, 60.0, 60.0)
 # Frequency [Hz] and damping ratio of rotor and link in contact in a simulation: stiff and nearly without bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
@@ -210,12 +211,13 @@ def _cross(
             return
         k, side = _fly(t, pull, half, start, side, lead, rate, loose)
         # The impact gives the link back the velocity that it lost relative to its motor in flight.
-        landed = 0.0
+        lost_velocity = 0.0
         for i in range(start, k):
-            landed += loose[i] * pull[i] * width[i]
-        late = min(max((half - abs(lead[k - 1])) / max(abs(lead[k] - lead[k - 1]), 1e-300), 0.0), 1.0)
-        impact[k - 1] += (1.0 - late) * landed / width[k - 1]
-        impact[k] += late * landed / width[k]
+            lost_velocity += loose[i] * pull[i] * width[i]
+        # The later the gap is crossed between samples k - 1 and k, the more of the impact belongs to sample k.
+        share_of_last = min(max((half - abs(lead[k - 1])) / max(abs(lead[k] - lead[k - 1]), 1e-300), 0.0), 1.0)
+        impact[k - 1] += (1.0 - share_of_last) * lost_velocity / width[k - 1]
+        impact[k] += share_of_last * lost_velocity / width[k]
         lead[k] = side * half
 
 
