@@ -6,8 +6,8 @@ friction are close. With a pretension P [N] of the cable of a joint,
 
 .. math:: \Gamma_c(P) = r\,P, \qquad \Gamma_s(P) = \kappa\, r\,P, \quad \kappa \ge 1.
 
-The ratio r is a length: half the difference of the radii at which rubbing strands pull. The source publishes no
-pretensions, so r is not known for its Coulomb torques. `rescaled` needs no r: it says how friction changes when the
+The ratio r is a length, the effective radius of friction: Coulomb torque per newton of pretension. The source publishes
+no pretensions, so r is not known for its Coulomb torques. `rescaled` needs no r: it says how friction changes when the
 cable is tightened or slackens. `identification.experiments.cable_pretension` finds r from tests, and tests whether
 friction is proportional to the pretension or only linear in it.
 

@@ -182,9 +182,9 @@ def nearest_posture(*, lengths: LinkLengths = LENGTHS) -> tuple[Float[Array, " 3
     angles = np.deg2rad(np.arange(-180.0, 180.0, 3.0))
     q2, q5 = (axis.ravel() for axis in np.meshgrid(angles, angles, indexing="ij"))
     # Only postures on the side of +x0: those on the other side differ by half a turn of q1.
-    out = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5) > 0
-    q = np.stack([np.zeros_like(q2), q2, q5], axis=1)[out]
-    found = felt(q, lengths=lengths, stiffness=STIFFNESS_OF_RANGES)
+    in_front = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5) > 0
+    q = np.stack([np.zeros_like(q2), q2, q5], axis=1)[in_front]
+    found = felt(q, lengths=lengths)
     off = _outside(found.coulomb, *COULOMB_RANGE_N) + _outside(found.stiffness, *STIFFNESS_RANGE).sum(axis=1)
     off += _outside(found.mass, 0.0, MASS_RANGE_KG[1])
     # The last term is so small that it decides only among postures within all ranges.

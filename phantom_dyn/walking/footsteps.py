@@ -165,8 +165,7 @@ def stepped(stance: Stance, swing: Side, command: Command, gait: Gait) -> Stance
 def closed(stance: Stance, swing: Side, gait: Gait) -> Stance:
     """Stance after the foot ``swing`` was put next to the other foot."""
     fixed = stance.foot(other(swing))
-    aside = gait.foot_distance / 2 * (1 if swing == "left" else -1)
-    body = Footstep(fixed.x - aside * np.sin(fixed.heading), fixed.y + aside * np.cos(fixed.heading), fixed.heading)
+    body = _beside(fixed, swing, gait)
     return _with_foot(stance, swing, _beside(body, swing, gait), body)
 
 
@@ -176,7 +175,7 @@ def _with_foot(stance: Stance, side: Side, foot: Footstep, body: Footstep) -> St
 
 
 def _beside(body: Footstep, side: Side, gait: Gait) -> Footstep:
-    """Position of the foot of a side if the body is in the middle between both feet."""
+    """Place of a foot on one side of the body, half way between both feet, or of the body on that side of a foot."""
     aside = gait.foot_distance / 2 * (1 if side == "left" else -1)
     return Footstep(
         float(body.x - aside * np.sin(body.heading)), float(body.y + aside * np.cos(body.heading)), body.heading

@@ -85,18 +85,16 @@ def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> 
     """
     stance = standing(gait)
     phases: list[Phase] = []
-    time, swing, com = 0.0, "right", stance.middle
+    time, com = 0.0, stance.middle
     while time < duration:
         start = joystick.next_start(time)
-        rest = duration if start is None else min(start, duration)
-        if rest > time:
-            phases.append(_rest(time, rest - time, stance, com))
-            time, com = rest, _end(phases[-1], omega)[1]
+        until = duration if start is None else min(start, duration)
+        if until > time:
+            phases.append(_rest(time, until - time, stance, com))
+            time, com = until, _end(phases[-1], omega)[1]
             continue
-        walked = _walk_until_stop(joystick, gait, time, duration, stance, com, swing, omega)
-        phases += walked
+        phases += _walk_until_stop(joystick, gait, time, duration, stance, com, omega)
         time, stance, com = phases[-1].end, phases[-1].landing, _end(phases[-1], omega)[1]
-        swing = "right"
     return tuple(phases)
 
 
@@ -129,8 +127,10 @@ def foot_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], side: Side, st
 
 
 def _walk_until_stop(
-    joystick: Joystick, gait: Gait, time: float, duration: float, stance: Stance, com: Array, swing: Side, omega: float
+    joystick: Joystick, gait: Gait, time: float, duration: float, stance: Stance, com: Array, omega: float
 ) -> list[Phase]:
+    """Phases from a first step with the right foot until the feet stand next to each other, or until ``duration``."""
+    swing: Side = "right"
     step = Profile(gait.double_support, gait.step_time)
     settle = Profile(gait.settle, gait.settle)
     point, dcm, phases = stance.middle, stance.middle, []
@@ -161,7 +161,10 @@ def _walk_until_stop(
 
 
 def _onward(stance: Stance, swing: Side, command: Command, gait: Gait, omega: float) -> tuple[float, Array]:
-    """Divergent component at the start of the step with ``swing``, as in `entry`, if the command does not change."""
+    """Required divergent component at the start of the step with ``swing``, as ``alpha`` and ``beta`` of `entry`.
+
+    The command is assumed not to change.
+    """
     points = []
     for _ in range(PREVIEW):
         points.append(stance.foot(other(swing)).point)

@@ -31,8 +31,8 @@ from phantom_dyn.signals.spectra import cross_density, power_density
 
 # Variance of a mean over half-overlapping Hann windows, over that of independent ones: neighbours correlate by 1/6.
 _OVERLAP = 1.0 + 2.0 / 36.0
-# How often neighbouring frequencies use the same data under a Hann window, whose lines correlate by 2/3 and 1/6.
-_SHARED = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
+# Sum of squared correlations of a line with all lines under a Hann window: 2/3 with the next, 1/6 with those beyond.
+_INFLATION = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
 MOST_COHERENT = 1.0 - 1e-9
 """Upper limit of the coherence: at one, the standard deviation of the response would be zero."""
 # Standard normal quantile of a two-sided interval of 95 %.
@@ -51,8 +51,9 @@ class FrequencyResponse(ReadOnlyArrays):
         deviation: Standard deviation of the response relative to its size, which is also that of its phase [rad], shape
             ``(k,)``.
         averages: Effective number of independent segments that were averaged.
-        shared: How often neighbouring frequencies use the same data: 1.94 with the Hann windows of
-            `estimate_frequency_response`, 1 for whole periods of a sweep.
+        inflation: Sum of squared correlations of a line with all lines: the factor by which a fit's covariance exceeds
+            that of independent lines. It is 1.94 with the Hann windows of `estimate_frequency_response`, and 1 for
+            whole periods of a sweep.
     """
 
     period: float
@@ -61,7 +62,7 @@ class FrequencyResponse(ReadOnlyArrays):
     coherence: Float[Array, " k"]
     deviation: Float[Array, " k"]
     averages: float
-    shared: float = _SHARED
+    inflation: float = _INFLATION
 
     @property
     def decibels(self) -> Float[Array, " k"]:
@@ -82,7 +83,7 @@ class FrequencyResponse(ReadOnlyArrays):
         w, response, coherence, deviation = (
             part[kept] for part in (self.frequency, self.response, self.coherence, self.deviation)
         )
-        return FrequencyResponse(self.period, w, response, coherence, deviation, self.averages, self.shared)
+        return FrequencyResponse(self.period, w, response, coherence, deviation, self.averages, self.inflation)
 
 
 def estimate_frequency_response(
@@ -280,7 +281,7 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
         )
     values = np.array([getattr(best.axis, name) for name in NAMES])
     slope = np.where(_IN_LOG, values, best.unit)
-    information = best.jacobian.T @ best.jacobian / response.shared
+    information = best.jacobian.T @ best.jacobian / response.inflation
     covariance = slope[:, None] * np.linalg.pinv(information, rcond=1e-14, hermitian=True) * slope
     covariance = max(misfit, 1.0) * covariance
     unsure = np.sqrt(np.diag(covariance)[_IN_LOG]) > values[_IN_LOG] / _SURE

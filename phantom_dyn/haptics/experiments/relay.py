@@ -99,7 +99,9 @@ def simulate_relay(
     require_numbers(start=start)
     count = sample_count(duration, period)
     if count < _LEAST_SAMPLES:
-        raise ParameterError(f"A relay experiment of {count} samples was asked for: give a duration of 100 or more.")
+        raise ParameterError(
+            f"A relay experiment of {count} samples was asked for: give a duration of at least 100 periods."
+        )
     sampled = discretise(axis, period=period, delay=delay)
     given, position = relay_loop(
         sampled.transition, sampled.newer, sampled.older, sampled.output, sampled.steps, axis.rest(start), force, count
@@ -110,8 +112,8 @@ def simulate_relay(
 def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     """Frequency and critical stiffness of a relay experiment, from the averaged spectra of its later part.
 
-    As in the chapter, the frequency is that of the largest peak; here it is the centre of the peak, between bins. The
-    stiffness is the inverse of the empirical transfer function at the peak.
+    As in [Gil]_ (`phantom_dyn.haptics.device.axis`), the frequency is that of the largest peak; here it is the centre
+    of the peak, between bins. The stiffness is the inverse of the empirical transfer function at the peak.
 
     Raises:
         ParameterError: If fewer than 64 samples are left after the device has settled, the relay does not switch any

@@ -205,28 +205,28 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     for ax in (lag, grain):
         ax.margins(x=0.15)
     first = found[0]
-    late, end = first.t >= first.t[-1] - _SHOWN, first.t >= first.t[-1] - _SHOWN_STEADY
-    fast.plot(first.t[late], 1e3 * first.velocity[late], color="black", lw=1, label="true")
-    steady.axhline(1e3 * first.velocity[0], color="black", lw=1, label="true")
+    tail, end = first.t >= first.t[-1] - _SHOWN, first.t >= first.t[-1] - _SHOWN_STEADY
+    fast.plot(first.t[tail], 1e3 * first.velocity[tail], color="black", lw=1, label="true", zorder=3)
+    steady.axhline(1e3 * first.velocity[0], color="black", lw=1, label="true", zorder=3)
+    coarsest = max(one.granularity for one in found)
     for k, (name, one) in enumerate(estimators.items()):
         # The coarsest estimate would fill the panels with vertical lines; its bar shows its granularity.
-        if one.granularity == max(other.granularity for other in found) and len(found) > 1:
+        if one.granularity == coarsest and len(found) > 1:
             continue
         look = {"color": COLORS[k], "lw": 1.3, "label": name, "drawstyle": "steps-post", "zorder": 2}
-        fast.plot(one.t[late], 1e3 * one.estimate[late], **look)
+        fast.plot(one.t[tail], 1e3 * one.estimate[tail], **look)
         steady.plot(one.t[end], 1e3 * one.steady_estimate[end], **look)
     fast.set_title("constant acceleration", fontsize=9)
     steady.set_title("constant speed", fontsize=9)
     for ax in (fast, steady):
         ax.set_xlabel("time [s]")
         ax.set_ylabel("velocity [mm/s]")
+    # The largest error by lag or the steps of the second coarsest estimator set the limits; the coarsest is not drawn.
     late_by = max(abs(one.lag) for one in found) * (first.velocity[-1] - first.velocity[0]) / first.t[-1]
     reach = 1.6e3 * max(abs(late_by), sorted(one.granularity for one in found)[-2:][0])
-    low, high = np.sort(1e3 * first.velocity[late][[0, -1]])
+    low, high = np.sort(1e3 * first.velocity[tail][[0, -1]])
     fast.set_ylim(low - reach, high + reach)
     steady.set_ylim(1e3 * first.velocity[0] - reach, 1e3 * first.velocity[0] + reach)
-    for ax in (fast, steady):
-        ax.get_lines()[0].set_zorder(3)
     out.legend(*steady.get_legend_handles_labels(), loc="outside lower center", ncols=len(found), fontsize=8)
     return out
 
@@ -289,17 +289,17 @@ def limit_cycles_figure(runs: Mapping[str, tuple[RelayExperiment, LimitCycle]], 
     for (start, (experiment, cycle)), (trace, plane, spectrum) in zip(runs.items(), rows, strict=True):
         scale, unit = (1e6, "um") if np.abs(experiment.position).max() < 1e-3 else (1e3, "mm")
         period = 2 * np.pi / cycle.frequency
-        late = experiment.t >= experiment.t[-1] - _CYCLES * period
+        tail = experiment.t >= experiment.t[-1] - _CYCLES * period
         velocity = np.gradient(experiment.position, experiment.period)
-        t, x = experiment.t[late], scale * experiment.position[late]
+        t, x = experiment.t[tail], scale * experiment.position[tail]
         trace.plot(t, x, color=COLORS[0], gid="position")
         force = trace.twinx()
-        force.step(t, experiment.force[late], where="post", color=COLORS[1], lw=0.8, gid="force")
+        force.step(t, experiment.force[tail], where="post", color=COLORS[1], lw=0.8, gid="force")
         force.set_ylabel("force [N]", color=COLORS[1])
         trace.set_ylabel(f"position [{unit}]", color=COLORS[0])
         trace.set_xlabel("time [s]")
         trace.set_title(f"{start}: {hertz(cycle.frequency):.3g} Hz", fontsize=9)
-        plane.plot(x, scale * velocity[late], color=COLORS[0], lw=0.8, gid="path")
+        plane.plot(x, scale * velocity[tail], color=COLORS[0], lw=0.8, gid="path")
         plane.set_xlabel(f"position [{unit}]")
         plane.set_ylabel(f"velocity [{unit}/s]")
         plane.set_title(f"last {_CYCLES} cycles", fontsize=9)

@@ -58,10 +58,11 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Fi
         marker = MARKERS[k % len(MARKERS)]
         label = f"gain margin {words}" if decides else f"crossing: {words}"
         gain.plot(at[:1], [-margin], color=color, marker=marker, ls="", label=label)
-        turn = 180 - 360 * round((180 - np.degrees(_at(bode, crossing.frequency))) / 360)
-        phase.plot(at[:1], [turn], color=color, marker=marker, ls="", gid="crossing")
+        # The phase of a crossing is half a turn, plus whole ones: interpolation gives it only nearly.
+        half_turn = 180 - 360 * round((180 - np.degrees(_phase_at(bode, crossing.frequency))) / 360)
+        phase.plot(at[:1], [half_turn], color=color, marker=marker, ls="", gid="crossing")
     for k, (frequency, margin) in enumerate(phase_margins(bode, stiffness)):
-        end = np.degrees(_at(bode, frequency))
+        end = np.degrees(_phase_at(bode, frequency))
         label = f"phase margin {np.degrees(margin):.1f}° at {frequency:.4g} rad/s"
         phase.plot([frequency] * 2, [end, end - np.degrees(margin)], color=COLORS[2], lw=1.6, label=label)
         gain.plot([frequency], [0], color=COLORS[2], marker="|", ms=12, ls="", gid=f"gain crossover {k}")
@@ -237,7 +238,8 @@ def worst_delay_figure(
     return out
 
 
-def _at(bode: LoopBode, frequency: float) -> float:
+def _phase_at(bode: LoopBode, frequency: float) -> float:
+    """Phase of a loop at a frequency [rad/s], interpolated between those of the diagram [rad]."""
     return float(np.interp(math.log(frequency), np.log(bode.frequency), bode.phase))
 
 

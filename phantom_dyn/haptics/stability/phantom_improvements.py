@@ -130,8 +130,8 @@ def wall_improvement() -> Improvement:
         after / before,
         tuple(_same(name, critical_wall(axis, settings).gain) for name, axis in _models()),
         f"By the linear condition K < b / (T/2 + t_d) the walls need a damping of {before * half:g} and "
-        f"{after * half:g} N s/m, or at one damping a stock amplifier that is {half * (after / before - 1) * 1e3:g} ms "
-        "later than one without delay; neither is published.",
+        f"{after * half:g} N s/m, or, with the same damping for both, a delay of the stock amplifier of "
+        f"{half * (after / before - 1) * 1e3:g} ms and none of the improved one; neither is published.",
     )
 
 
@@ -165,7 +165,8 @@ def damping_improvement() -> Improvement:
             "N s/m",
             before,
             after,
-            "At low speed the period measurement waits for edges: a swing of some steps lasts before the linear limit.",
+            "At low speed the estimator waits for edges of the encoder, so that an oscillation of a few steps already "
+            "persists below the linear limit.",
         ),
     ]
     for fit, axis in _FITS:
@@ -298,13 +299,8 @@ def explained_damping() -> Explained:
     """
     mass, ratio = min(operational_masses()), PUBLISHED_DAMPING[1] / PUBLISHED_DAMPING[0]
 
-    def strongest(damping: float) -> tuple[float, float]:
-        axis = RigidAxis(mass, damping)
-        stock, improved = (critical_damping_gain(axis, LoopSettings(estimator=one)).gain for one in (STOCK, IMPROVED))
-        return stock, improved
-
     def beyond(damping: float) -> float:
-        stock, improved = strongest(damping)
+        stock, improved = _linear_damping(RigidAxis(mass, damping))
         return ratio - improved / stock
 
     damping = _solved(beyond, 0.0, _MOST_DAMPING)
@@ -314,7 +310,7 @@ def explained_damping() -> Explained:
         PUBLISHED_DAMPING,
         ratio,
         (Assumption(f"hand and arm with a damping along z, {1e3 * mass:.1f} g", damping, "N s/m"),),
-        *strongest(damping),
+        *_linear_damping(RigidAxis(mass, damping)),
     )
 
 
@@ -323,8 +319,8 @@ def explained_loop_gain() -> Explained:
 
     One number explains a ratio. The damping determines both values, which are not published, but not their ratio.
     """
-    damping = explained_wall().assumptions[1].value
-    axis = RigidAxis(operational_masses()[1], damping)
+    _, hand = explained_wall().assumptions
+    axis = RigidAxis(operational_masses()[1], hand.value)
 
     def largest(lag: float) -> float:
         # Only the difference is fed back. It responds to a force with twice the motion of one device, which halves the

@@ -101,7 +101,7 @@ class SampledLoop:
         """Sampling period [s]."""
         return self.plants[0].period
 
-    def gain_on_axis(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
+    def gain_on_unit_circle(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
         """Gain with a root on the unit circle at each frequency [rad/s]; only a real positive gain is possible."""
         response = sum(plant.response(frequency) for plant in self.plants)
         held = 1.0 / response + self.fixed.response(frequency, self.period)
@@ -167,15 +167,15 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
         raise ParameterError(
             f"The lowest frequency is {lowest} rad/s: give one above 0 and below {math.pi / period:g} rad/s."
         )
-    stored = max(len(loop.scaled.numerator), len(loop.fixed.numerator), 1) - 1
+    filter_delay = max(len(loop.scaled.numerator), len(loop.fixed.numerator), 1) - 1
     modes = np.concatenate([_modes(plant) for plant in loop.plants])
-    grid = frequency_grid(lowest, period, loop.plants[0].delay + stored * period, modes)
-    gains = loop.gain_on_axis(grid)
+    grid = frequency_grid(lowest, period, loop.plants[0].delay + filter_delay * period, modes)
+    gains = loop.gain_on_unit_circle(grid)
 
     changes = np.flatnonzero(np.diff(np.signbit(np.imag(gains))))
     where = _roots(loop, grid[changes], grid[changes + 1])
     ends = np.append(where, math.pi / period)
-    at_ends = loop.gain_on_axis(ends)
+    at_ends = loop.gain_on_unit_circle(ends)
     # At a zero of the filter the gain changes its sign through infinity, which is no crossing.
     near = np.append(np.abs(at_ends[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
     found = zip(np.real(at_ends)[near], ends[near], strict=True)
@@ -193,10 +193,10 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
 
 def _roots(loop: SampledLoop, low: Float[Array, " n"], high: Float[Array, " n"]) -> Float[Array, " n"]:
     """Frequencies between ``low`` and ``high`` at which the gain is real, by bisection of all intervals at once."""
-    below = np.signbit(np.imag(loop.gain_on_axis(low)))
+    below = np.signbit(np.imag(loop.gain_on_unit_circle(low)))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        same = np.signbit(np.imag(loop.gain_on_axis(middle))) == below
+        same = np.signbit(np.imag(loop.gain_on_unit_circle(middle))) == below
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     return 0.5 * (low + high)
 
@@ -215,7 +215,9 @@ def _in_parallel(first: SampledAxis, second: SampledAxis) -> SampledAxis:
 
 def _modes(plant: SampledAxis) -> Float[Array, "m 2"]:
     """Frequency and half width [rad/s] of the oscillating poles and zeros of a device."""
-    roots = np.concatenate([np.linalg.eigvals(plant.transition), 1.0 + np.roots(plant.loop[4])])
+    # The zeros are those of the answer to the newer force, a polynomial in z - 1.
+    *_, of_newer, _ = plant.loop
+    roots = np.concatenate([np.linalg.eigvals(plant.transition), 1.0 + np.roots(of_newer)])
     s = np.log(roots[np.abs(roots) > 1e-12].astype(complex)) / plant.period
     s = s[s.imag > 0]
     return np.column_stack([s.imag, np.maximum(np.abs(s.real), 1e-6 * s.imag)]).astype(float)

@@ -335,7 +335,7 @@ def test_an_undamped_device_bears_no_wall():
 def test_the_gain_on_the_unit_circle_is_the_critical_gain():
     loop = SampledLoop((discretise(RIGID, period=PERIOD, delay=2e-3),))
     result = critical_gain(loop)
-    assert loop.gain_on_axis(np.array([result.frequency]))[0] / result.gain == pytest.approx(1.0, abs=1e-9)
+    assert loop.gain_on_unit_circle(np.array([result.frequency]))[0] / result.gain == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("axis", [LHIFAM_NEW_CABLE, SOFT_MODE, RigidAxis(0.07, 0.5)], ids=["lhifam", "soft", "rigid"])

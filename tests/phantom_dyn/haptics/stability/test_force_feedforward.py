@@ -41,7 +41,7 @@ def test_the_felt_mass_of_the_published_gains(gain, mass):
 def test_hold_and_sensor_filter_leave_0_556893_at_the_nyquist_frequency():
     """Exact sampled loop of a hand that is all mass on a device without friction: gain over m_h / (m + m_h)."""
     loop = feedforward_loop(RigidAxis(5.4, 0.0), Operator(2.0, 0.0, 0.0), Feedforward())
-    (gain,) = loop.gain_on_axis(np.array([math.pi / 1e-3]))
+    (gain,) = loop.gain_on_unit_circle(np.array([math.pi / 1e-3]))
     assert abs(1.0 / gain) / (2.0 / 7.4) == pytest.approx(0.556893, abs=1e-6)
 
 
