@@ -65,8 +65,6 @@ class State:
             is fitted.
         shown: Effects among these that have passed all gates so far.
         barred: Effects and joints that are excluded as rivals.
-        near_zero: Effects whose size does not differ from zero.
-        searched_again: True if a search has looked for effects that replace those near zero.
         displaced: Effects and joints that a rival replaced; they do not come back while it is there.
         compared: Effects and joints that failed the gate `closes_for_sure`, and for which a rival was searched.
         exchanges: Pairs of replaced effects and the rivals that replaced them.
@@ -77,8 +75,6 @@ class State:
     found: frozenset[Term]
     shown: frozenset[Term]
     barred: frozenset[EffectJoint] = frozenset()
-    near_zero: frozenset[Term] = frozenset()
-    searched_again: bool = False
     displaced: frozenset[EffectJoint] = frozenset()
     compared: frozenset[EffectJoint] = frozenset()
     exchanges: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
@@ -92,7 +88,7 @@ class State:
 
     def with_others(self, found: frozenset[Term]) -> State:
         """The state with another set, all of it shown again: an effect that failed in the first set may pass now."""
-        return replace(self, found=found, shown=found, near_zero=frozenset())
+        return replace(self, found=found, shown=found)
 
 
 @dataclass(frozen=True)

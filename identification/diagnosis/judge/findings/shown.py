@@ -31,9 +31,7 @@ from identification.diagnosis.judge.shares import least_shares_closed, residual_
 from identification.diagnosis.search.containment import are_parts, can_join, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.rival_sets import RivalComparison, compare_with_rivals
-from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.special_cases import nearest_case, nearest_case_at_shape, simplest_effects
-from identification.diagnosis.search.stepwise import forward_selection
 from identification.diagnosis.search.swaps import with_replacement
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
@@ -67,7 +65,6 @@ def shown_effects(bench: Bench, state: State) -> Shown:
         _noise_gate,
         _simpler_law_gate,
         _missing_part_gate,
-        _with_second_search,
         _rival_gate,
     )
     return _until_all_pass(bench, state, steps).compared_sets[-1]
@@ -258,7 +255,7 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         shown, (_, laws) = state.shown - {term}, cases[term]
         if not laws:
-            return replace(state, shown=shown, near_zero=state.near_zero | {term}), ()
+            return replace(state, shown=shown), ()
         simpler = [other for other in bench.plain.terms if other.effect.name in laws and other.joint == term.joint]
         found = with_replacement(state.found, term, frozenset(simpler))
         for other in simpler:
@@ -281,27 +278,6 @@ def _missing_part_gate(bench: Bench, state: State) -> State:
 
     results = {term: more_than_a_missing_part(share) for term, share in shares.items()}
     return _without_worst(bench, state, results, without)
-
-
-def _with_second_search(bench: Bench, state: State) -> State:
-    """The state after a second search, for effects in place of those whose size does not differ from zero."""
-    uncertain = state.near_zero & state.found
-    if state.searched_again or not uncertain:
-        return state
-    found = effects_in_place_of(bench.plain, uncertain, state.shown, state.barred)
-    if not found:
-        return state
-    barred = state.barred | {term.effect_joint for term in uncertain}
-    return replace(state.with_others((state.found - uncertain) | found), barred=barred, searched_again=True)
-
-
-def effects_in_place_of(
-    plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[EffectJoint]
-) -> frozenset[Term]:
-    """Effects that forward selection finds if those whose size does not differ from zero are excluded."""
-    gone = barred | {term.effect_joint for term in uncertain}
-    others = replace(plain, terms=tuple(term for term in plain.terms if term.effect_joint not in gone))
-    return forward_selection(others, kept, lambda _: None) - kept
 
 
 def _rival_gate(bench: Bench, state: State) -> State:

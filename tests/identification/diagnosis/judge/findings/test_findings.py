@@ -22,12 +22,10 @@ from identification.diagnosis.judge.findings.bench import Shown, State
 from identification.diagnosis.judge.findings.findings import one_sided_notes
 from identification.diagnosis.judge.findings.shown import (
     _with_exchanges_undone,
-    effects_in_place_of,
     shown_effects,
     with_equal_probabilities,
     with_replacements,
 )
-from identification.diagnosis.judge.judged_band import plain_search
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.rivalry import likelier_than_rivals
@@ -67,14 +65,6 @@ def test_a_torque_constant_of_one_is_no_finding(bench_of, rubbing, all_sure):
     # Known truth: the torque constants are right; by the contract a ratio differs from one by two deviations.
     friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
     assert shown_effects(bench_of(rubbing), State.of(frozenset([friction, ratio]))).chosen == {friction}
-
-
-def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
-    # Known truth: Coulomb friction; nothing is looked for where nothing was left out, nor what is barred.
-    plain = plain_search(rubbing.search, rubbing.noise)
-    friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
-    assert effects_in_place_of(plain, offset, frozenset(), frozenset()) == {friction}
-    assert friction not in effects_in_place_of(plain, offset, frozenset(), frozenset([friction.effect_joint]))
 
 
 def test_the_search_for_a_leader_ends_where_every_set_names_another_one(bench_of, rubbing, monkeypatch):
