@@ -33,8 +33,8 @@ def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], 
     """Held-out gain that a claim needs: more than chance gives, and a fair part of the gap where it gains.
 
     An effect may have columns on a joint with a large gap and gain on another joint. Its gain counts only on joints
-    where it is a fair part of the gap. If the set contains corrections of inertial parameters, the gap is what these
-    leave, because their columns are exact.
+    where it is a fair part of the gap, or of all that the other effects of the set leave. If the set contains
+    corrections of inertial parameters, the gap is what these leave, because their columns are exact.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
@@ -51,12 +51,16 @@ def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], 
 
 
 def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
-    """Gain on each row that is a fair part of its gap, ``(nv,)``."""
+    """Gain on each row that is a fair part of its gap, or of what the effects of the set leave, ``(nv,)``."""
     gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
     if exact:
         left = search.fits.row_losses(exact)
         gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
-    return fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
+    fair = fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
+    if not beside:
+        return fair
+    left = np.maximum(search.fits.row_losses(beside) - row_counts(search.problem), 0.0)
+    return np.minimum(fair, np.maximum(fair_part.SHARE_OF_LEFT * left, search.rows.accuracy))
 
 
 def passes_gates(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:

@@ -34,12 +34,13 @@ def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
 def _exclude(one: Term, other: Term) -> bool:
     """True for two shapes of one effect, two friction laws with many parameters on one joint, and the like.
 
-    A joint has one torque constant, its own or one that several joints share. Together with a load or free parameters
-    of a body, a common torque constant can express wrong friction of all these joints, as the body absorbs its change
-    of all other torque. Friction expresses that by itself, and so does a torque constant for each joint.
+    A joint has one torque constant, its own or one that several joints share. Together with free parameters of a body,
+    a common torque constant can express wrong friction of all these joints, as the body absorbs its change of all other
+    torque. Friction expresses that by itself, and so does a torque constant for each joint. A load cannot absorb it:
+    its mass and centre change no torque of the links before it as a factor does.
     """
     for scale, bodies in ((one, other), (other, one)):
-        if (is_of_many_joints(scale) and bodies.effect.inertial is not None) or scales_all_bodies(scale, bodies):
+        if (is_of_many_joints(scale) and bodies.effect.inertial == "free") or scales_all_bodies(scale, bodies):
             return True
     if one.effect.scales_joint and other.effect.scales_joint and one is not other:
         return not set(joints_of(one)).isdisjoint(joints_of(other))

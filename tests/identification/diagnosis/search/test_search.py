@@ -270,7 +270,7 @@ def test_friction_of_each_joint_takes_the_place_of_a_torque_constant_for_all(lab
     assert places(found) == {("coulomb_friction", joint) for joint in arm.joint_names}
 
 
-@pytest.mark.parametrize("body", [("payload", None), ("inertial_parameters", "elbow"), ("inertial_parameters", None)])
+@pytest.mark.parametrize("body", [("inertial_parameters", "elbow"), ("inertial_parameters", None)])
 def test_a_torque_constant_of_several_joints_is_not_tried_beside_bodies(quiet, body):
     # Together they are wrong friction by another name; a torque constant of one joint stays.
     scale, single = (quiet.term("torque_constant", joint) for joint in ("shoulder+elbow", "elbow"))
