@@ -47,6 +47,7 @@ class Code(Enum):
     MISSING_PART = auto()
     DRIVE_SUM = auto()
     PERHAPS_VOLTS = auto()
+    CENTER_TO_WRITE = auto()
     ONE_SIDED = auto()
     MODEL_IN_COMMON = auto()
     ZEROS_COMPARED = auto()

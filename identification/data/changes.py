@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pinocchio as pin
 
 from identification.data.change_kinds import Kind
 from phantom_dyn.array_types import Array, Float
@@ -78,10 +79,18 @@ def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
 
 
 def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
-    """Centre of the mass [m] in the frame of the joint that moves its link; findings use the same frame."""
-    center = np.array(payload.center, dtype=float)
+    """Centre of the mass [m] in the frame of the joint that moves its link, in which findings state it."""
+    return np.asarray(_placement_of_centers(robot).act(np.array(payload.center, dtype=float)))
+
+
+def written_center(robot: Robot, center: Float[Array, " 3"]) -> Float[Array, " 3"]:
+    """A centre in the frame of the joint that moves the link, as `KnownPayload` counts it [m]."""
+    return np.asarray(_placement_of_centers(robot).actInv(np.asarray(center, dtype=float)))
+
+
+def _placement_of_centers(robot: Robot) -> pin.SE3:
+    """Placement, in the frame of the joint that moves the link, of the frame in which a known centre is given."""
     # Without a payload frame, a frame named tip selects the link that carries the mass; the centre is not given in it.
     if robot.payload_frame is None:
-        return center
-    frame = robot.model.frames[robot.model.getFrameId(robot.payload_frame)]
-    return np.asarray(frame.placement.act(center))
+        return pin.SE3.Identity()
+    return robot.model.frames[robot.model.getFrameId(robot.payload_frame)].placement

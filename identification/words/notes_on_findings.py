@@ -129,6 +129,16 @@ def _perhaps_volts(note: Note) -> str:
     )
 
 
+def _center_to_write(note: Note) -> str:
+    n = note.numbers
+    # A tenth of a millimetre is below the accuracy of every finding; + 0.0 removes the sign of zero.
+    center = ", ".join(f"{round(x, 4) + 0.0:g}" for x in n["center"])
+    return (
+        f"The place of the payload counts from the frame of joint {note.joint}. From the payload_frame {n['frame']}, "
+        f"from which a recordings.yaml counts it, it is center: [{center}]."
+    )
+
+
 def _one_sided(note: Note) -> str:
     parts = [with_unit(f"{name} {low:.3g} to {high:.3g}", unit) for name, low, high, unit in note.numbers["intervals"]]
     where = f" of {note.joint}" if note.joint else ""
@@ -147,6 +157,7 @@ FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.MISSING_PART: _missing_part,
     Code.DRIVE_SUM: _drive_sum,
     Code.PERHAPS_VOLTS: _perhaps_volts,
+    Code.CENTER_TO_WRITE: _center_to_write,
     Code.ONE_SIDED: _one_sided,
     Code.MODEL_IN_COMMON: _model_in_common,
     Code.ZEROS_COMPARED: _zeros_compared,

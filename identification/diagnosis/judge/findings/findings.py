@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.data.changes import written_center
 from identification.data.drives.joint_torque import per_speed
 from identification.diagnosis.columns.motion.soft_friction import soft_joints
 from identification.diagnosis.columns.session import Series
@@ -49,19 +50,21 @@ from identification.gates.least_size import large_enough
 from identification.notes import Code, Note, Said
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.effects.effect import Effect
+from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 _DRAWS = 200  # random draws of the parameters; the ends of a 95 % interval are the fifth lowest and the fifth highest
 # An interval is one-sided if the limit to possible bodies makes it narrower than this share of its unrestricted width.
 _NARROWER = 0.8
+_SAME_PLACE = 1e-4  # distance of two places of a payload [m] below which one number stands for both
 _FAR_FROM_ONE = 0.25  # distance of a torque constant from one above which the motor itself is rarely the cause
 
 
 def size_remarks(shown: Shown) -> tuple[Said, ...]:
     """Notes on the sizes of findings: sums of a drive, volts, one-sided intervals, missing parts, implausible sizes."""
     robot = shown.problem.session.robot
-    out = list[Said]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown)))
+    out = list[Said]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown), *center_notes(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.full_fit.coefficients(term)
         assert isinstance(effect, Effect)
@@ -201,6 +204,27 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
     both = (scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)) - computed
     joints = [joint for joint in session.robot.joint_names if joint in both]
     return (Note(Code.PERHAPS_VOLTS, None, {"joints": joints}),) if joints else ()
+
+
+def center_notes(shown: Shown) -> tuple[Note, ...]:
+    """A note on each payload whose place a ``recordings.yaml`` counts from another frame than a finding does.
+
+    Findings count from the joint that moves the link, known payloads from the payload frame that the user states.
+
+    Args:
+        shown: The findings, with the fit of all their parameters.
+    """
+    robot, out = shown.problem.session.robot, []
+    for term in ordered(shown.named):
+        found = finding_parameters(robot, term, shown.full_fit) if term.effect.inertial == "point mass" else {}
+        if "center_x" not in found:
+            continue
+        center = np.array([found[f"center_{axis}"].numbers[0] for axis in "xyz"])
+        written = written_center(robot, center)
+        if not np.allclose(written, center, rtol=0.0, atol=_SAME_PLACE):
+            joint = str(robot.model.names[payload_body(robot)])
+            out.append(Note(Code.CENTER_TO_WRITE, joint, {"frame": robot.payload_frame, "center": written.tolist()}))
+    return tuple(out)
 
 
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:

@@ -10,10 +10,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from identification.data.changes import KnownPayload, with_payload
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.full_fit import full_fit
 from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.findings import center_notes
 from identification.diagnosis.judge.findings.missing_parts import (
     bodies_expressing_part,
     likeliest_missing_part,
@@ -27,10 +29,12 @@ from identification.diagnosis.judge.judged_band import plain_search
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.special_case import more_than_a_missing_part
 from identification.words.note_words import sentences
+from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.attached import Attached
+from phantom_dyn.model.inertia import point_mass_parameters
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 
@@ -86,6 +90,31 @@ def test_the_deviation_of_a_ratio_is_that_of_its_inverse(loaded, planar2):
     at = fitted.slices_of(term).coefficients.start
     ratio = values["ratio"]
     assert ratio.std == pytest.approx(ratio.value**2 * np.sqrt(fitted.cov[at, at]), rel=0.01)
+
+
+def test_the_centre_in_a_note_is_the_one_that_a_known_payload_needs(loaded, planar2):
+    # Oracle: a known payload with the numbers of the note has the torques of the finding.
+    term = loaded.term("payload", None)
+    fitted, (values,) = estimates(loaded, planar2, term)
+    assert not center_notes(stated_on(planar2, term, fitted))
+    model, elbow = planar2.model.copy(), planar2.model.getJointId("elbow")
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.0, np.pi / 2, 0.3), np.array([0.1, 0.0, -0.4]))
+    model.addFrame(pin.Frame("tool", elbow, 0, place, pin.FrameType.OP_FRAME))
+    robot = replace(planar2, model=model, payload_frame="tool")
+    (note,) = center_notes(stated_on(robot, term, fitted))
+    assert (note.joint, note.numbers["frame"]) == ("elbow", "tool")
+    known = with_payload(robot, KnownPayload(values["mass"].value, tuple(note.numbers["center"])))
+    center = [values[f"center_{axis}"].value for axis in "xyz"]
+    added = (standard_parameters(known) - standard_parameters(robot)).reshape(-1, 10)[elbow - 1]
+    np.testing.assert_allclose(added, point_mass_parameters(values["mass"].value, np.array(center)), atol=1e-9)
+    written = sentences((note,))[0].rpartition("center: [")[2].removesuffix("].")
+    np.testing.assert_allclose([float(x) for x in written.split(", ")], note.numbers["center"], atol=6e-5)
+
+
+def stated_on(robot, term, fitted):
+    """As much of the shown findings as notes on centres need."""
+    problem = SimpleNamespace(session=SimpleNamespace(robot=robot))
+    return SimpleNamespace(problem=problem, named=frozenset([term]), full_fit=fitted)
 
 
 @pytest.mark.parametrize("joint", ["elbow", None])
