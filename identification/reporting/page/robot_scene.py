@@ -37,6 +37,7 @@ NO_SHARE_COLOUR, FULL_SHARE_COLOUR = (
     np.array([0xE8, 0x66, 0x00], dtype=float),
 )
 _GAMMA = 0.7  # makes a tenth of the largest share still visible
+_NO_GAP_SHOWN = ("no_gap", "not_testable")  # verdicts under which all that is left may be noise
 SHOWN = 41
 """Number of postures of the slider, the middle one included: 15 kB of the page for a robot with seven joints."""
 _SOLVED_SAMPLES = 2000  # samples at which loops are closed: so many that neighbouring solutions are on one branch
@@ -189,24 +190,27 @@ def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, fl
 def _hover(name: str, share: float | None, diagnosis: Diagnosis) -> str:
     found = [finding_name(f) for f in diagnosis.findings if f.joint is not None and name in f.joint.split("+")]
     what = "passive joint" if share is None else f"{percent_short_of_all(share)} of the gap"
-    if diagnosis.verdict == "no_gap":
+    if diagnosis.verdict in _NO_GAP_SHOWN:
         return name
     return "\n".join((f"{name}: {what}", *found))
 
 
 def shares_of(diagnosis: Diagnosis) -> Float[Array, " nv"]:
-    """Share of each joint in the gap, shape ``(nv,)``; zero if the model fits, as only noise is left."""
+    """Share of each joint in the gap, shape ``(nv,)``; zero if the recording shows no gap."""
     shares = gap_shares(diagnosis.joints)
-    return np.zeros_like(shares) if diagnosis.verdict == "no_gap" else shares
+    return np.zeros_like(shares) if diagnosis.verdict in _NO_GAP_SHOWN else shares
 
 
 def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
-    """Share of each joint in the squared residual beyond its noise floor, both in noise floors, shape ``(nv,)``."""
-    before = np.array([joint.tolerated for joint in joints])
-    floor = np.array([joint.noise_floor for joint in joints])
+    """Share of each joint in the squared residual beyond its noise floor, both in noise floors, shape ``(nv,)``.
+
+    A joint whose residual may be noise, by the floor's interval and the errors of a sound model, has none.
+    """
+    before = np.array([joint.without_findings for joint in joints])
+    floor, allowed = (np.array([getattr(joint, name) for joint in joints]) for name in ("noise_floor", "allowed"))
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = np.nan_to_num((before / floor) ** 2 - 1.0, nan=0.0, posinf=0.0, neginf=0.0)
-    excess = np.maximum(excess, 0.0)
+    excess = np.where(before > allowed, np.maximum(excess, 0.0), 0.0)
     return excess / excess.sum() if excess.sum() > 0 else excess
 
 

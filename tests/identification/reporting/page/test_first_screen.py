@@ -297,7 +297,19 @@ def test_without_a_gap_no_joint_has_a_share():
     assert gap_shares(gaps(1.0, 0.8)).tolist() == [0, 0]
 
 
-@pytest.mark.parametrize(("verdict", "shares"), [("explained", [3 / 11, 8 / 11]), ("no_gap", [0, 0])])
+@pytest.mark.parametrize(
+    ("interval", "discrepancy"), [((0.09, 0.31), None), ((0.1, 0.1), 0.3)], ids=["interval", "discrepancy"]
+)
+def test_a_joint_whose_residual_may_be_noise_has_no_share(interval, discrepancy):
+    # By hand: 0.3 N m is left, and noise and a sound model may leave 0.31 N m; the other joint is far above its own.
+    one, other = gaps(3.0, 5.0)
+    one = dataclasses.replace(one, noise_floor_interval=interval, discrepancy=discrepancy)
+    assert gap_shares((one, other)).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "shares"), [("explained", [3 / 11, 8 / 11]), ("no_gap", [0, 0]), ("not_testable", [0, 0])]
+)
 def test_what_a_model_that_fits_leaves_is_noise_and_no_share(made_up, verdict, shares):
     made = dataclasses.replace(made_up(), verdict=verdict, joints=gaps(2.0, 3.0))
     assert shares_of(made) == pytest.approx(shares)
