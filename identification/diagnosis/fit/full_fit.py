@@ -68,12 +68,14 @@ class FullFit:
         term_slices: Slices of each term's parameters in the vector.
         x: All parameters.
         cov: Their covariance.
+        prior: Variance of each without the recordings, which a fit may leave nearly as it is.
         law_covariances: For each term the part of the covariance from other laws that fit the definition of its effect.
     """
 
     term_slices: tuple[TermSlices, ...]
     x: Float[Array, " p"]
     cov: Float[Array, "p p"]
+    prior: Float[Array, " p"]
     law_covariances: tuple[Float[Array, "p p"], ...]
 
     def slices_of(self, term: Term) -> TermSlices:
@@ -131,7 +133,8 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
         if effect.inertial == "point mass":
             shift = load_extent_shift(layout, model, x, slices, total)
             by_law[-1][at, at] += (np.outer(shift, shift) + rotor_covariance(layout, model, total))[at, at]
-    return FullFit(layout.term_slices, x, cov + sum(by_law), tuple(by_law))
+    prior = 1.0 / np.maximum(precision, _NO_TRACE)
+    return FullFit(layout.term_slices, x, cov + sum(by_law), prior, tuple(by_law))
 
 
 def within_tolerances(

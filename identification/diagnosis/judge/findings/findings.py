@@ -217,9 +217,11 @@ def center_notes(shown: Shown) -> tuple[Note, ...]:
     robot, out = shown.problem.session.robot, []
     for term in ordered(shown.named):
         found = finding_parameters(robot, term, shown.full_fit) if term.effect.inertial == "point mass" else {}
-        if "center_x" not in found:
+        place = [found[f"center_{axis}"] for axis in "xyz" if f"center_{axis}" in found]
+        if not any(value.shown for value in place):
             continue
-        center = np.array([found[f"center_{axis}"].numbers[0] for axis in "xyz"])
+        # A part of the place that the motion does not show is written as zero, which leaves the same torque.
+        center = np.array([value.numbers[0] for value in place])
         written = written_center(robot, center)
         if not np.allclose(written, center, rtol=0.0, atol=_SAME_PLACE):
             joint = str(robot.model.names[payload_body(robot)])

@@ -17,15 +17,18 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
+# A recording does not show a number whose standard deviation is more than this share of that of its prior.
+_OF_PRIOR = 0.5
 _SAMPLES = 200  # random postures; they give far more rows than an effect has base parameters
 
 
 def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, Value]:
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
-    Standard deviations are those of the fit of all parameters, propagated through the law to first order. Of inertial
-    parameters only the base parameters are given, as motion determines no others. If the parameters of an effect are
-    lists, so are their values and standard deviations.
+    Standard deviations are those of the fit of all parameters, propagated through the law to first order. They are
+    infinite for numbers that the recordings tell hardly more of than the prior: their value and their deviation are
+    those of the prior. Of inertial parameters only the base parameters are given, as motion determines no others. If
+    the parameters of an effect are lists, so are their values and standard deviations.
 
     Args:
         robot: The given model.
@@ -36,6 +39,8 @@ def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, V
     assert isinstance(effect, Effect)
     parameters, values, slope = _stated_law(robot, term, fitted)
     std = np.sqrt(np.maximum(np.diag(slope @ fitted.cov[np.ix_(at, at)] @ slope.T), 0.0))
+    of_prior = np.linalg.norm(slope * np.sqrt(fitted.prior[at]), axis=1)
+    std = np.where(std > _OF_PRIOR * of_prior, np.inf, std)
     return _values_by_name(parameters, values, std, lists=effect.takes_lists(robot, term.joint))
 
 

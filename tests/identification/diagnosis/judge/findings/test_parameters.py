@@ -92,6 +92,24 @@ def test_the_deviation_of_a_ratio_is_that_of_its_inverse(loaded, planar2):
     assert ratio.std == pytest.approx(ratio.value**2 * np.sqrt(fitted.cov[at, at]), rel=0.01)
 
 
+def test_a_number_with_the_deviation_of_its_prior_is_not_shown(loaded, planar2):
+    # By geometry: both axes are along y, so that the place along y leaves no torque. A deviation of 1.7 m is no number.
+    terms = (loaded.term("payload", None), loaded.term("inertial_parameters", "elbow"))
+    for term in terms:
+        _, (values,) = estimates(loaded, planar2, term)
+        unshown = {name for name, value in values.items() if not value.shown}
+        assert unshown == ({"center_y"} if term is terms[0] else set())
+
+
+@pytest.mark.parametrize(("share", "shown"), [(1.0, False), (0.3, False), (0.2, True)])
+def test_a_number_is_shown_if_the_recording_tells_more_than_the_prior(loaded, planar2, share, shown):
+    # Closed form: the variance is a share of that of the prior, and a quarter is half the deviation.
+    term = loaded.term("coulomb_friction", "elbow")
+    fitted, _ = estimates(loaded, planar2, term)
+    fitted = replace(fitted, prior=np.diag(fitted.cov) / share)
+    assert finding_parameters(planar2, term, fitted)["torque"].shown == shown
+
+
 def test_the_centre_in_a_note_is_the_one_that_a_known_payload_needs(loaded, planar2):
     # Oracle: a known payload with the numbers of the note has the torques of the finding.
     term = loaded.term("payload", None)
@@ -184,7 +202,10 @@ def test_loadings_have_the_deviations_of_the_parameters(loaded, planar2, effect,
     term = loaded.term(effect, joint)
     fitted, (values,) = estimates(loaded, planar2, term)
     loadings = np.array(finding_loadings(planar2, term, fitted))
-    np.testing.assert_allclose(np.sqrt((loadings**2).sum(axis=1)), deviations(values), rtol=1e-6, atol=1e-12)
+    shown = np.isfinite(deviations(values))
+    lengths = np.sqrt((loadings**2).sum(axis=1))
+    np.testing.assert_allclose(lengths[shown], deviations(values)[shown], rtol=1e-6, atol=1e-12)
+    assert shown.sum() >= min(len(shown), 2)
 
 
 def test_loadings_of_two_findings_have_the_covariance_of_the_fit(loaded, planar2):
