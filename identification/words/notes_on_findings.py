@@ -121,11 +121,16 @@ def _drive_sum(note: Note) -> str:
 
 
 def _perhaps_volts(note: Note) -> str:
-    joints = list(note.numbers["joints"])
+    n = note.numbers
+    seen = (
+        "viscous friction and a torque constant, or what looks like one, were found together"
+        if n["found"]
+        else "viscous friction was found, and a torque constant may be the cause of another finding"
+    )
     return (
-        f"On {joints_words(joints)} viscous friction and a torque constant, or what looks like one, were found "
-        "together. This also happens if the torque columns contain voltages: if tau is in volts, name the columns "
-        "u.<joint>, and state torque_constant, resistance and gear_ratio of the drives in robot.yaml."
+        f"On {joints_words(list(n['joints']))} {seen}. This also happens if the torque columns contain voltages: if "
+        "tau is in volts, name the columns u.<joint>, and state torque_constant, resistance and gear_ratio of the "
+        "drives in robot.yaml."
     )
 
 

@@ -129,8 +129,16 @@ def check_one_line(robot: Robot, smooth: Smooth) -> tuple[str, ...]:
 def one_line_words(names: list[str], found: Separated) -> str:
     """The warning on a group of joints that move along one line."""
     joints = ", ".join(names[:-1]) + f" and {names[-1]}"
+    condition = f"(condition {found.condition:.0f})"
+    # Where all of them show, causes that are no link still add up to what a link does.
+    reason = (
+        f": of the {found.all} base parameters of the links {found.shown} show {condition}"
+        if found.shown < found.all
+        else f". All {found.all} base parameters of the links show {condition}, but several other causes together may "
+        "look like one of them"
+    )
     return (
-        f"{joints} move along one line (their velocities are proportional): of the {found.all} base parameters of the "
-        f"links {found.shown} show (condition {found.condition:.0f}). Friction can be found there, but no payload, no "
-        "single link and no torque scale with certainty: record joints that move independently of each other."
+        f"{joints} move along one line (their velocities are proportional){reason}. Friction can be found there, but "
+        "no payload, no single link and no torque scale with certainty: record joints that move independently of "
+        "each other."
     )

@@ -199,11 +199,14 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
     scaled = joints_of("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
     scaling = {term.effect.name for term in shown.plain.terms if term.effect.scales_joint}
     own = [one.joint for rival in rivals for one in rival.effects if one.joint and one.effect in scaling]
-    scaled |= {joint for joints in own for joint in joints.split("+")}
+    as_rivals = {joint for joints in own for joint in joints.split("+")} - scaled
     computed = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
-    both = (scaled & joints_of("viscous_friction", "coefficient", lambda size: size > 0.0)) - computed
-    joints = [joint for joint in session.robot.joint_names if joint in both]
-    return (Note(Code.PERHAPS_VOLTS, None, {"joints": joints}),) if joints else ()
+    damped = joints_of("viscous_friction", "coefficient", lambda size: size > 0.0) - computed
+    out = []
+    for among, found in ((scaled, True), (as_rivals, False)):
+        joints = [joint for joint in session.robot.joint_names if joint in among & damped]
+        out += [Note(Code.PERHAPS_VOLTS, None, {"joints": joints, "found": found})] if joints else []
+    return tuple(out)
 
 
 def center_notes(shown: Shown) -> tuple[Note, ...]:

@@ -9,7 +9,7 @@ import pytest
 
 from identification.data.checks.against_model import check_flipped
 from identification.data.checks.check_recording import check_recording, checked
-from identification.data.checks.one_line import is_one_sine, lines_of, separated
+from identification.data.checks.one_line import Separated, is_one_sine, lines_of, one_line_words, separated
 from identification.data.checks.positions import jumps, quantum
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.smoothed_copy import smoothed
@@ -333,6 +333,14 @@ def test_joints_that_follow_one_profile_are_on_one_line():
 
 def test_joints_that_move_independently_are_on_no_line():
     assert lines_of(waves(0.0, 1.0, frequencies=(1.0, 2.3)).v) == ()
+
+
+@pytest.mark.parametrize("shown", [4, 6])
+def test_a_line_that_shows_all_base_parameters_is_warned_of_for_another_reason(shown):
+    # By hand: six of six that show are no reason to doubt a link.
+    words = one_line_words(["hip", "knee"], Separated(shown, 6, 4.0))
+    assert ("of the 6 base parameters of the links 4 show (condition 4)" in words) == (shown == 4)
+    assert ("other causes together may look like" in words) == (shown == 6)
 
 
 def test_a_motion_along_one_line_shows_fewer_base_parameters(planar2):

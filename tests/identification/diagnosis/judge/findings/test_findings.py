@@ -31,6 +31,7 @@ from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.gates.rivalry import likelier_than_rivals
 from identification.notes import Code
 from identification.pipeline import diagnose
+from identification.words.note_words import sentences
 from identification.words.notes_on_findings import FINDING_WORDS
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.motion import Motion
@@ -366,3 +367,6 @@ def test_volts_that_are_called_torque_get_a_note(tmp_path, rng, called, noted):
     found = dyn.diagnose(robot, str(path))
     notes = [one for one in found.result.notes if not isinstance(one, str) and one.code is Code.PERHAPS_VOLTS]
     assert [one.numbers["joints"] for one in notes] == ([["servo"]] if noted else [])
+    # What is said to be found is among the findings: on one joint a load looks like the constant, which is a rival.
+    constants = {one.joint for one in found.findings if one.effect == "torque_constant"}
+    assert all(("found together" in said) == ("servo" in constants) for said in sentences(notes))
