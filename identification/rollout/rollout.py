@@ -39,6 +39,7 @@ from identification.rollout.simulated_models import LEAD, Model, at_work, correc
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, RunawayError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 # Probability that a right model leaves its noise band on some joint. Torques and motion together may give 5 % of false
@@ -80,12 +81,14 @@ def motion_deviations(
         start_shift = rng.choice([-1.0, 1.0], simulated.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
         # Noise from another time has the same size and spectrum, and is independent of that in this window.
         torque_noise = np.roll(noise[window.log], len(drive) // 2, axis=0)
+        unknown = turning_torque(model.robot, shot.states.v)
+        unknown *= rng.choice([-1.0, 1.0], unknown.shape)
         # Factor from the difference of two leave-one-fold-out fits to the error of a fit (jackknife).
         jackknife = np.sqrt(0.5 * (len(folds) - 1))
         parts = (
             simulated - shot.read,  # the error; all others are what a right model may have
             under_torque(shot, model, drive, start_shift) - simulated,  # noise of the initial state
-            under_torque(shot, model, drive + torque_noise) - simulated,  # noise as torque
+            under_torque(shot, model, drive + torque_noise + unknown) - simulated,  # noise as torque
             jackknife * (under_torque(shot, other, drive) - simulated),  # noise through the fit
             np.broadcast_to(shot.states.scatter, simulated.shape),  # noise of the recorded states
             rules.MODEL_SHARE * (shot.read - shot.read[0]),  # filters and integration
@@ -95,6 +98,24 @@ def motion_deviations(
     count = len(shots)
     band = np.sqrt(1.0 / fdtri(count, count, _LEVEL / len(error)))
     return np.sqrt(error / np.maximum(np.sum(expected, axis=0), 1e-300)) / band
+
+
+def turning_torque(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Torque that a recording does not show where a joint turns about between two rows, one deviation.
+
+    A torque that moves the joint as recorded jumps there by twice the Coulomb torque. It is read at the rows, and drawn
+    straight from one to the next, so that its impulse is wrong by up to half the jump for the whole time between them.
+    A torque that a drive holds from row to row does not jump.
+
+    Args:
+        robot: The model with its friction.
+        v: Velocities at the rows.
+    """
+    out = np.zeros_like(v)
+    if robot.torque_hold != "zoh":
+        # The deviation of an instant that is anywhere between two rows; the torque of one row acts for as long as that.
+        out[:-1] = np.where(v[:-1] * v[1:] < 0.0, 2.0 * robot.coulomb_friction / np.sqrt(12.0), 0.0)
+    return out
 
 
 def _fold_and_another(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:

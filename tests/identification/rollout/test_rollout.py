@@ -13,7 +13,7 @@ from identification.diagnosis.result import Judgement, Unexplained
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion, horizon_of
 from identification.rollout.joint_limits import EngagedLimit, Simulated, limit_notes, limits_engaged, recorded_past
-from identification.rollout.rollout import _without_gaps, motion_deviations, unknown_if_motion_deviates
+from identification.rollout.rollout import _without_gaps, motion_deviations, turning_torque, unknown_if_motion_deviates
 from identification.rollout.rollout_starts import States, Window, given_torque, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import model_of, with_load
@@ -22,6 +22,7 @@ from identification.words.note_words import sentence, sentences
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Actuator, Controller
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.control import torque_over_time
@@ -311,6 +312,38 @@ def test_a_model_whose_torque_shows_no_gap_but_which_strays_is_off_by_something_
     assert unknown_if_motion_deviates(judgement, Rollout(0.5, {}, {}, deviations={"j2": 1.9})) == judgement
     explained = replace(judgement, verdict="explained")
     assert unknown_if_motion_deviates(explained, Rollout(0.5, {}, {}, deviations={"j1": 2.2})) == explained
+
+
+CART = """<robot name="cart"><link name="base"/><link name="slide"><inertial><mass value="12"/>
+<inertia ixx="0.2" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial></link>
+<joint name="x" type="prismatic"><parent link="base"/><child link="slide"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="200" velocity="20"/><dynamics damping="30" friction="15"/></joint></robot>
+"""
+
+
+def test_friction_that_turns_between_two_rows_makes_no_motion_stray(tmp_path, rng):
+    # Known truth: the model is exact. It turns about five times a second, somewhere between rows 40 ms apart.
+    (tmp_path / "cart.urdf").write_text(CART)
+    cart = load_robot(tmp_path / "cart.urdf")
+    t, w = np.arange(0.0, 60.0, 0.04), 2.0 * np.pi * np.array([0.31, 0.83, 1.37])
+    size, waves = np.array([0.1, 0.05, 0.03]), np.outer(t, w) + rng.uniform(0.0, 6.28, 3)
+    q, v, a = (
+        x.sum(axis=1)[:, None] for x in (size * np.sin(waves), size * w * np.cos(waves), -size * w**2 * np.sin(waves))
+    )
+    tau = inverse_dynamics(cart, Motion(t, q, v, a)) + 0.05 * rng.standard_normal(q.shape)
+    found = diagnose(cart, (Recording("log.csv", ("x",), t, q + 2e-6 * rng.standard_normal(q.shape), tau),))
+    assert found.verdict == "no_gap"
+
+
+def test_the_torque_of_a_turn_has_the_impulse_that_rows_do_not_show(tmp_path, rng):
+    # Oracle: drawn instants of a jump from -15 to 15 N between two rows, against the straight line between them.
+    (tmp_path / "cart.urdf").write_text(CART)
+    cart, dt = load_robot(tmp_path / "cart.urdf"), 0.04
+    jumps = rng.uniform(0.0, dt, 100_000)
+    missed = 15.0 * (dt - jumps) - 15.0 * jumps
+    torque = turning_torque(cart, np.array([[1.0], [0.2], [-0.2], [-1.0]]))
+    assert dt * torque[:, 0] == pytest.approx([0.0, missed.std(), 0.0, 0.0], rel=0.01)
+    assert not turning_torque(replace(cart, torque_hold="zoh"), np.array([[1.0], [-1.0]])).any()
 
 
 def evidence(samples: int) -> Evidence:
