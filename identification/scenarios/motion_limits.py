@@ -98,7 +98,7 @@ def without_gain_ambiguities(
         not_testable=(*others, *twins),
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),
-        notes=(*judgement.notes, *(_stray_notes(rollout) if verdict == "no_gap" else ())),
+        notes=(*judgement.notes, *(_stray_notes(judgement, rollout, robot) if verdict == "no_gap" else ())),
         ledger=tuple(_limited(claim, asked) for claim in judgement.ledger),
     )
 
@@ -116,14 +116,20 @@ def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], Gate
     return replace(claim, gates=(*claim.gates, result), outcome=outcome)
 
 
-def _stray_notes(simulated: Rollout) -> tuple[Note, ...]:
-    """A note for each joint whose simulated motion strays although its torque shows no gap."""
+def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tuple[Note, ...]:
+    """A note for each joint that strays by more than its readings scatter and than a torque without a gap pushes it.
+
+    A controller gives way to a torque by the torque over its gain, also to one that noise or a sound model may leave.
+    """
     rollout = simulated.json or {}
     after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
+    units = {joint: "m" if linear else "rad" for joint, linear in zip(robot.joint_names, robot.prismatic, strict=True)}
+    gains = {joint: drive.controller for joint, drive in zip(robot.joint_names, robot.actuators, strict=True)}
+    pushed = {gap.joint: gap.allowed / gain.kp for gap in judgement.joints if (gain := gains[gap.joint]) and gain.kp}
     return tuple(
-        Note(Code.STRAYS_UNDER_CONTROL, joint, {"error": after[joint], "noise": noise[joint]})
+        Note(Code.STRAYS_UNDER_CONTROL, joint, {"error": after[joint], "noise": noise[joint], "unit": units[joint]})
         for joint in after
-        if after[joint] > _STRAYS * noise.get(joint, np.inf)
+        if after[joint] > max(_STRAYS * noise.get(joint, np.inf), pushed.get(joint, 0.0))
     )
 
 

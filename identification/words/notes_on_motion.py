@@ -71,9 +71,10 @@ def _gain_by_friction(note: Note) -> str:
 def _strays_under_control(note: Note) -> str:
     n = note.numbers
     return (
-        f"The torque that is asked for shows no gap, yet under its controller {note.joint} strays by {n['error']:.3g} "
-        f"from the recorded motion, {n['error'] / n['noise']:.0f} times the noise of its readings: a disturbance, "
-        "or an effect too fast for the band of this recording (play, sticking). Record faster, or with torque."
+        f"The torque that is asked for shows no gap, yet under its controller {note.joint} strays by "
+        f"{n['error']:.3g} {n['unit']} from the recorded motion, {n['error'] / n['noise']:.0f} times the noise of its "
+        "readings: a disturbance, or an effect too fast for the band of this recording (play, sticking). Record "
+        "faster, or with torque."
     )
 
 

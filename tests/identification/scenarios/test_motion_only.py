@@ -214,9 +214,13 @@ def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, recording,
     rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})
     still = replace(judgement_of(rubbing), findings=(), verdict="no_gap", notes=())
     (note,) = sentences(without_gain_ambiguities(still, asked, rollout, pendulum).notes)
-    assert "under its controller pin strays by 0.01 from the recorded motion, 100 times the noise of its" in note
+    assert "under its controller pin strays by 0.01 rad from the recorded motion, 100 times the noise of its" in note
     near = replace(rollout, rms_after={"pin": 5e-4})
     assert without_gain_ambiguities(still, asked, near, pendulum).notes == ()
+    # Closed form: a torque that is no gap gives the controller way by that torque over its gain.
+    (gap,) = still.joints
+    soft = replace(still, joints=(replace(gap, noise_floor_interval=(0.0, 0.011 * KP), discrepancy=None),))
+    assert without_gain_ambiguities(soft, asked, rollout, pendulum).notes == ()
 
 
 def test_what_controllers_ask_for_keeps_its_band(pendulum):
