@@ -8,7 +8,7 @@ recorded, and a plausible robot explains the reading, in both halves of the reco
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,167 +17,42 @@ from identification.data.checks.readings import suspects as other
 from identification.data.checks.readings.plausible_fit import (
     AS_MODELLED,
     ENOUGH,
-    PLAUSIBLE,
-    Freedom,
     misfit_as_modelled,
     unexplained,
 )
 from identification.data.checks.readings.reading import Reading
+from identification.data.checks.readings.reading_fits import (
+    FAR_BETTER,
+    WORSE,
+    ReadingFit,
+    explains_nearly_all,
+    fit_of,
+    is_certain,
+    joint_gains_of,
+)
 from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects
 from identification.data.checks.torques.scaled_model import common_ratio, plain_unexplained
 from identification.data.checks.torques.torque_factors import factor_of_all, factor_suspects, unit_suspects
 from identification.data.checks.torques.torque_scales import OTHER_UNIT
+from identification.data.checks.torques.unsigned_torques import may_be_magnitudes
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# A reading is far better if the unexplained share of the torque's variance falls to a quarter (geometric mean over both
-# halves of the recording), and to a half or less in each half.
-_FAR_BETTER, _EITHER_HALF = float(np.log(4.0)), float(np.log(2.0))
-# Logarithm of the largest acceptable increase of the unexplained share of any joint.
-_WORSE = float(np.log(1.5))
-# Largest unexplained share with the correct reading.
-_RIGHT = 0.15
 # Difference of the summed gains of two readings below which they fit equally well.
 _EQUAL_FIT = 0.5
 # Share of the needed torque below which a joint has no drive, or is moved by something else.
 _IDLE = 0.1
 # Largest number of faults that are found one after the other.
 _MOST_FAULTS = 3
-# Two simultaneous mistakes are looked for from the first unexplained share on; with both corrected, the median share
-# may be at most the second.
-_FOR_TWO, _BOTH_RIGHT = 0.2, 0.1
+# Unexplained share from which on two simultaneous mistakes are looked for.
+_FOR_TWO = 0.2
 # Number of signs that are tried as the first mistake of a pair, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
 # Number of the best signs and orders by a quick fit that are fitted in full.
 _FITTED_IN_FULL = 6
-
-
-@dataclass(frozen=True)
-class ReadingFit:
-    """Fit of a reading, compared with the fit of the data as recorded.
-
-    Attributes:
-        suspect: The mistake that the reading corrects.
-        gains: Logarithm of the unexplained share as recorded over that of the reading, by half of the recording and
-            joint, ``(2, nv)``.
-        unexplained: Unexplained share of the reading, ``(2, nv)``.
-        twins: Other mistakes that the data do not distinguish from it.
-    """
-
-    suspect: Suspect
-    gains: Float[Array, "2 nv"]
-    unexplained: Float[Array, "2 nv"]
-    twins: tuple[Suspect, ...] = ()
-
-    @property
-    def joint_gains(self) -> Float[Array, " nv"]:
-        """Gain of each joint over both halves, see `_joint_gains`."""
-        return _joint_gains(self.gains)
-
-    @property
-    def score(self) -> float:
-        """Sum of the gains of all joints."""
-        return float(np.nansum(self.joint_gains))
-
-
-def _joint_gains(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
-    """Gain of each joint: the mean of both halves if both are large, else the smaller one; NaN if both are NaN."""
-    known = ~np.isnan(gains).all(axis=0)
-    out = np.full(gains.shape[1], np.nan)
-    smaller = np.nanmin(gains[:, known], axis=0)
-    out[known] = np.where(smaller >= _EITHER_HALF, np.nanmean(gains[:, known], axis=0), smaller)
-    return out
-
-
-def fit_of(
-    robot: Robot,
-    before: Float[Array, "2 nv"],
-    reading: Reading,
-    suspect: Suspect,
-    freedom: Freedom = PLAUSIBLE,
-) -> ReadingFit:
-    """Fit of the reading that corrects a suspected mistake.
-
-    Args:
-        robot: The given model.
-        before: Unexplained shares of the data as recorded.
-        reading: The data as recorded.
-        suspect: The suspected mistake.
-        freedom: How far the robot may be from its model.
-    """
-    corrected = suspect.read(reading)
-    try:
-        shares = unexplained(suspect.model or robot, corrected, freedom)
-    except ChainError:
-        # With this reading the loops of a closed chain do not close: it cannot be correct.
-        shares = np.full_like(before, np.inf)
-    if suspect.kind == "gravity":
-        # This reading adds a torque of the model, which raises the variance. The share stays that of the measured one.
-        shares = shares * corrected.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
-    return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
-
-
-def is_certain(found: ReadingFit) -> bool:
-    """Whether a reading fits far better on the joints that it changes, and no other joint fits worse."""
-    gains, joints = found.joint_gains, list(found.suspect.joints)
-    gains_of_joints = gains[joints]
-    if np.nanmin(gains, initial=0.0) < -_WORSE:
-        return False
-    if found.suspect.expected:
-        shares = found.unexplained[~np.isnan(found.unexplained)]
-        return float(np.nansum(gains)) >= 0 and len(shares) > 0 and float(np.median(shares)) <= _RIGHT
-    worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.unexplained.T])
-    improved = (gains_of_joints >= _FAR_BETTER) & (worst[joints] <= _RIGHT)
-    if found.suspect.kind == "order":
-        return bool(improved.any() and np.all(gains_of_joints >= _WORSE))
-    # One improved joint is enough in five cases: the mistake is only mentioned, not reported as a fault (`offer`); the
-    # recorded travel is impossible (`length`); each factor is that of a drive, as no load would make it (`factors`);
-    # the torque grows with speed as only a back-EMF does (`voltage`); a joint turns more than once only if its position
-    # is in degrees (`degrees`).
-    if found.suspect.outcome == "offer" or found.suspect.kind in ("length", "factors", "voltage"):
-        return bool(improved.any())
-    if found.suspect.kind == "degrees" and found.suspect.turned:
-        return bool(improved.any())
-    if found.suspect.kind == "attitude":
-        # All joints have the same gravity. A load that the model lacks may explain the last joints without it.
-        return bool(improved.any() and np.nanmax(worst) <= _RIGHT)
-    if found.suspect.kind == "gears":
-        # In a free swing weight and inertia cancel, and small errors of both look like gears. But then the unexplained
-        # share is small as recorded, too.
-        recorded = np.exp(found.gains) * (found.unexplained + ENOUGH) - ENOUGH
-        return bool((improved & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > _RIGHT)).any())
-    if found.suspect.kind == "torque":
-        # A factor on all joints may be caused by a load, unless two joints agree; one on some joints cannot.
-        return int(improved.sum()) >= (2 if len(gains_of_joints) == len(gains) else 1)
-    if found.suspect.kind == "pair":
-        return _pair_is_certain(found)
-    if found.suspect.kind == "sign" and found.suspect.moves:
-        # The joint itself may need the same torque with both signs, if its position matters only to joints before it.
-        every = (gains >= _FAR_BETTER) & (worst <= _RIGHT)
-        return bool(every.any() and np.all(np.nan_to_num(gains_of_joints) >= -_WORSE))
-    return int(improved.sum()) >= min(2, len(gains_of_joints))
-
-
-def explains_nearly_all(found: ReadingFit) -> bool:
-    """Whether the unexplained share is small on every joint whose fit the reading changes.
-
-    Joints whose fit it does not change, as those with noise, say nothing about the reading.
-    """
-    worst = np.nanmax(found.unexplained, axis=0, initial=0.0, where=~np.isnan(found.unexplained))
-    touched = np.abs(np.nan_to_num(found.joint_gains)) > _WORSE
-    touched[list(found.suspect.joints)] = True
-    return bool(worst[touched].max(initial=0.0) <= _RIGHT)
-
-
-def _pair_is_certain(found: ReadingFit) -> bool:
-    """Whether nearly all of the torque is explained after two mistakes were corrected."""
-    shares = found.unexplained[~np.isnan(found.unexplained)]
-    better = np.nan_to_num(found.joint_gains) >= _FAR_BETTER
-    needed = min(2, int((~np.isnan(found.joint_gains)).sum()))
-    return bool(len(shares) and np.median(shares) <= _BOTH_RIGHT and shares.max() <= _RIGHT and better.sum() >= needed)
 
 
 def better_readings(robot: Robot, reading: Reading, step: float) -> list[ReadingFit]:
@@ -196,19 +71,70 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
         if not poor and not any(suspect.expected for suspect in units):
             return out or _compensated_gravity(robot, reading)
         tried = [fit_of(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
-        certain = [one for one in tried if is_certain(one)]
-        if not certain:
-            return [*out, *_pair_of_mistakes(robot, reading, before, tried)] or _compensated_gravity(robot, reading)
-        best = _likeliest(robot, reading, certain)
+        best = _best(robot, reading, before, tried)
+        # Data that fit are right without any unit: a motion may really be so slow.
+        settled = not poor or (best is not None and explains_nearly_all(best))
+        after = [] if settled else _after_a_unit(robot, reading, step, tried)
+        if after and (best is None or explains_nearly_all(after[-1])):
+            return [*out, *after]
+        if best is None:
+            return out or _compensated_gravity(robot, reading)
+        if best.suspect.parts:
+            first, second = best.suspect.parts
+            twins = tuple(one.parts[1] for one in best.twins if one.parts[0] is first)
+            return [*out, replace(best, suspect=first, twins=()), replace(best, suspect=second, twins=twins)]
         if best.suspect.outcome == "rival":
             return out
         out.append(best)
         if best.suspect.outcome == "offer":
             return out
-        corrected = best.suspect.read(reading)
-        step *= float(np.ptp(corrected.motion.t) / np.ptp(reading.motion.t))
-        reading, robot = corrected, best.suspect.model or robot
+        reading, step = _corrected(reading, step, best.suspect)
+        robot = best.suspect.model or robot
     return out
+
+
+def _best(
+    robot: Robot, reading: Reading, before: Float[Array, "2 nv"], tried: Sequence[ReadingFit]
+) -> ReadingFit | None:
+    """The likeliest mistake, or pair of mistakes, that is certain.
+
+    Args:
+        robot: The given model.
+        reading: The data as recorded.
+        before: Their unexplained share.
+        tried: Fits of readings that correct a single mistake.
+    """
+    certain = [one for one in tried if is_certain(one)]
+    best = _likeliest(robot, reading, certain) if certain else None
+    if best is None or best.suspect.fits_gears:
+        # Gears have fitted numbers, and so explain a unit together with a sign, too.
+        singles = [one for one in tried if not one.suspect.fits_gears]
+        pairs = _pair_of_mistakes(robot, reading, before, singles)
+        return _likeliest(robot, reading, [*certain, *pairs]) if pairs else best
+    return best
+
+
+def _corrected(reading: Reading, step: float, suspect: Suspect) -> tuple[Reading, float]:
+    """The reading without a mistake, and its median time between two samples [s]."""
+    corrected = suspect.read(reading)
+    return corrected, step * float(np.ptp(corrected.motion.t) / np.ptp(reading.motion.t))
+
+
+def _after_a_unit(robot: Robot, reading: Reading, step: float, tried: Sequence[ReadingFit]) -> list[ReadingFit]:
+    """A unit that is very likely before any fit, with the mistakes that are certain only after its correction.
+
+    Args:
+        robot: The given model.
+        reading: The data as recorded, which no certain mistake explains.
+        step: Median time between two samples [s].
+        tried: Fits of readings that correct a single mistake.
+    """
+    for unit in tried:
+        if unit.suspect.expected:
+            further = better_readings(robot, *_corrected(reading, step, unit.suspect))
+            if any(one.suspect.outcome == "wrong" for one in further):
+                return [unit, *further]
+    return []
 
 
 def _compensated_gravity(robot: Robot, reading: Reading) -> list[ReadingFit]:
@@ -231,14 +157,14 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
     A plausible robot may have any offset, and torque constants of half to twice the stated ones. With these, a torque
     whose gravity part has the wrong sign fits, and so does a torque with half the gear ratio.
     """
-    best_score = max(one.score - _FAR_BETTER * one.suspect.price for one in certain)
+    best_score = max(one.score - FAR_BETTER * one.suspect.price for one in certain)
     tied = [one for one in certain if one.score > best_score - _EQUAL_FIT]
     if tied[0].suspect.kind != "attitude" and tied[0].suspect.outcome != "rival":
         tied = [one for one in tied if one.suspect.outcome != "rival"]
     if len(tied) == 1:
         return tied[0]
     costs = [
-        misfit_as_modelled(one.suspect.model or robot, one.suspect.read(reading)) + _FAR_BETTER * one.suspect.price
+        misfit_as_modelled(one.suspect.model or robot, one.suspect.read(reading)) + FAR_BETTER * one.suspect.price
         for one in tied
     ]
     least = min(costs)
@@ -255,7 +181,7 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
 def _pair_of_mistakes(
     robot: Robot, reading: Reading, before: Float[Array, "2 nv"], singles: Sequence[ReadingFit]
 ) -> list[ReadingFit]:
-    """Two mistakes that are certain together, but not each by itself.
+    """Pairs of mistakes that are certain together, but not each by itself.
 
     Args:
         robot: The given model.
@@ -267,14 +193,17 @@ def _pair_of_mistakes(
     if not (worst[np.isfinite(worst)] >= _FOR_TWO).any():
         return []
     as_recorded = plain_unexplained(robot, reading)
-    driven = _driven(robot, reading)
-    signs = [one for one in other.sign_suspects(robot, np.flatnonzero(driven).tolist()) if one.outcome == "wrong"]
-    firsts = [*other.degree_suspects(robot, reading), *_best_in_quick_fit(robot, reading, as_recorded, signs, _FIRSTS)]
+    firsts = [
+        *other.degree_suspects(robot, reading),
+        *other.length_suspects(robot, reading),
+        *_best_in_quick_fit(robot, reading, as_recorded, _signs(robot, reading), _FIRSTS),
+    ]
     pairs: list[tuple[float, Suspect, Suspect]] = []
     for first in firsts:
         try:
             corrected = first.read(reading)
             ratio = common_ratio(robot, corrected)
+            signs = _signs(robot, corrected)
             seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
             if ratio is not None and abs(np.log(ratio)) > OTHER_UNIT:
                 seconds.append(factor_of_all(robot, 1 / ratio))
@@ -285,15 +214,22 @@ def _pair_of_mistakes(
             continue
     pairs.sort(key=lambda pair: -pair[0])
     single = max((one.score for one in singles), default=0.0)
+    out: list[ReadingFit] = []
     for _, first, second in pairs[:_PAIRS]:
         both = fit_of(robot, before, reading, second.after(first))
-        if not is_certain(both) or both.score <= single + _FAR_BETTER:
+        if not is_certain(both) or both.score <= single + FAR_BETTER:
             continue
         # Both corrections have to be necessary.
         parts = [fit_of(robot, before, reading, one).score for one in (first, second)]
-        if both.score > max(parts) + _FAR_BETTER:
-            return [replace(both, suspect=first), replace(both, suspect=second)]
-    return []
+        if both.score > max(parts) + FAR_BETTER:
+            out.append(both)
+    return out
+
+
+def _signs(robot: Robot, reading: Reading) -> list[Suspect]:
+    """The suspected wrong signs of all joints with a drive."""
+    driven = np.flatnonzero(_driven(robot, reading)).tolist()
+    return _with_signs(robot, reading, [one for one in other.sign_suspects(robot, driven) if one.outcome == "wrong"])
 
 
 def _quick_gain(robot: Robot, as_recorded: Float[Array, " nv"], corrected: Reading) -> float:
@@ -311,8 +247,8 @@ def _best_in_quick_fit(
 
 def _poorly_fitted(before: Float[Array, "2 nv"]) -> list[int]:
     """Joints whose unexplained share is so large that their fit could become far better."""
-    possible = _joint_gains(np.log((before + ENOUGH) / ENOUGH))
-    return np.flatnonzero(np.nan_to_num(possible) >= _FAR_BETTER).tolist()
+    possible = joint_gains_of(np.log((before + ENOUGH) / ENOUGH))
+    return np.flatnonzero(np.nan_to_num(possible) >= FAR_BETTER).tolist()
 
 
 def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspect]:
@@ -329,12 +265,15 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
     signed = [j for j in poor if driven[j]]
     ratio = common_ratio(robot, reading)
     motors = motor_side_suspects(robot, reading)
-    of_shape = [
-        *other.degree_suspects(robot, reading),
-        *(one for one in motors if one.turned),
+    of_signs = [
         *(other.all_signs(robot) if signed == list(poor) else ()),
         *other.sign_suspects(robot, signed),
         *other.order_suspects(robot, signed),
+    ]
+    of_shape = [
+        *other.degree_suspects(robot, reading),
+        *(one for one in motors if one.turned),
+        *_with_signs(robot, reading, of_signs),
     ]
     return [
         *(one for one in motors if not one.turned),
@@ -349,7 +288,7 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
 
 def _units_closer_in_size(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
     """The units with which the torques are closer in size to the modelled torques than as recorded."""
-    needed = (inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)).std(axis=0)
+    needed = _needed(robot, reading).std(axis=0)
 
     def distance(tau: Float[Array, "N nv"]) -> float:
         size = (tau + reading.external).std(axis=0)
@@ -361,11 +300,29 @@ def _units_closer_in_size(robot: Robot, reading: Reading, suspects: Sequence[Sus
 
 
 def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
-    """True for joints whose torque has a plausible size and both signs; False for idle or unsigned ones."""
-    needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    turns = np.ptp(np.sign(needed), axis=0) == 2
-    unsigned = turns & ((reading.tau.min(axis=0) >= 0) | (reading.tau.max(axis=0) <= 0))
-    return (reading.tau.std(axis=0) >= _IDLE * needed.std(axis=0)) & ~unsigned
+    """True for joints whose torque has a plausible size; False where there is no drive, or something else moves it."""
+    return reading.tau.std(axis=0) >= _IDLE * _needed(robot, reading).std(axis=0)
+
+
+def _needed(robot: Robot, reading: Reading) -> Float[Array, "N nv"]:
+    """Torque of the model without friction."""
+    return inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+
+
+def _with_signs(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
+    """The suspects with which no torque of their joints may be a magnitude, which would show nothing of signs.
+
+    The needed torque is that of the corrected positions: a wrong position says nothing of it.
+    """
+
+    def may_be_magnitude(suspect: Suspect) -> bool:
+        try:
+            corrected = suspect.read(reading)
+            return bool(may_be_magnitudes(corrected.tau, _needed(robot, corrected))[list(suspect.joints)].any())
+        except ChainError:
+            return True
+
+    return [one for one in suspects if not may_be_magnitude(one)]
 
 
 def _better_in_quick_fit(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
@@ -380,4 +337,4 @@ def _better_in_quick_fit(robot: Robot, reading: Reading, suspects: Sequence[Susp
             continue
         gains[k] = float(np.nansum(np.log((before[joints] + ENOUGH) / (after[joints] + ENOUGH))))
     best = np.argsort(gains)[::-1][:_FITTED_IN_FULL]
-    return [suspects[k] for k in sorted(best.tolist()) if gains[k] > _WORSE]
+    return [suspects[k] for k in sorted(best.tolist()) if gains[k] > WORSE]

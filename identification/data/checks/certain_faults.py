@@ -7,21 +7,24 @@ another unit, with another sign or in another order (`identification.data.checks
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from identification.data.checks.better_readings import ReadingFit, better_readings, explains_nearly_all
+from identification.data.checks.better_readings import better_readings
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.readings.plausible_fit import ENOUGH
 from identification.data.checks.readings.reading import Reading
+from identification.data.checks.readings.reading_fits import ReadingFit, explains_nearly_all
 from identification.data.checks.readings.suspects import Suspect, highest_speed
 from identification.data.checks.torques.missing_torques import missing_torque
 from identification.data.checks.torques.torque_factors import factor_suspects
 from identification.data.checks.torques.torque_scales import load_or_current, torque_scales
 from identification.data.checks.torques.unsigned_torques import unsigned_fault
-from identification.data.readers.map_entries import entries_words
+from identification.data.readers.map_entries import entries_after, entries_words
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters
 from phantom_dyn.errors import listed
@@ -72,7 +75,7 @@ def certain_faults(
         return (unsigned,), ()
     step = float(np.median(np.diff(recording.t)))
     found = better_readings(robot, reading, step)
-    wrong = [one for one in found if one.suspect.outcome == "wrong"]
+    wrong = _with_entries_of_all([one for one in found if one.suspect.outcome == "wrong"])
     faults = tuple(_fault(recording, robot, reading, one) for one in wrong)
     offers = tuple(_offer(recording, one) for one in found if one.suspect.outcome == "offer")
     # Corrections are found one after the other, so the last fit has all of them. If a part of the torque stays
@@ -81,6 +84,17 @@ def certain_faults(
     if wrong and not (any(one.suspect.expected for one in wrong) or explains_nearly_all(wrong[-1])):
         return (), offers + _uncertain(recording, robot, faults, wrong[-1])
     return faults, offers
+
+
+def _with_entries_of_all(wrong: Sequence[ReadingFit]) -> list[ReadingFit]:
+    """The mistakes with entries that also correct those before them, where they are in the same columns."""
+    out: list[ReadingFit] = []
+    earlier: dict[str, str] = {}
+    for one in wrong:
+        suspect, *twins = (replace(x, entries=entries_after(earlier, x.entries)) for x in (one.suspect, *one.twins))
+        out.append(replace(one, suspect=suspect, twins=tuple(twins)))
+        earlier |= suspect.entries
+    return out
 
 
 def _uncertain(recording: Recording, robot: Robot, faults: tuple[Fault, ...], last: ReadingFit) -> tuple[str, ...]:

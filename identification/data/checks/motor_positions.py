@@ -137,6 +137,6 @@ def _suspect(robot: Robot, joints: tuple[int, ...], ratios: Float[Array, " nv"])
         lambda reading: with_positions_times(reading, 1 / ratios),
         moves=True,
         turned=not robot.prismatic[joints[0]],
-        # Without weight only the inertia distinguishes a screw from another unit.
-        price=0 if robot.prismatic[joints[0]] else 1,
+        price=1,
+        fits_gears=True,
     )

@@ -90,3 +90,32 @@ def _entry(robot: Robot, quantity: str, j: int, option: str) -> dict[str, str]:
     """The entry for a quantity of one joint."""
     column = f"{quantity}.{robot.joint_names[j]}"
     return {column: f"{{from: {column}, {option}}}"}
+
+
+def entries_after(earlier: Mapping[str, str], later: Mapping[str, str]) -> dict[str, str]:
+    """The later entries, with what the earlier ones say of the same columns: a map has one entry for a column.
+
+    Args:
+        earlier: Entries that correct a first mistake.
+        later: Entries that correct a second one in the data that are corrected already.
+    """
+    out = dict(later)
+    for key in earlier:
+        general = later.get(key.partition(".")[0])
+        if key not in later and general is not None:
+            out[key] = general.replace(f'"{key.partition(".")[0]}.{{joint}}"', key)
+    for key, value in out.items():
+        source, options = _parts(value)
+        quantity, _, joint = source.strip('"').partition(".")
+        first = earlier.get(f"{quantity}.{joint}", earlier.get(quantity))
+        if first is not None and (joint != "{joint}" or quantity in earlier):
+            column, before = _parts(first.replace('"' + quantity + '.{joint}"', source))
+            both = ", ".join(part for part in (before, options) if part)
+            out[key] = f"{{from: {column}, {both}}}" if both else column
+    return out
+
+
+def _parts(value: str) -> tuple[str, str]:
+    """Column and options of an entry, which is a name or ``{from: NAME, ...}``."""
+    name, _, options = value.removeprefix("{from: ").removesuffix("}").partition(", ")
+    return (name, options) if value.startswith("{from: ") else (value, "")

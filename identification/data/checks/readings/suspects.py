@@ -72,6 +72,8 @@ class Suspect:
         price: 0 for a usual mistake; 1 if numbers are fitted, as gear ratios are; 2 if these also need a load. A
             suspect with a higher price has to explain far more than one with a lower price.
         advice: What to do if no entry of a column map corrects the mistake.
+        fits_gears: True if gear ratios of positions were fitted.
+        parts: The two mistakes of a pair.
         model: The corrected model, if the mistake is in the model; a load that the given model lacks has the corrected
             gravity, too.
     """
@@ -87,6 +89,8 @@ class Suspect:
     turned: bool = False
     price: int = 0
     advice: str = ""
+    fits_gears: bool = False
+    parts: tuple[Suspect, ...] = ()
     model: Robot | None = None
 
     def after(self, first: Suspect) -> Suspect:
@@ -100,6 +104,7 @@ class Suspect:
             outcome="wrong",
             expected=False,
             moves=self.moves or first.moves,
+            parts=(first, self),
         )
 
 

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from identification.data.checks.better_readings import ReadingFit, is_certain
 from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.plausible_fit import ENOUGH
+from identification.data.checks.readings.reading_fits import ReadingFit, is_certain
 from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.torques.torque_scales import common_scale
 from identification.data.reading import read_recording

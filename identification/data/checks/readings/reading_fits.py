@@ -1,0 +1,156 @@
+"""Judges how well a recording with a suspected mistake corrected is explained, and whether the mistake is certain.
+
+The fits are those of `identification.data.checks.readings.plausible_fit`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.data.checks.readings.plausible_fit import ENOUGH, PLAUSIBLE, Freedom, unexplained
+from identification.data.checks.readings.reading import Reading
+from identification.data.checks.readings.suspects import Suspect
+from phantom_dyn.array_types import Array, Float
+from phantom_dyn.errors import ChainError
+from phantom_dyn.model.robot import Robot
+
+FAR_BETTER = float(np.log(4.0))
+"""A reading is far better if the unexplained share of the torque's variance falls to a quarter: the logarithm of that,
+for the geometric mean over both halves of the recording."""
+# In each half, the share has to fall to this part or less.
+_EITHER_HALF = float(np.log(2.0))
+WORSE = float(np.log(1.5))
+"""Logarithm of the largest acceptable increase of the unexplained share of any joint."""
+# Largest unexplained share with the correct reading.
+_RIGHT = 0.15
+# Largest median share with two mistakes corrected.
+_BOTH_RIGHT = 0.1
+
+
+@dataclass(frozen=True)
+class ReadingFit:
+    """Fit of a reading, compared with the fit of the data as recorded.
+
+    Attributes:
+        suspect: The mistake that the reading corrects.
+        gains: Logarithm of the unexplained share as recorded over that of the reading, by half of the recording and
+            joint, ``(2, nv)``.
+        unexplained: Unexplained share of the reading, ``(2, nv)``.
+        twins: Other mistakes that the data do not distinguish from it.
+    """
+
+    suspect: Suspect
+    gains: Float[Array, "2 nv"]
+    unexplained: Float[Array, "2 nv"]
+    twins: tuple[Suspect, ...] = ()
+
+    @property
+    def joint_gains(self) -> Float[Array, " nv"]:
+        """Gain of each joint over both halves, see `joint_gains_of`."""
+        return joint_gains_of(self.gains)
+
+    @property
+    def score(self) -> float:
+        """Sum of the gains of all joints."""
+        return float(np.nansum(self.joint_gains))
+
+
+def joint_gains_of(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
+    """Gain of each joint: the mean of both halves if both are large, else the smaller one; NaN if both are NaN."""
+    known = ~np.isnan(gains).all(axis=0)
+    out = np.full(gains.shape[1], np.nan)
+    smaller = np.nanmin(gains[:, known], axis=0)
+    out[known] = np.where(smaller >= _EITHER_HALF, np.nanmean(gains[:, known], axis=0), smaller)
+    return out
+
+
+def fit_of(
+    robot: Robot,
+    before: Float[Array, "2 nv"],
+    reading: Reading,
+    suspect: Suspect,
+    freedom: Freedom = PLAUSIBLE,
+) -> ReadingFit:
+    """Fit of the reading that corrects a suspected mistake.
+
+    Args:
+        robot: The given model.
+        before: Unexplained shares of the data as recorded.
+        reading: The data as recorded.
+        suspect: The suspected mistake.
+        freedom: How far the robot may be from its model.
+    """
+    corrected = suspect.read(reading)
+    try:
+        shares = unexplained(suspect.model or robot, corrected, freedom)
+    except ChainError:
+        # With this reading the loops of a closed chain do not close: it cannot be correct.
+        shares = np.full_like(before, np.inf)
+    if suspect.kind == "gravity":
+        # This reading adds a torque of the model, which raises the variance. The share stays that of the measured one.
+        shares = shares * corrected.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
+    return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
+
+
+def is_certain(found: ReadingFit) -> bool:
+    """Whether a reading fits far better on the joints that it changes, and no other joint fits worse."""
+    gains, joints = found.joint_gains, list(found.suspect.joints)
+    gains_of_joints = gains[joints]
+    if np.nanmin(gains, initial=0.0) < -WORSE:
+        return False
+    if found.suspect.expected:
+        shares = found.unexplained[~np.isnan(found.unexplained)]
+        return float(np.nansum(gains)) >= 0 and len(shares) > 0 and float(np.median(shares)) <= _RIGHT
+    worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.unexplained.T])
+    improved = (gains_of_joints >= FAR_BETTER) & (worst[joints] <= _RIGHT)
+    if found.suspect.kind == "order":
+        return bool(improved.any() and np.all(gains_of_joints >= WORSE))
+    # One improved joint is enough in five cases: the mistake is only mentioned, not reported as a fault (`offer`); the
+    # recorded travel is impossible (`length`); each factor is that of a drive, as no load would make it (`factors`);
+    # the torque grows with speed as only a back-EMF does (`voltage`); a joint turns more than once only if its position
+    # is in degrees (`degrees`).
+    if found.suspect.outcome == "offer" or found.suspect.kind in ("length", "factors", "voltage"):
+        return bool(improved.any())
+    if found.suspect.kind == "degrees" and found.suspect.turned:
+        return bool(improved.any())
+    if found.suspect.kind == "attitude":
+        # All joints have the same gravity. A load that the model lacks may explain the last joints without it.
+        return bool(improved.any() and np.nanmax(worst) <= _RIGHT)
+    if found.suspect.kind == "gears":
+        # In a free swing weight and inertia cancel, and small errors of both look like gears. But then the unexplained
+        # share is small as recorded, too.
+        recorded = np.exp(found.gains) * (found.unexplained + ENOUGH) - ENOUGH
+        return bool((improved & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > _RIGHT)).any())
+    if found.suspect.kind == "torque":
+        # A factor on all joints may be caused by a load, unless two joints agree; one on some joints cannot.
+        return int(improved.sum()) >= (2 if len(gains_of_joints) == len(gains) else 1)
+    if found.suspect.kind == "pair":
+        return _pair_is_certain(found)
+    if found.suspect.kind == "sign" and found.suspect.moves:
+        # The joint itself may need the same torque with both signs, if its position matters only to joints before it.
+        every = (gains >= FAR_BETTER) & (worst <= _RIGHT)
+        return bool(every.any() and np.all(np.nan_to_num(gains_of_joints) >= -WORSE))
+    return int(improved.sum()) >= min(2, len(gains_of_joints))
+
+
+def explains_nearly_all(found: ReadingFit) -> bool:
+    """Whether the unexplained share is small on every joint whose fit the reading changes.
+
+    Joints whose fit it does not change, as those with noise, say nothing about the reading.
+    """
+    worst = np.nanmax(found.unexplained, axis=0, initial=0.0, where=~np.isnan(found.unexplained))
+    touched = np.abs(np.nan_to_num(found.joint_gains)) > WORSE
+    touched[list(found.suspect.joints)] = True
+    return bool(worst[touched].max(initial=0.0) <= _RIGHT)
+
+
+def _pair_is_certain(found: ReadingFit) -> bool:
+    """Whether nearly all of the torque is explained after two mistakes were corrected."""
+    shares = found.unexplained[~np.isnan(found.unexplained)]
+    better = np.nan_to_num(found.joint_gains) >= FAR_BETTER
+    # One improved joint is enough where the recorded travel is impossible.
+    impossible = any(part.turned or part.kind == "length" for part in found.suspect.parts)
+    needed = 1 if impossible else min(2, int((~np.isnan(found.joint_gains)).sum()))
+    return bool(len(shares) and np.median(shares) <= _BOTH_RIGHT and shares.max() <= _RIGHT and better.sum() >= needed)

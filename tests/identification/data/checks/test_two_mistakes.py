@@ -1,0 +1,119 @@
+"""Two mistakes at once, and reversed positions beside torques of one sign. Oracle: the mistakes are put in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.checks.check_recording import checked
+from identification.data.checks.torques.unsigned_torques import may_be_magnitudes
+from identification.data.readers.map_entries import entries_after
+from identification.data.recording import Recording
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+
+def told(recording: Recording, robot: Robot) -> list[str]:
+    """The faults in words."""
+    return [fault.what for fault in checked(recording, robot).wrong]
+
+
+def lifted(robot: Robot, rng: np.random.Generator) -> Recording:
+    """The planar arm swings about a raised posture, in which the elbow bears weight on one side only."""
+    t = np.arange(0.0, 16.0, 0.01)
+    w, size = np.array([[2.1, 4.3], [2.9, 5.2]]), np.array([[0.25, 0.1], [0.3, 0.1]])
+    angle = t[:, None, None] * w
+    q = np.array([0.9, 0.9]) + (size * np.sin(angle)).sum(axis=2)
+    v, a = (size * w * np.cos(angle)).sum(axis=2), -(size * w**2 * np.sin(angle)).sum(axis=2)
+    tau = inverse_dynamics(robot, Motion(t, q, v, a))
+    return Recording("log.csv", robot.joint_names, t, q, tau + 0.002 * rng.standard_normal(tau.shape))
+
+
+def at_rest(q: np.ndarray) -> Motion:
+    """The positions as postures, one after the other."""
+    return Motion(np.arange(len(q)) * 0.01, q, np.zeros_like(q), np.zeros_like(q))
+
+
+def test_a_reversed_position_is_found_although_its_torque_keeps_one_sign(planar2, rng):
+    # With the position as recorded the model needs both signs, which is no hint at a magnitude.
+    recording = lifted(planar2, rng)
+    assert recording.tau is not None
+    assert recording.tau[:, 1].min() > 0 or recording.tau[:, 1].max() < 0
+    assert told(recording, planar2) == []
+    reversed_elbow = replace(recording, q=recording.q * [1.0, -1.0])
+    assert told(reversed_elbow, planar2) == ["the position of elbow is counted the other way round"]
+
+
+def test_a_magnitude_is_one_with_either_sign_of_the_position(planar2, rng):
+    # Closed form: at rest the elbow bears weight on one side here, and on either side if it is counted backwards.
+    recording = lifted(planar2, rng)
+    backwards = inverse_dynamics(planar2, at_rest(recording.q * [1.0, -1.0]))
+    either = np.sin(recording.t)[:, None] * np.ones(2)
+    assert recording.tau is not None
+    assert may_be_magnitudes(recording.tau, recording.tau).tolist() == [False, False]
+    assert may_be_magnitudes(recording.tau, backwards)[1]
+    assert may_be_magnitudes(np.abs(either), either).tolist() == [True, True]
+    assert may_be_magnitudes(-np.abs(either), -either).tolist() == [True, True]
+    assert may_be_magnitudes(either, either).tolist() == [False, False]
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_degrees_of_which_one_is_reversed_are_no_gears(planar2, planar_log, joint):
+    way = np.where(np.arange(2) == joint, -1.0, 1.0)
+    wrong = checked(replace(planar_log, q=np.rad2deg(planar_log.q * way), v=None), planar2).wrong
+    name = planar2.joint_names[joint]
+    assert [fault.what for fault in wrong] == [
+        "the positions of shoulder, elbow are in degrees and not in rad",
+        f"the position of {name} is counted the other way round",
+    ]
+    # Entries of both mistakes are written into one map, in which a column has one entry.
+    assert f"q.{name}: {{from: q.{name}, unit: deg, sign: -1}}" in wrong[1].mend
+
+
+@pytest.mark.parametrize(("q", "tau"), [((1,), ()), ((), (1,)), ((), (0,))])
+def test_millimetres_of_which_one_is_reversed_are_no_gears(clean, lift, q, tau):
+    recording = clean(robot=lift)
+    way, pull = np.full(2, 1e3), np.ones(2)
+    way[list(q)], pull[list(tau)] = -1e3, -1.0
+    first, second = told(replace(recording, q=recording.q * way, v=None, tau=recording.tau * pull), lift)
+    assert first == "the positions of rail, hoist are in mm and not in m"
+    assert lift.joint_names[(q or tau)[0]] in second
+    assert ("counted" in second) == bool(q) or tau == (0,)
+
+
+@pytest.mark.parametrize(
+    ("tau", "order", "what"),
+    [
+        ([1e3, 1e3], [0, 1], "the torques are in Nmm and not in N m"),
+        ([1.0, 1.0], [1, 0], "the torques of shoulder and elbow are swapped"),
+        ([-1.0, -1.0], [0, 1], "the torques of all joints have the wrong sign"),
+        ([1.0, -1.0], [0, 1], "the torque of elbow has the wrong sign"),
+    ],
+)
+def test_milliseconds_beside_another_mistake(clean, planar2, tau, order, what):
+    recording = clean(robot=planar2, rate=100.0)
+    wrong = replace(recording, t=recording.t * 1e3, v=None, tau=recording.tau[:, order] * tau)
+    assert told(wrong, planar2) == ["the time is in ms and not in s", what]
+
+
+@pytest.mark.parametrize(
+    ("earlier", "later", "both"),
+    [
+        (
+            {"q": '{from: "q.{joint}", unit: deg}'},
+            {"q.a": "{from: q.a, sign: -1}"},
+            {"q.a": "{from: q.a, unit: deg, sign: -1}"},
+        ),
+        (
+            {"q.a": "{from: q.a, sign: -1}"},
+            {"q": '{from: "q.{joint}", unit: deg}'},
+            {"q": '{from: "q.{joint}", unit: deg}', "q.a": "{from: q.a, sign: -1, unit: deg}"},
+        ),
+        ({"q.a": "q.b", "q.b": "q.a"}, {"q.a": "{from: q.a, sign: -1}"}, {"q.a": "{from: q.b, sign: -1}"}),
+        ({"t": "{from: t, unit: ms}"}, {"tau.a": "tau.b"}, {"tau.a": "tau.b"}),
+    ],
+)
+def test_entries_of_a_second_mistake_keep_those_of_the_first(earlier, later, both):
+    # Closed form: a later entry in a map replaces an earlier one of the same column.
+    assert entries_after(earlier, later) == both
