@@ -17,6 +17,7 @@ from identification.data.checks.readings import suspects as other
 from identification.data.checks.readings.plausible_fit import (
     AS_MODELLED,
     ENOUGH,
+    WITHOUT_LOAD,
     misfit_as_modelled,
     unexplained,
 )
@@ -170,12 +171,21 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
     least = min(costs)
     # The first one is taken: a wrong sign of a torque is more frequent than of a position.
     equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _EQUAL_FIT]
+    if len(equal) > 1 and equal[0].suspect.kind in ("sign", "pair"):
+        # With a load that mirrors the last link, a wrong torque sign fits as well as a reversed position, and the other
+        # way round. What needs no load goes before it.
+        equal = [one for one in equal if not _needs_load(robot, one.suspect.read(reading))] or equal
     best = equal[0].suspect
     if best.kind == "attitude":
         # The first direction of gravity is the simplest. Another zero of the first joint has the same effect.
         return replace(equal[0], twins=tuple(one.suspect for one in equal[1:] if one.suspect.outcome == "rival"))
     twins = [one.suspect for one in equal[1:] if one.suspect.joints == best.joints or one.suspect.kind == "length"]
     return replace(equal[0], twins=tuple(one for one in twins if one.kind == best.kind and one.outcome == "wrong"))
+
+
+def _needs_load(robot: Robot, reading: Reading) -> bool:
+    """Whether a robot like its model explains a reading far better with a payload than without."""
+    return misfit_as_modelled(robot, reading, WITHOUT_LOAD) > misfit_as_modelled(robot, reading) + FAR_BETTER
 
 
 def _pair_of_mistakes(

@@ -57,12 +57,14 @@ class Freedom(NamedTuple):
         last: Smallest factor of the last link: the modelled tool may be missing, but the link itself has some mass.
         rotor: Largest rotor inertia on the joint side, divided by the inertia that the joint moves.
         offset: Largest offset, divided by the root mean square of the modelled torque.
+        load: Largest payload, divided by that of any plausible robot.
     """
 
     factor: float
     last: float
     rotor: float
     offset: float
+    load: float = 1.0
 
 
 PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
@@ -70,6 +72,8 @@ PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
 AS_MODELLED = Freedom(1.06, 1 / 1.06, 0.15, 0.5)
 """A robot like its model except for friction and a payload; it decides between readings that plausible robots explain
 equally well."""
+WITHOUT_LOAD = AS_MODELLED._replace(load=0.0)
+"""The same without a payload, whose first moments of either sign mirror the last link."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +113,10 @@ def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) ->
     return out
 
 
-def misfit_as_modelled(robot: Robot, reading: Reading) -> float:
-    """Sum over the joints of the logarithm of the unexplained share, with a robot as in `AS_MODELLED`."""
+def misfit_as_modelled(robot: Robot, reading: Reading, freedom: Freedom = AS_MODELLED) -> float:
+    """Sum over the joints of the logarithm of the unexplained share, with a robot that is like its model."""
     try:
-        shares = unexplained(robot, reading, AS_MODELLED)
+        shares = unexplained(robot, reading, freedom)
     except ChainError:
         return np.inf
     known = shares[:, ~np.isnan(shares).all(axis=0)]
@@ -132,7 +136,7 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
             columns.append(regressor[:, :, part] @ modelled[part])
             low.append(freedom.last if body >= carries else 1 / freedom.factor)
             high.append(freedom.factor)
-    load = (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    load = freedom.load * (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments of inertia; the others have either sign
     columns += list(np.moveaxis(regressor[:, :, carries * _PARAMETERS : (carries + 1) * _PARAMETERS], 2, 0))
     low += list(np.where(positive, 0.0, -load))

@@ -10,6 +10,7 @@ from identification.data.checks.torques.unsigned_torques import may_be_magnitude
 from identification.data.readers.map_entries import entries_after
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -56,6 +57,30 @@ def test_a_magnitude_is_one_with_either_sign_of_the_position(planar2, rng):
     assert may_be_magnitudes(np.abs(either), either).tolist() == [True, True]
     assert may_be_magnitudes(-np.abs(either), -either).tolist() == [True, True]
     assert may_be_magnitudes(either, either).tolist() == [False, False]
+
+
+PAN_TILT = """<robot name="head"><link name="base"/><link name="neck"><inertial><origin xyz="0.005 0.01 0.03"/>
+<mass value="0.45"/><inertia ixx="5e-4" iyy="4e-4" izz="5e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="nose"><inertial><origin xyz="0.045 0.004 0.02"/><mass value="0.62"/>
+<inertia ixx="6e-4" iyy="1.3e-3" izz="1.4e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="pan" type="revolute"><parent link="base"/><child link="neck"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="9" velocity="9"/></joint>
+<joint name="tilt" type="revolute"><parent link="neck"/><child link="nose"/><origin xyz="0 0 0.06"/><axis xyz="0 -1 0"/>
+<limit lower="-2" upper="2" effort="9" velocity="9"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("q", "tau", "what"),
+    [
+        (-1.0, 1.0, "the position of tilt is counted the other way round"),
+        (1.0, -1.0, "the torque of tilt has the wrong sign"),
+    ],
+)
+def test_no_load_that_mirrors_the_last_link_makes_a_torque_of_a_position(clean, tmp_path, q, tau, what):
+    (tmp_path / "head.urdf").write_text(PAN_TILT)
+    robot = load_robot(tmp_path / "head.urdf")
+    recording = clean(robot=robot)
+    assert told(replace(recording, q=recording.q * [1.0, q], v=None, tau=recording.tau * [1.0, tau]), robot) == [what]
 
 
 @pytest.mark.parametrize("joint", [0, 1])
