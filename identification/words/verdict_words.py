@@ -114,8 +114,9 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         least_known = max(unknown, key=_hidden_by_noise)
         return (
             "This recording does not show whether there is a gap: the noise of "
-            f"{joints_words([gap.joint for gap in unknown])} is not known, as there are too few samples, or they were "
-            f"filtered. Up to {percent(_hidden_by_noise(least_known))} of the torque may be noise or a gap. "
+            f"{joints_words([gap.joint for gap in unknown])} is not known, as there are too few samples, the sampling "
+            "rate is too low to see noise above so fast a motion, or the readings were filtered. "
+            f"Up to {percent(_hidden_by_noise(least_known))} of the torque may be noise or a gap. "
             "Record for longer, at a higher rate, and readings as the sensors give them."
         )
     known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
