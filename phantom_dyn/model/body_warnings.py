@@ -14,6 +14,9 @@ from phantom_dyn.model.robot_xml import RobotXml
 
 # Radius of gyration above which an inertia is taken for a placeholder: in metres, and in lengths of the robot.
 _FAR_M, _FAR_LENGTHS = 1.0, 3.0
+# A ball with the same mass and inertia, of less than this density [kg/m^3], is thinner than a fifth of air. For such a
+# body, fewer lengths of the robot are enough, without the height at which its base is mounted.
+_THIN, _THIN_LENGTHS = 0.25, 1.5
 
 
 def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
@@ -98,19 +101,24 @@ def _weightless_links(model: pin.Model, facts: RobotXml, passed: set[str], path:
 
 def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[str, ...]:
     """A warning of bodies whose radius of gyration is far larger than the robot, which suggests a placeholder."""
-    size = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements)
-    size += max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
-    least = max(_FAR_M, _FAR_LENGTHS * size)
-    found = [
-        f"{body.name} ({body.mass:.3g} kg, {top:.3g} kg m^2)"
-        for body in facts.bodies
-        if body.moves and body.mass > 0
-        for top in [float(np.linalg.eigvalsh(body.central_inertia)[-1])]
-        if top > body.mass * least**2
-    ]
+    lengths = [float(np.linalg.norm(place.translation)) for place in model.jointPlacements]
+    lever = max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
+    mounted = max(_FAR_M, _FAR_LENGTHS * (sum(lengths) + lever))
+    own = _THIN_LENGTHS * (sum(lengths[2:]) + lever)
+    found, nearest = [], np.inf
+    for body in facts.bodies:
+        if not body.moves or body.mass <= 0:
+            continue
+        top = float(np.linalg.eigvalsh(body.central_inertia)[-1])
+        radius = float(np.sqrt(max(top, 0.0) / body.mass))
+        # The square of a ball's radius of gyration is two fifths of the square of its radius.
+        thin = body.mass < _THIN * 4 / 3 * np.pi * (np.sqrt(2.5) * radius) ** 3
+        if radius > mounted or (thin and radius > own):
+            found.append(f"{body.name} ({body.mass:.3g} kg, {top:.3g} kg m^2)")
+            nearest = min(nearest, radius)
     if not found:
         return ()
     return (
-        f"{path}: the inertia of {', '.join(found)} is that of the same mass more than {least:.2g} m away from its "
+        f"{path}: the inertia of {', '.join(found)} is that of the same mass at {nearest:.2g} m or more from its "
         "centre, far outside of the robot: it looks like a placeholder; correct its <inertial>.",
     )

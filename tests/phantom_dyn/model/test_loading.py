@@ -256,4 +256,18 @@ def test_the_same_body_on_a_moving_link_is_refused(edited):
 
 def test_an_inertia_that_reaches_far_out_of_the_robot_is_told(edited):
     robot = edited(ARM, ('ixx="0.004"', 'ixx="9"'), ('iyy="0.005"', 'iyy="9"'), ('izz="0.003"', 'izz="9"'))
-    assert "the inertia of link rail (0.7 kg, 9 kg m^2) is that of the same mass more than" in robot.warnings[0]
+    assert "the inertia of link rail (0.7 kg, 9 kg m^2) is that of the same mass at 3.6 m or more" in robot.warnings[0]
+
+
+@pytest.mark.parametrize(("mass", "inertia", "told"), [(0.026, 1e-3, True), (0.026, 1e-5, False), (3.0, 0.2, False)])
+def test_the_placeholder_of_a_small_robot_is_told_by_how_thin_it_would_be(tmp_path, mass, inertia, told):
+    # Closed form: 26 g with 1e-3 kg m^2 are 20 cm from their centre; a flywheel of 3 kg may have a radius of gyration
+    # of 26 cm. The base is mounted two metres high, which makes neither any larger.
+    body = f'<mass value="{mass}"/><inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>'
+    path = tmp_path / "finger.urdf"
+    path.write_text(
+        f'<robot name="r"><link name="b"/><link name="tip"><inertial><origin xyz="0 0 0.02"/>{body}</inertial></link>'
+        '<joint name="curl" type="revolute"><parent link="b"/><child link="tip"/><origin xyz="0 0 2"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="9"/></joint></robot>'
+    )
+    assert any("link tip" in warning and "placeholder" in warning for warning in load_robot(path).warnings) == told
