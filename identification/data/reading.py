@@ -22,6 +22,7 @@ from identification.data.drives.joint_torque import (
     voltage_slowing,
     with_voltages,
 )
+from identification.data.drives.lagging_references import with_lagging_references
 from identification.data.floating.base_columns import base_readings
 from identification.data.floating.detected_contacts import with_detected_contacts
 from identification.data.mending import mended
@@ -311,7 +312,7 @@ def recording(
         base=base,
         **optional,
     )
-    return with_detected_contacts(recording, robot)
+    return with_detected_contacts(with_lagging_references(recording, robot), robot)
 
 
 def read_recording(

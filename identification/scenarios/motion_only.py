@@ -109,10 +109,10 @@ def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | 
     return recording.supply / actuator.voltage_limit
 
 
-def gains_of_file(robot: Robot) -> dict[str, tuple[float, float]]:
-    """Gains kp and kd of the joints whose actuator in the robot's file states them."""
+def gains_of_file(robot: Robot) -> dict[str, tuple[float, float, float]]:
+    """Gains kp and kd of the joints whose actuator in the robot's file states them, and the lag of their references."""
     return {
-        joint: (a.controller.kp, a.controller.kd)
+        joint: (a.controller.kp, a.controller.kd, a.reference_lag)
         for joint, a in zip(robot.joint_names, robot.actuators, strict=True)
         if joint in robot.gains_of_file and a.controller
     }

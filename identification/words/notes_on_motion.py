@@ -35,15 +35,16 @@ def _held_seen(note: Note) -> str:
     )
 
 
-def _gains_stated(gains: Mapping[str, tuple[float, float]]) -> str:
+def _gains_stated(gains: Mapping[str, tuple[float, float, float]]) -> str:
     """Gains that the robot's file states, by joint, or once if all are equal."""
     if not gains:
         return ""
-    if len(set(gains.values())) == 1:
-        kp, kd = next(iter(gains.values()))
-        said = f"{', '.join(gains)} kp {kp:.4g}, kd {kd:.4g}"
-    else:
-        said = "; ".join(f"{joint} kp {kp:.4g}, kd {kd:.4g}" for joint, (kp, kd) in gains.items())
+    # Joints with equal gains are named together.
+    alike: dict[str, list[str]] = {}
+    for joint, (kp, kd, lag) in gains.items():
+        behind = f", references behind a filter of {lag:.4g} s" if lag else ""
+        alike.setdefault(f"kp {kp:.4g}, kd {kd:.4g}{behind}", []).append(joint)
+    said = "; ".join(f"{', '.join(joints)} {numbers}" for numbers, joints in alike.items())
     return f", which the actuators of the robot's file state ({said})"
 
 

@@ -54,7 +54,10 @@ class Controller:
 
 @dataclass(frozen=True)
 class Actuator:
-    """Drive of one joint, in SI units; the rotor inertia and the torque limit are on the joint side of the gear."""
+    """Drive of one joint, in SI units; the rotor inertia and the torque limit are on the joint side of the gear.
+
+    Recorded references went through the filter of the time constant ``reference_lag`` [s] when a recording is read.
+    """
 
     rotor_inertia: float = 0.0
     gear_ratio: float = 1.0
@@ -67,6 +70,7 @@ class Actuator:
     voltage_limit: float | None = None
     controller: Controller | None = None
     drive_known: bool = True
+    reference_lag: float = 0.0
 
 
 @dataclass(frozen=True)

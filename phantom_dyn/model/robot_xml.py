@@ -72,12 +72,16 @@ class Follower:
 
 @dataclass(frozen=True)
 class Drive:
-    """Properties of a joint's drive, on the joint side of the gear; None where the file does not state them."""
+    """Properties of a joint's drive, on the joint side of the gear; None where the file does not state them.
+
+    ``reference_lag`` is the time constant [s] of a first-order filter through which the reference of the gains goes.
+    """
 
     kp: float | None = None
     kd: float | None = None
     torque_limit: float | None = None
     gear_ratio: float | None = None
+    reference_lag: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ def actuator_of(stated: JointConfig, armature: float, from_file: Drive) -> Actua
         resistance=stated.resistance,
         voltage_limit=stated.voltage_limit,
         controller=controller,
+        # A delay that is stated of the reference stands for the filter of the file.
+        reference_lag=0.0 if controller is not None and controller.reference_delay else from_file.reference_lag,
     )
 
 

@@ -78,6 +78,16 @@ def lagging(x: Float[Array, " N"], dt: float, time_constant: float) -> Float[Arr
     return recursive_filter((step,), (1.0, step - 1.0), x[:, None])[:, 0]
 
 
+def lagging_linear(x: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
+    """Output of a first-order lag whose input is linear between samples; it starts in the steady state."""
+    if time_constant <= 0:
+        return x
+    steps = dt / time_constant
+    keep = np.exp(-steps)
+    old, new = (1.0 - keep) / steps - keep, 1.0 - (1.0 - keep) / steps
+    return recursive_filter((new, old), (1.0, -keep), x[:, None])[:, 0]
+
+
 def low_pass_kernel(half: int, cutoff_hz: float, rate_hz: float) -> Float[Array, " 2*half+1"]:
     """Symmetric low pass with ``2 * half + 1`` coefficients: a sinc with a Hamming window, unit gain at 0 Hz."""
     kernel = np.sinc(2 * cutoff_hz / rate_hz * np.arange(-half, half + 1)) * np.hamming(2 * half + 1)

@@ -27,7 +27,7 @@ from phantom_dyn.effects.author import (
     command_law,
 )
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
-from phantom_dyn.signals.recursive import recursive_filter
+from phantom_dyn.signals.recursive import lagging_linear
 
 # Longest lag that is fitted [s]: with a longer one the recorded torque would not be related to the motion.
 _LONGEST = 1.0
@@ -102,7 +102,7 @@ class ActuatorLag(Effect):
         def series(t: Array, tau: Array) -> Array:
             out, dt = tau.copy(), (t[-1] - t[0]) / (len(t) - 1)
             for row in rows:
-                out[:, row] = _lagged(tau[:, row], dt, time_constant)
+                out[:, row] = lagging_linear(tau[:, row], dt, time_constant)
             return out
 
         laws = tuple(Law(lag_law, row, (time_constant,), (np.nan,)) for row in rows)
@@ -116,16 +116,6 @@ class ActuatorLag(Effect):
 def _torque_rate(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
     needed = operation.expected[:, list(rows)]
     return np.gradient(needed, operation.t, axis=0) if len(needed) > 1 else np.zeros_like(needed)
-
-
-def _lagged(tau: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
-    """Torque behind a first-order low pass, exact for a torque that is linear between samples."""
-    if time_constant <= 0:
-        return tau
-    steps = dt / time_constant
-    keep = np.exp(-steps)
-    old, new = (1.0 - keep) / steps - keep, 1.0 - (1.0 - keep) / steps
-    return recursive_filter((new, old), (1.0, -keep), tau[:, None])[:, 0]
 
 
 @command_law

@@ -187,8 +187,6 @@ def test_what_robot_yaml_states_goes_before_the_file(tmp_path):
     "actuators",
     [
         '<general joint="lift" gainprm="500" biastype="affine" biasprm="0 -300 -12"/>',
-        '<position joint="lift" kp="900" timeconst="0.1"/>',
-        '<position joint="lift" kp="900"/><velocity joint="lift" kv="3"/>',
         '<velocity joint="lift" kv="3"/>',
     ],
 )

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.drive.actuator_lag import ActuatorLag, _lagged, lag_law
+from phantom_dyn.effects.drive.actuator_lag import ActuatorLag, lag_law
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.signals.recursive import lagging_linear
 
 EFFECT = ActuatorLag()
 THETA = np.array([0.02])
@@ -52,12 +53,12 @@ def test_a_ramp_is_followed_a_time_constant_late():
     # Closed form: t - T (1 - exp(-t / T)) from balance at a torque of 2.
     t = np.arange(50) * 0.01
     expected = 2.0 + 3.0 * (t - 0.02 * (1.0 - np.exp(-t / 0.02)))
-    np.testing.assert_allclose(_lagged(2.0 + 3.0 * t, 0.01, 0.02), expected, rtol=1e-12)
+    np.testing.assert_allclose(lagging_linear(2.0 + 3.0 * t, 0.01, 0.02), expected, rtol=1e-12)
 
 
 def test_without_a_time_constant_a_series_is_given_as_it_is(rng):
     tau = rng.normal(size=9)
-    np.testing.assert_array_equal(_lagged(tau, 0.01, 0.0), tau)
+    np.testing.assert_array_equal(lagging_linear(tau, 0.01, 0.0), tau)
 
 
 @pytest.mark.parametrize(
