@@ -28,7 +28,7 @@ from identification.data.checks.readings.reading import of_voltages, reading_of
 from identification.data.checks.readings.suspects import slow_clock
 from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
-from identification.data.checks.times_and_torques import check_clipping, check_flat, check_timing, check_zeros
+from identification.data.checks.times_and_torques import check_clipping, check_flat, check_repeated, check_timing
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.torques.late_torques import late_torques
 from identification.data.checks.torques.taken_friction import check_friction_taken
@@ -78,7 +78,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         *check_jumps(recording, prismatic, noise),
         *check_stillness(recording, prismatic, noise),
         *check_clipping(recording),
-        *check_zeros(recording),
+        *check_repeated(recording),
         *check_flat(recording),
     ]
     recording = busiest(recording)

@@ -18,9 +18,17 @@ _GAP = 2.5
 # A torque is clipped if at least this share of its samples, or this number of samples in a row, have its extreme value.
 # If every torque is held for some rows, these rows count as one sample.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
-# Torques of zero are checked if they make the first share of the rows, in at least the second number of intervals. In
-# the third number of intervals or more, they cannot be caused by a drive that was switched off.
-_MOSTLY, _FEW, _OFTEN = 0.5, 4, 20
+# A torque is flat if it has one value for this share of the rows without a break.
+_MOSTLY = 0.5
+# A repeated torque is checked if it makes the first share of the rows, while the joint moves, and is this many times as
+# frequent as any other value. Jumps to it exceed usual steps by the third number. (Repeats of 200 logs without such a
+# fault: at most 2 times the usual steps, or 6 times as frequent; dead bands and lost readings: from 15 and 360 on.)
+_REPEATED, _TIMES_OTHERS, _JUMPS = 0.05, 10, 5.0
+# It has at least the first number of intervals. In fewer than the second number, pulses and a drive that was switched
+# off may be the cause: then the other torques have to leave a gap around it.
+_FEW, _OFTEN = 4, 20
+# A joint stands where its way in twice the first time [s] is at most the second share of its root mean square.
+_MOVES_WITHIN, _STANDS = 0.05, 0.1
 # A joint that passes this often from one end of its range to the other needs a torque that changes.
 _PASSAGES = 4
 # Ratio of the smallest to the largest torque: above the first number small torques are missing, above the second all
@@ -66,7 +74,10 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
     """Extreme value, share of samples at it and longest run, if the upper end of ``tau`` is clipped."""
     extent = np.ptp(tau)
     top = float(np.max(tau))
-    levels = np.unique(tau[tau >= top - 0.1 * extent])
+    levels = np.unique(tau)
+    # Of a torque with a few levels the next one counts, however far it is; of pulses there is none in between.
+    if not _FEW <= len(levels) < 50:
+        levels = levels[levels >= top - 0.1 * extent]
     # Levels that differ by rounding only are one level.
     levels = levels[np.concatenate([[True], np.diff(levels) > 1e-9 * extent])]
     step = max(float(top - levels[-2]) if len(levels) > 1 and len(levels) < 50 else 0.0, 2e-3 * extent)
@@ -90,26 +101,64 @@ def _rows_held(tau: Float[Array, " N"]) -> float:
     return float(np.median(np.diff(edges)[between])) if between.any() else 1.0
 
 
-def check_zeros(recording: Recording) -> tuple[str, ...]:
-    """Warnings on torques that are exactly zero in many intervals, as if the drive does not report small torques."""
+def check_repeated(recording: Recording) -> tuple[str, ...]:
+    """Warnings on torques that have one value in many scattered rows: a dead band of the drive, or lost readings."""
     if recording.tau is None:
         return ()
     out, kept = [], included(recording)
     for j, joint in enumerate(recording.joint_names):
-        zero = recording.tau[kept, j] == 0
-        starts = int(np.count_nonzero(np.diff(zero.astype(int)) == 1))
-        if not (_MOSTLY <= zero.mean() < 1 and starts >= _FEW):
+        tau = recording.tau[kept, j]
+        found = _repeated(recording.t[kept], recording.q[kept, j], tau)
+        if found is None:
             continue
-        others = np.abs(recording.tau[kept, j][~zero])
-        size = float(others.min())
-        # Torques of equal size are pulses of a controller, and a drive that is switched off has few intervals of zero.
-        if starts >= _OFTEN or _GAP_BELOW * others.max() < size < _ALIKE * others.max():
+        value, starts, jump = found
+        least = float(np.abs(tau[tau != value] - value).min())
+        stated = (
+            f"{recording.file}: tau.{joint} is exactly {value:.6g} in {100 * np.mean(tau == value):.0f} % of the rows, "
+            f"{starts} times for a while"
+        )
+        if least >= _GAP_BELOW * np.abs(tau - value).max():
+            closer = "never smaller than" if value == 0 else "never closer to it than"
             out.append(
-                f"{recording.file}: tau.{joint} is exactly 0 in {100 * zero.mean():.0f} % of the rows, {starts} times "
-                f"for a while, and never smaller than {size:.2g} otherwise: its drive reports small torques as none. "
-                f"What is said of {joint} is not to be relied on: log the torque before it is cut off."
+                f"{stated}, and {closer} {least:.2g} otherwise: its drive reports small torques as none. What is said "
+                f"of {joint} is not to be relied on: log the torque before it is cut off."
+            )
+        else:
+            out.append(
+                f"{stated}, while {joint} moves, and jumps there and back by {jump:.2g}: these rows are no readings of "
+                f"its torque. What is said of {joint} is not to be relied on: log a torque that was read for every row."
             )
     return tuple(out)
+
+
+def _repeated(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, " N"]) -> tuple[float, int, float] | None:
+    """The value that a torque repeats without reason, how often it goes there, and the median jump; None without one.
+
+    It is no reason that the torque is coarse: then other values repeat, too, and neighbouring rows differ by a step of
+    the reading. A torque of a joint that stands, or at a limit, which it reaches without a jump, repeats with reason.
+    """
+    if len(tau) < 2 * _OFTEN:
+        return None
+    rows = max(1, round(_MOVES_WITHIN / float(np.median(np.diff(t)))))
+    way = np.abs(np.roll(q, -rows) - np.roll(q, rows))
+    moving = way > _STANDS * np.sqrt(np.mean(way**2))
+    values, counts = np.unique(tau[moving], return_counts=True)
+    if len(values) < 3:
+        return None
+    second, first = np.sort(counts)[-2:]
+    value = float(values[np.argmax(counts)])
+    at = tau == value
+    starts = int(np.count_nonzero(np.diff(at.astype(int)) == 1))
+    if first < max(_REPEATED * len(tau), _TIMES_OTHERS * second) or starts < _FEW:
+        return None
+    others = np.abs(tau[~at] - value)
+    if starts < _OFTEN and not _GAP_BELOW * others.max() < others.min() < _ALIKE * others.max():
+        return None
+    steps = np.abs(np.diff(tau))
+    between = steps[~at[1:] & ~at[:-1] & (steps > 0)]
+    jump = float(np.median(steps[at[1:] != at[:-1]]))
+    usual = float(np.median(between)) if len(between) else 0.0
+    return (value, starts, jump) if jump > _JUMPS * usual else None
 
 
 def check_flat(recording: Recording) -> tuple[str, ...]:
@@ -154,9 +203,11 @@ def check_clipping(recording: Recording) -> tuple[str, ...]:
             if tau[0] != 0:
                 out.append(f"{recording.file}: the torque of {joint} is {tau[0]:.6g} throughout: was it recorded?")
             continue
+        repeated = _repeated(recording.t, recording.q[:, j], tau)
         for sign in (1.0, -1.0):
             found = _clipped(sign * tau)
-            if found is not None:
+            # A value to which the torque jumps is no limit that it reaches.
+            if found is not None and (repeated is None or sign * found[0] != repeated[0]):
                 value, share, run = found
                 out.append(
                     f"{recording.file}: the torque of {joint} sits at {sign * value:.6g} for {100 * share:.2g} % of "

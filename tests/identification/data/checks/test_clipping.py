@@ -23,6 +23,14 @@ def test_the_rounded_peak_of_a_slow_sine_is_not_clipped(digits, frequency):
     assert check_clipping(Recording("a.csv", ("j",), t, tau, tau)) == ()
 
 
+def test_the_highest_level_of_a_coarse_torque_is_not_clipped(rng):
+    # Known truth: a torque of five levels, each as frequent as a normal distribution makes it.
+    t = np.arange(4000) / 200
+    level = np.round(np.sin(2 * np.pi * 0.3 * t) + 0.5 * rng.standard_normal(len(t)))
+    tau = 0.0136 * np.clip(np.repeat(level[::8], 8), -2, 2)[:, None]
+    assert check_clipping(Recording("a.csv", ("j",), t, tau, tau)) == ()
+
+
 @pytest.mark.parametrize("rows", [5, 8])
 def test_torques_that_are_held_for_some_rows_are_clipped_only_where_they_are(rows, rng):
     # Known truth: of a drive that is read more slowly than it is logged, and whose torque is mostly small.

@@ -9,7 +9,7 @@ from identification.data.checks.check_recording import check_recording, checked
 from identification.data.checks.positions import check_frozen
 from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import smoothed
-from identification.data.checks.times_and_torques import check_zeros
+from identification.data.checks.times_and_torques import check_clipping, check_repeated
 from identification.data.mending import mended
 from identification.data.reading import recording as read_table_of
 from identification.data.recording import Recording, Table
@@ -153,14 +153,51 @@ def test_a_torque_of_no_machine_ran_away(planar_log):
 def test_torques_below_a_dead_band_are_named(planar2, planar_log):
     tau = np.array(planar_log.tau)
     tau[np.abs(tau[:, 1]) < np.percentile(np.abs(tau[:, 1]), 85), 1] = 0.0
-    (stated,) = check_zeros(replace(planar_log, tau=tau))
+    (stated,) = check_repeated(replace(planar_log, tau=tau))
     assert stated.startswith(f"clean.csv: tau.{planar2.joint_names[1]} is exactly 0 in 85 % of the rows")
+
+
+@pytest.mark.parametrize(("value", "share"), [(0.0, 0.3), (1.234, 0.8), (0.0, 0.08)])
+def test_rows_whose_torque_was_not_read_are_named(planar2, planar_log, rng, value, share):
+    # Known truth: a torque that is lost in scattered rows.
+    tau, lost = np.array(planar_log.tau), rng.random(len(planar_log.t)) < share
+    tau[lost, 1] = value
+    recording = replace(planar_log, tau=tau)
+    (stated,) = check_repeated(recording)
+    assert stated.startswith(
+        f"clean.csv: tau.{planar2.joint_names[1]} is exactly {value:g} in {100 * lost.mean():.0f} %"
+    )
+    assert "these rows are no readings of its torque" in stated
+    assert check_clipping(recording) == ()
+
+
+@pytest.mark.parametrize(("value", "percent"), [(0.0, 35), (-0.037, 80)])
+def test_dead_bands_below_half_of_the_rows_or_beside_zero_are_named(planar_log, value, percent):
+    tau = np.array(planar_log.tau)
+    tau[np.abs(tau[:, 1]) < np.percentile(np.abs(tau[:, 1]), percent), 1] = value
+    (stated,) = check_repeated(replace(planar_log, tau=tau))
+    assert f"is exactly {value:g} in {percent} % of the rows" in stated
+    assert "its drive reports small torques as none" in stated
+
+
+def test_torques_repeat_where_they_are_coarse_limited_or_at_rest(planar_log):
+    tau, t = planar_log.tau, planar_log.t
+    size = tau.std(axis=0)
+    rests = (t % 2 < 1)[:, None]
+    q = np.where(rests, planar_log.q[0], planar_log.q)
+    for honest in (
+        replace(planar_log, tau=np.round(tau / size) * size),
+        replace(planar_log, tau=np.round(tau / (0.2 * size)) * 0.2 * size),
+        replace(planar_log, tau=np.clip(tau, -0.5 * size, 0.5 * size)),
+        replace(planar_log, tau=np.where(rests, 0.0, tau), q=q),
+    ):
+        assert check_repeated(honest) == ()
 
 
 def test_a_drive_that_is_off_for_most_of_the_time_and_pulses_are_no_dead_band(planar_log):
     off = np.where(planar_log.t[:, None] < 15, 0.0, planar_log.tau)
     pulses = np.outer(3.0 * (np.sin(2.0 * planar_log.t) > 0.5), [1, 1])
-    assert check_zeros(replace(planar_log, tau=off)) == check_zeros(replace(planar_log, tau=pulses)) == ()
+    assert check_repeated(replace(planar_log, tau=off)) == check_repeated(replace(planar_log, tau=pulses)) == ()
 
 
 def test_rests_and_reversals_are_no_slow_encoder_and_a_slow_one_is(planar_log):
