@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from identification.data.checks.check_recording import check_recording
+from identification.data.checks.check_recording import Checked, checked
 from identification.data.checks.drive_loops import loop_sentences
 from identification.data.drives.joint_torque import NoTorqueError
 from identification.data.readers.read_table import read_table, table_of
@@ -106,7 +106,8 @@ def checked_file(
     if robot is None:
         found = unassigned_recording(read_table(path, columns=columns, topic=topic, ref_topic=ref_topic))
         progress(Announcement(Stage.CHECKING, detail={"file": found.file}))
-        warnings = (*found.warnings, *(() if found.poses_alone else check_recording(found, None)))
+        result = Checked(()) if found.poses_alone else checked(found, None)
+        found, warnings = replace(found, wrong=result.wrong), (*found.warnings, *result.warnings)
     else:
         found = _read(path, robot, columns, topic, ref_topic, progress)
         warnings = (*robot.warnings, *found.warnings)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.smoothed_copy import included
+from identification.data.readers.contract_columns import LARGEST
 from identification.data.recording import Fault, Recording, time_text
 from phantom_dyn.array_types import Array, Float
 
@@ -21,8 +22,9 @@ _LEAST_DISTANCE, _TIMES_DISTANCE = 30.0, 20.0
 # Speed and distance double again and again if, in this number of consecutive pieces, each exceeds the piece before by
 # this factor.
 _DOUBLING, _GROWS = 4, 2.0
-# A torque that no machine has, in whatever unit the file states it.
-_NO_TORQUE = 1e10
+# Torques that no machine has, in whatever unit, and positions that no sensor gives: at these limits
+# the reader holds what a simulation writes after it diverged.
+_NO_TORQUE, _NO_POSITION = LARGEST["tau"], LARGEST["q"]
 # Ratio to the usual speed from which on samples count as diverged, and smallest number of such samples.
 _BEYOND, _LEAST_ROWS = 5.0, 6
 
@@ -61,8 +63,9 @@ def ran_away(recording: Recording) -> Fault | None:
 
 def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, " N"] | None) -> int | None:
     """First diverged row of one joint; None without any."""
-    if tau is not None and np.abs(tau).max() > _NO_TORQUE:
-        return int(np.argmax(np.abs(tau) > np.sqrt(_NO_TORQUE)))
+    for x, limit in ((tau, _NO_TORQUE), (q, _NO_POSITION)):
+        if x is not None and np.abs(x).max() >= limit:
+            return int(np.argmax(np.abs(x) > np.sqrt(limit)))
     with np.errstate(over="ignore", invalid="ignore"):
         speed = np.abs(np.diff(q) / np.diff(t))
         distance = np.abs(q - np.median(q[: len(q) // _PIECES + 1]))

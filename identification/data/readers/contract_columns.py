@@ -96,6 +96,9 @@ UNITS: dict[Quantity, dict[str, float]] = {
 # Quantities that may be in encoder counts; a speed is then in counts per second.
 COUNTED: tuple[Quantity, ...] = ("q", "q_ref", "x", "v", "v_ref")
 
+# A signal grew beyond all sensors if, in the last rows before, it went this many times farther than in its first half.
+_LAST_ROWS, _GREW = 20, 100.0
+
 FEWEST_ROWS = 50
 FEWEST_POSES = 20
 """Smallest number of rows of a file of measured poses without torque: a laser tracker needs seconds for each pose."""
@@ -203,6 +206,25 @@ def _readable(raw: RawTable, wanted: Mapping[str, Column]) -> dict[str, Array]:
     if n == 0:
         raise LogError(f"{raw.file} has no rows: its columns are there but empty; record it again.")
     return columns
+
+
+def _bounded(columns: Mapping[str, Array], wanted: Mapping[str, Column]) -> Mapping[str, Array]:
+    """The columns, with the end of a simulation that diverged beyond all sensors held at their limits.
+
+    Values that are not finite, or larger than any sensor gives, are mistakes of the file unless all rows from the first
+    one on have some, and the signals grew before. Such a log is judged later, without what the user leaves out.
+    """
+    limits = {name: LARGEST[wanted[name].quantity] for name in columns if name != "t"}
+    with np.errstate(invalid="ignore"):
+        bad = np.any([~(np.abs(columns[name]) <= limit) for name, limit in limits.items()], axis=0)
+    first = int(np.argmax(bad))
+    if first < FEWEST_ROWS or not bad[first:].all():
+        return columns
+    moved = {name: np.abs(columns[name][:first] - columns[name][0]) for name in limits}
+    if not any(way[-_LAST_ROWS:].max() > _GREW * way[: first // 2].max() > 0 for way in moved.values()):
+        return columns
+    clipped = {n: np.clip(np.nan_to_num(columns[n], nan=limit), -limit, limit) for n, limit in limits.items()}
+    return {**columns, **clipped}
 
 
 def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mapping[str, Column]) -> None:
@@ -323,7 +345,7 @@ def contract_table(raw: RawTable) -> Table:
     """
     wanted, others = _contract_names(raw)
     _require_columns(raw, wanted, others)
-    columns = _readable(raw, wanted)
+    columns = _bounded(_readable(raw, wanted), wanted)
     _require_possible(raw, columns, wanted)
     kept = _kept_rows(raw, columns)
     rows = int(kept.sum())

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.data.checked_file import checked_file
 from identification.data.checks.check_recording import check_recording, checked
 from identification.data.checks.positions import check_frozen
 from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_repeated
 from identification.data.mending import mended
+from identification.data.reading import read_recording
 from identification.data.reading import recording as read_table_of
 from identification.data.recording import Recording, Table
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -148,6 +150,25 @@ def test_honest_motion_is_none_that_ran_away(kind, planar_log):
 def test_a_torque_of_no_machine_ran_away(planar_log):
     tau = planar_log.tau * np.where(planar_log.t > 15, 1e12, 1.0)[:, None]
     assert ran_away(replace(planar_log, tau=tau)) is not None
+
+
+@pytest.mark.parametrize("beyond", [np.inf, np.nan, 1e12])
+def test_what_diverged_beyond_all_sensors_is_told_so_and_may_be_left_out(planar2, planar_log, tmp_path, beyond):
+    # Known truth: the log ends with 20 rows of values that grow, and 10 that no sensor gives.
+    q, tau, t = np.array(planar_log.q), np.array(planar_log.tau), planar_log.t
+    q[-30:, 1] += 3.0 ** np.minimum(np.arange(30), 12)
+    tau[-10:, 0] = beyond
+    names = [f"{kind}.{joint}" for kind in ("q", "tau") for joint in planar2.joint_names]
+    log = tmp_path / "log.csv"
+    np.savetxt(log, np.column_stack([t, q, tau]), delimiter=",", header=",".join(["t", *names]), comments="")
+    for robot in (planar2, None):
+        (fault,) = checked_file(log, robot).wrong
+        assert "the motion grows without bound from about t =" in fault.what
+    assert read_recording(log, planar2, excluded=[(float(t[-32]), float(t[-1]))]).wrong == ()
+    # Single values of that size are mistakes of the file.
+    np.savetxt(log, np.column_stack([t, planar_log.q, tau]), delimiter=",", header=",".join(["t", *names]), comments="")
+    with pytest.raises(LogError, match=rf"column tau\.{planar2.joint_names[0]} is"):
+        read_recording(log, planar2)
 
 
 def test_torques_below_a_dead_band_are_named(planar2, planar_log):
