@@ -233,12 +233,18 @@ def _joints_above_noise(diagnosis: Diagnosis) -> list[JointGap]:
 
 
 def _not_judged(diagnosis: Diagnosis) -> list[str]:
-    """A sentence on joints without a usable sample, on which the verdict says nothing; empty if there are none."""
-    joints = [gap.joint for gap in diagnosis.joints if not gap.hold_out_samples]
-    if not joints:
-        return []
-    they_move = "is not judged: it moves" if len(joints) == 1 else "are not judged: they move"
-    return [f"{capital(joints_words(joints))} {they_move} too little, or too briefly between two standstills."]
+    """Sentences on joints without a usable sample, on which the verdict says nothing; empty if there are none."""
+    out, gaps = [], [gap for gap in diagnosis.joints if not gap.hold_out_samples]
+    # At rest no torque of any joint is known.
+    unknown = [gap.joint for gap in gaps if gap.rms_torque is None and not diagnosis.at_rest]
+    still = [gap.joint for gap in gaps if gap.joint not in unknown]
+    if unknown:
+        are, drives = ("is", "its drive is") if len(unknown) == 1 else ("are", "their drives are")
+        out.append(f"{capital(joints_words(unknown))} {are} not judged: {drives} stated as unknown.")
+    if still:
+        they_move = "is not judged: it moves" if len(still) == 1 else "are not judged: they move"
+        out.append(f"{capital(joints_words(still))} {they_move} too little, or too briefly between two standstills.")
+    return out
 
 
 def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:

@@ -340,7 +340,7 @@ def joint_gaps(
                 noise,
                 # Samples where friction is uncertain have small weights, so that their sum may be below one.
                 int(np.ceil(after.counts[:, j].sum())),
-                rms_torque=float(torque[j]),
+                rms_torque=float(torque[j]) if robot.actuators[j].drive_known else None,
                 rms_within_tolerance=tolerated,
                 noise_floor_interval=(float(floor.low[j]), float(highest[j])),
                 noise_floor_source=floor.source[j],

@@ -59,6 +59,7 @@ def test_what_the_unknown_drive_has_to_overcome_is_not_judged(tmp_path, lab):
     diagnosis = diagnose(robot, (read_recording(logged(robot, lab, tmp_path, UNKNOWN, IDLE), robot),))
     assert not diagnosis.findings
     (row,) = (one for one in diagnosis.joints if one.joint == UNKNOWN)
+    assert row.rms_torque is None
     assert row.hold_out_samples == 0
     assert any("drive: unknown" in one.why for one in diagnosis.not_testable if one.joint == UNKNOWN)
     assert any(f"torque of {UNKNOWN} is not known" in str(said) for said in diagnosis.data_warnings)

@@ -75,3 +75,7 @@ def test_a_verdict_of_no_gap_names_the_joints_that_it_says_nothing_of(made_up):
     name = found.joints[0].joint
     assert f"{name} is not judged: it moves too little, or too briefly between two standstills." in said
     assert "not judged" not in verdict_words.verdict_sentence(found)
+    unknown = (dataclasses.replace(still[0], rms_torque=None), *found.joints[1:])
+    said = verdict_words.verdict_sentence(dataclasses.replace(found, joints=unknown))
+    assert f"{name} is not judged: its drive is stated as unknown." in said
+    assert "moves too little" not in said
