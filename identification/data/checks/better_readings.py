@@ -36,7 +36,6 @@ from identification.data.checks.readings.weights import attitude_suspects, compe
 from identification.data.checks.torques.scaled_model import common_ratio, plain_unexplained
 from identification.data.checks.torques.torque_factors import factor_of_all, factor_suspects, unit_suspects
 from identification.data.checks.torques.torque_scales import OTHER_UNIT
-from identification.data.checks.torques.unsigned_torques import may_be_magnitudes
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import ChainError
@@ -239,7 +238,7 @@ def _pair_of_mistakes(
 def _signs(robot: Robot, reading: Reading) -> list[Suspect]:
     """The suspected wrong signs of all joints with a drive."""
     driven = np.flatnonzero(_driven(robot, reading)).tolist()
-    return _with_signs(robot, reading, [one for one in other.sign_suspects(robot, driven) if one.outcome == "wrong"])
+    return [one for one in other.sign_suspects(robot, driven) if one.outcome == "wrong"]
 
 
 def _quick_gain(robot: Robot, as_recorded: Float[Array, " nv"], corrected: Reading) -> float:
@@ -275,15 +274,12 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
     signed = [j for j in poor if driven[j]]
     ratio = common_ratio(robot, reading)
     motors = motor_side_suspects(robot, reading)
-    of_signs = [
-        *(other.all_signs(robot) if signed == list(poor) else ()),
-        *other.sign_suspects(robot, signed),
-        *other.order_suspects(robot, signed),
-    ]
     of_shape = [
         *other.degree_suspects(robot, reading),
         *(one for one in motors if one.turned),
-        *_with_signs(robot, reading, of_signs),
+        *(other.all_signs(robot) if signed == list(poor) else ()),
+        *other.sign_suspects(robot, signed),
+        *other.order_suspects(robot, signed),
     ]
     return [
         *(one for one in motors if not one.turned),
@@ -317,22 +313,6 @@ def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
 def _needed(robot: Robot, reading: Reading) -> Float[Array, "N nv"]:
     """Torque of the model without friction."""
     return inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-
-
-def _with_signs(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """The suspects with which no torque of their joints may be a magnitude, which would show nothing of signs.
-
-    The needed torque is that of the corrected positions: a wrong position says nothing of it.
-    """
-
-    def may_be_magnitude(suspect: Suspect) -> bool:
-        try:
-            corrected = suspect.read(reading)
-            return bool(may_be_magnitudes(corrected.tau, _needed(robot, corrected))[list(suspect.joints)].any())
-        except ChainError:
-            return True
-
-    return [one for one in suspects if not may_be_magnitude(one)]
 
 
 def _better_in_quick_fit(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:

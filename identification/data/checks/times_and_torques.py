@@ -21,8 +21,7 @@ _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
 # A torque is flat if it has one value for this share of the rows without a break.
 _MOSTLY = 0.5
 # A repeated torque is checked if it makes the first share of the rows, while the joint moves, and is this many times as
-# frequent as any other value. Jumps to it exceed usual steps by the third number. (Repeats of 200 logs without such a
-# fault: at most 2 times the usual steps, or 6 times as frequent; dead bands and lost readings: from 15 and 360 on.)
+# frequent as any other value. Jumps to it exceed usual steps by the third number: at a limit or a rest there are none.
 _REPEATED, _TIMES_OTHERS, _JUMPS = 0.05, 10, 5.0
 # It has at least the first number of intervals. In fewer than the second number, pulses and a drive that was switched
 # off may be the cause: then the other torques have to leave a gap around it.
@@ -203,12 +202,13 @@ def check_clipping(recording: Recording) -> tuple[str, ...]:
             if tau[0] != 0:
                 out.append(f"{recording.file}: the torque of {joint} is {tau[0]:.6g} throughout: was it recorded?")
             continue
-        repeated = _repeated(recording.t, recording.q[:, j], tau)
         for sign in (1.0, -1.0):
             found = _clipped(sign * tau)
-            # A value to which the torque jumps is no limit that it reaches.
-            if found is not None and (repeated is None or sign * found[0] != repeated[0]):
+            if found is not None:
                 value, share, run = found
+                repeated = _repeated(recording.t, recording.q[:, j], tau)
+                if repeated is not None and sign * value == repeated[0]:
+                    continue  # a value to which the torque jumps is no limit that it reaches
                 out.append(
                     f"{recording.file}: the torque of {joint} sits at {sign * value:.6g} for {100 * share:.2g} % of "
                     f"the samples, up to {run} in a row: it is clipped there."

@@ -259,8 +259,8 @@ def test_an_inertia_that_reaches_far_out_of_the_robot_is_told(edited):
     assert "the inertia of link rail (0.7 kg, 9 kg m^2) is that of the same mass at 3.6 m or more" in robot.warnings[0]
 
 
-@pytest.mark.parametrize(("mass", "inertia", "told"), [(0.026, 1e-3, True), (0.026, 1e-5, False), (3.0, 0.2, False)])
-def test_the_placeholder_of_a_small_robot_is_told_by_how_thin_it_would_be(tmp_path, mass, inertia, told):
+@pytest.mark.parametrize(("mass", "inertia", "warned"), [(0.026, 1e-3, True), (0.026, 1e-5, False), (3.0, 0.2, False)])
+def test_a_warning_names_a_body_that_would_be_too_thin_for_a_small_robot(tmp_path, mass, inertia, warned):
     # Closed form: 26 g with 1e-3 kg m^2 are 20 cm from their centre; a flywheel of 3 kg may have a radius of gyration
     # of 26 cm. The base is mounted two metres high, which makes neither any larger.
     body = f'<mass value="{mass}"/><inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>'
@@ -270,4 +270,4 @@ def test_the_placeholder_of_a_small_robot_is_told_by_how_thin_it_would_be(tmp_pa
         '<joint name="curl" type="revolute"><parent link="b"/><child link="tip"/><origin xyz="0 0 2"/>'
         '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="9"/></joint></robot>'
     )
-    assert any("link tip" in warning and "placeholder" in warning for warning in load_robot(path).warnings) == told
+    assert any("link tip" in warning and "placeholder" in warning for warning in load_robot(path).warnings) == warned

@@ -77,20 +77,11 @@ def _one_sign(recording: Recording, data: Reading, model: Float[Array, "N nv"]) 
     """True for joints that reverse, and whose torque is never negative although the model needs both signs."""
     if recording.tau is None:
         return np.zeros(model.shape[1], dtype=bool)
+    strong = _STRONG * np.sqrt(np.mean(model**2, axis=0))
+    both = np.minimum(np.mean(model > strong, axis=0), np.mean(model < -strong, axis=0)) > _STRONG_SHARE
     turns = np.ptp(np.sign(data.motion.v), axis=0) == 2
     positive = (recording.tau.min(axis=0) >= 0) & (recording.tau.max(axis=0) > 0)
-    return _needs_both_signs(model) & turns & positive
-
-
-def may_be_magnitudes(tau: Float[Array, "N nv"], needed: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
-    """True for torques of one sign where the motion needs both by the model: such a torque shows nothing of signs."""
-    return ((tau.min(axis=0) >= 0) | (tau.max(axis=0) <= 0)) & _needs_both_signs(needed)
-
-
-def _needs_both_signs(needed: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
-    """True for joints whose motion needs torques of both signs by the model, of some size and for some time."""
-    strong = _STRONG * np.sqrt(np.mean(needed**2, axis=0))
-    return np.minimum(np.mean(needed > strong, axis=0), np.mean(needed < -strong, axis=0)) > _STRONG_SHARE
+    return both & turns & positive
 
 
 def _mean_square(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> float:

@@ -26,7 +26,7 @@ def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, V
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
     Standard deviations are those of the fit of all parameters, propagated through the law to first order. They are
-    infinite for numbers that the recordings tell hardly more of than the prior: their value and their deviation are
+    infinite for numbers of which the recordings show hardly more than the prior: their value and their deviation are
     those of the prior. Of inertial parameters only the base parameters are given, as motion determines no others. If
     the parameters of an effect are lists, so are their values and standard deviations.
 
