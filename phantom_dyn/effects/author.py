@@ -1,4 +1,4 @@
-"""Everything that the file of an effect imports, in one place; `docs/how_to/own_effects.md` shows how to write one."""
+"""All names that the file of an effect imports; `docs/how_to/own_effects.md` shows how to write an effect."""
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers

@@ -1,6 +1,6 @@
-"""The list of all effects. A new effect needs its own file and one line here.
+"""The list of all effects: named causes of a gap between robot and model. A new effect needs a file and a line here.
 
-Effects that a user defines for one run are kept in the `Robot`, see `phantom_dyn.effects.user.user_effects`.
+Effects that a user defines for one run are stored in the `Robot`, see `phantom_dyn.effects.user.user_effects`.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ EFFECTS: tuple[Effect, ...] = (
 
 def kind_and_place(name: str) -> tuple[str, int] | None:
     """Kind of an effect (the folder of its file) and its index in the catalogue; None for effects of a user."""
-    place = next((place for place, effect in enumerate(EFFECTS) if effect.name == name), None)
-    return None if place is None else (type(EFFECTS[place]).__module__.split(".")[-2], place)
+    index = next((index for index, effect in enumerate(EFFECTS) if effect.name == name), None)
+    return None if index is None else (type(EFFECTS[index]).__module__.split(".")[-2], index)
 
 
 def effects_of(robot: Robot) -> tuple[Effect, ...]:

@@ -1,13 +1,14 @@
-"""Collects the compiled laws from the files of the effects, and makes compiled functions that call a law by its number.
+"""Collects the compiled laws of all effects, and makes compiled functions that call a law by its number.
 
-The file of an effect marks its laws with a decorator, see `phantom_dyn.effects.simulated.torque_law`; the number of a
+The file of an effect marks its laws with a decorator, see `phantom_dyn.effects.simulated.torque_law`. The number of a
 law is a checksum of its name. If an effect has no marked law, the whole simulation is stepped in Python. Laws take and
 return scalars: for an array, numba would count references, which takes longer than the law itself.
 
-Compiled code cannot call a function from a list. So this module writes the source of a function that compares the
-number with that of each law, and compiles it. Numba does not notice that the callers of this function have to be
-compiled again after a change of a law or of the catalogue: delete the ``__pycache__`` of
-`phantom_dyn.simulation.compiled` then. An unknown number gives NaN.
+Compiled code cannot call a function from a list. So this module writes the source of a function that compares the given
+number with the number of each law, and compiles this function. It returns NaN for an unknown number.
+
+After a change of a law or of the catalogue, the callers of this function have to be compiled again, which numba does
+not notice: delete the ``__pycache__`` of `phantom_dyn.simulation.compiled` then.
 """
 
 from __future__ import annotations
@@ -45,19 +46,22 @@ def number_of(law: LawFunction) -> int:
 
 TORQUES, COMMANDS, READINGS = laws_of("torque"), laws_of("command"), laws_of("reading")
 DELAY = number_of(delay_law)
-"""Number of the delay, which has too much memory for scalars, so that simulations call its law directly."""
+"""Number of the delay law. Its state does not fit into scalars, so that simulations call it directly."""
 
 
 def torque_call(law: str, names: list[str]) -> str:
-    """Source line that returns the state and the torque of a law; ``s0`` is the position at the step before.
+    """Source of the return statement that calls a torque law: new state (``s0``, ``s1``, ``s2``), then the torque.
+
+    For a law with a memory, ``s0`` is the position at the step before.
 
     Args:
         law: Name of the law in the source.
         names: Names of the law's arguments.
 
     Raises:
-        TypeError: If they are not in the order of `phantom_dyn.effects.simulated.torque_law`.
+        TypeError: If the arguments are not in the order of `phantom_dyn.effects.simulated.torque_law`.
     """
+    # Arguments of a law: ``first`` numbers of memory, then inputs, then parameters.
     inputs = [name for name in names if name in _INPUTS]
     first = names.index(inputs[0]) if inputs else 0
     numbers = [f"p{k}" for k in range(len(names) - first - len(inputs))]
@@ -85,7 +89,15 @@ def _reading_call(law: str, names: list[str]) -> str:
 def _by_number(
     head: str, unknown: str, laws: tuple[LawFunction, ...], call: Callable[[str, list[str]], str], doc: str
 ) -> LawFunction:
-    """A compiled function that compares a number with that of each law, and calls the law that it belongs to."""
+    """A compiled function that calls the law with a given number.
+
+    Args:
+        head: Name and arguments of the function, as in ``reading_of(code, q)``; ``code`` is the number of a law.
+        unknown: Source of the values that are returned for an unknown number.
+        laws: The laws.
+        call: Function that writes the statement that calls a law, from the law's name and its arguments.
+        doc: Docstring of the made function.
+    """
     known = {f"law_{number_of(law)}": law for law in laws if law is not delay_law}
     lines = [
         f"    if code == {name.removeprefix('law_')}:\n        {call(name, list(inspect.signature(law).parameters))}"
@@ -94,10 +106,10 @@ def _by_number(
     name, _, arguments = head.partition("(")
     body = "\n".join([*lines, f"    return {unknown}"])
     # Numba caches compiled code by the name of the function, so that other laws need another name.
-    full = f"{name}_{zlib.crc32(body.encode()):08x}"
+    cached_as = f"{name}_{zlib.crc32(body.encode()):08x}"
     scope: dict[str, Any] = {"__name__": __name__, "nan": np.nan, **known}
-    exec(compile(f"def {full}({arguments}:\n{body}\n", __file__, "exec"), scope)
-    made = scope[full]
+    exec(compile(f"def {cached_as}({arguments}:\n{body}\n", __file__, "exec"), scope)
+    made = scope[cached_as]
     made.__doc__ = doc
     return jit(made)
 

@@ -1,4 +1,4 @@
-"""Descriptions of an effect: in words for reports, and in numbers for model files and control laws."""
+"""How an effect describes itself: in words for reports, and in numbers for model files and control laws."""
 
 from __future__ import annotations
 
@@ -44,15 +44,17 @@ class EffectWords:
     Attributes:
         name: A noun that "on joint j2" can follow.
         meaning: A phrase that describes the effect.
-        next_step: A sentence that says what to do next.
-        less: Name if the first parameter is negative, where the effect then has another name.
-        size: A phrase after the name that states the size, such as ``of {torque}`` with the name of a parameter.
+        next_step: A sentence with the recommended next step.
+        less: Name to use instead of ``name`` if the first parameter is negative; empty for the same name.
+        size: A phrase that follows the name and states the size; it has names of parameters in braces, as in
+            ``of {torque}``.
         parameters: Meaning of each parameter whose name does not say it.
-        shown_over: Quantities on which the law depends, the likeliest first; the data decide between several.
-        separated_by: What distinguishes the effect from effects that leave the same torque in every motion.
-        kept: The part of the effect that a model file can express, a phrase after "It has, "; empty if a model file can
-            express all or nothing.
-        lost: The part that a model file cannot express; empty if the name says it.
+        shown_over: Quantities on which the law depends, the likeliest first. A report draws the residual over one of
+            them, which it chooses by the data.
+        separated_by: What distinguishes the effect from other effects that have the same torque in every motion.
+        kept: The part of the effect that a model file can express, as a phrase that follows "It has, "; empty if a
+            model file can express all of the effect or nothing.
+        lost: The part that a model file cannot express, in words; empty if ``name`` is the right word for this part.
     """
 
     name: str
@@ -69,15 +71,15 @@ class EffectWords:
 
 @dataclass(frozen=True)
 class FormulaTerm:
-    """A term that an effect offers to formulas of torque that no effect explains.
+    """A term that an effect contributes to the library of formulas, for a residual that no effect explains.
 
     Attributes:
         kind: Kind of the term in words; terms of one kind can replace each other.
         text: The term in writing, such as ``|tl|*sign(v)``.
         column: Function that computes the term. Its arguments are named after the inputs that it needs: ``q``, ``v``
             and ``a`` of the joint, ``tl`` (torque that the transmission passes), ``temp`` (temperature of the drive).
-        per: The unit of the coefficient is that of a torque over this unit, with ``{angle}``, ``{speed}`` and
-            ``{torque}`` for the units of the joint; empty if the coefficient is a torque.
+        per: Unit of the term: the unit of its coefficient is a torque unit over it. ``{angle}``, ``{speed}`` and
+            ``{torque}`` are replaced by the units of the joint; empty for a term without a unit.
     """
 
     kind: str
@@ -87,7 +89,7 @@ class FormulaTerm:
 
 
 def less(name: str, value: float) -> str:
-    """Text of a difference, as in ``(q - 0.3)``."""
+    """Text of ``name`` minus ``value``, as in ``(q - 0.3)``."""
     return f"({name} {'+' if value < 0 else '-'} {abs(value):.3g})"
 
 
@@ -112,10 +114,10 @@ class ModelNumbers:
         viscous: Viscous coefficient in addition to the modelled one.
         coulomb: Coulomb torque in addition to the modelled one.
         rotor_inertia: Rotor inertia in addition to the modelled one.
-        robot: Function that changes links or gravity of a robot.
-        turned: Rotation of gravity in the base frame, ``(3, 3)``.
+        robot: Function that returns a robot with changed links or gravity.
+        turned: Rotation matrix of gravity in the base frame, ``(3, 3)``.
         offset: Constant torque, positive in the positive direction of the joint.
-        spring: Stiffness and rest position.
+        spring: Stiffness and rest position of a spring on the joint.
         gain: True torque over logged torque.
         limit: Largest torque of the drive.
         delay: Delay [s] of the drive.

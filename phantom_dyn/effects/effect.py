@@ -1,7 +1,7 @@
-"""Interface of an effect of the catalogue.
+"""Interface of an effect of the catalogue: a named cause of a gap between robot and model, such as Coulomb friction.
 
 Every effect defines a name, a regime, words, `Effect.parameters`, its law `Effect.torque`, its columns
-`Effect.signature` and its part in a simulation `Effect.simulated`. Everything else has a default that is right for a
+`Effect.signature` and its part in a simulation `Effect.simulated`. Everything else has a default, which is right for a
 torque on one joint that is linear in its parameters; other effects override an attribute or a small method. Relations
 between effects are in `phantom_dyn.effects.relations`, so that no other code has to know effects by name.
 """
@@ -24,7 +24,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 Stated = Mapping[str, float | list[float]]
-"""Parameters by name as a finding or a file states them: numbers, or lists if the effect takes lists."""
+"""Values of parameters by name, as in a finding or a file: numbers, or lists if the effect takes lists."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class Parameter:
         unit: SI; ``1`` if it has none.
         lower: Smallest value that the law allows.
         upper: Largest value that the law allows.
-        default: Value if a description of a device gives none; None if it must give one.
-        above_zero: True if no device has zero, although a search may reach it.
-        plausible: Smallest and largest value of a sound device; a size outside has to be checked. None if unknown.
+        default: Value if the description of a simulated device does not state the parameter; None if it must.
+        above_zero: True if the value zero is impossible for a device, although a search may reach it.
+        plausible: Smallest and largest value of a sound device; a finding outside has to be checked. None if unknown.
         plausible_because: Reason for this range.
         listed: True if the parameter is a list, as the orders of a cogging torque; then all parameters of the effect
             are lists.
-        either_sign: True if the parameter can be negative even if the model has none of the effect; an undetected
-            effect is then drawn with either sign.
+        either_sign: True if the parameter can be negative even if the model has none of the effect. For an effect that
+            was not detected, values of both signs are then drawn.
         tried: For a `LawEffect`: values to try of a parameter in which the torque is not linear; otherwise empty.
     """
 
@@ -63,8 +63,8 @@ class Parameter:
 class Effect(Rival):
     """One named cause of a gap between robot and model.
 
-    Arguments ``theta`` are values of the parameters of `parameters`. If the torque is linear in the parameters, they
-    are the coefficients of the columns.
+    An argument ``theta`` holds the values of the parameters of `parameters`, in their order. If the torque is linear in
+    the parameters, ``theta`` is equal to the coefficients of the columns of `signature`.
 
     Attributes:
         words: Words for reports.
@@ -93,14 +93,14 @@ class Effect(Rival):
         return any(one.listed for one in self.parameters(robot, joint))
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Further parameters of the law that a device may have, all of them or none; no fit estimates them."""
+        """Further parameters of the law, for simulated devices only; a device has all of them or none."""
         return ()
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """True if a device can have the effect on this joint, even if no search tries it there."""
+        """True if a robot can have the effect on this joint; a search may try fewer joints (`places`)."""
         places = self.places(robot)
         if self.shared and joint is not None and "+" in joint:
-            return all(one in places for one in joint.split("+"))
+            return all(name in places for name in joint.split("+"))
         return joint in places
 
     def from_coefficients(
@@ -114,12 +114,13 @@ class Effect(Rival):
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
         """Parameters that a finding states, and the function that computes them from the coefficients of a fit.
 
-        By default the effect's parameters. The coefficients may be followed by an estimated shape.
+        By default these are the effect's parameters. The argument of the function is an array of the coefficients,
+        which an estimated shape may follow.
 
         Args:
             robot: The given model.
             joint: Joint of the effect.
-            shape: Shape of the fit, used if the coefficients are not followed by one.
+            shape: Shape of the fit, used if no estimated shape follows the coefficients.
             std: Standard deviations of the coefficients.
             coefficients: Coefficients of the fit.
         """
@@ -131,30 +132,30 @@ class Effect(Rival):
         return self.parameters(robot, joint), law
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Columns as terms of a formula, if they have no shape and depend only on inputs at the same instant.
+        """Terms for the library of formulas: the columns, if they have no shape and depend on the current inputs only.
 
         Args:
-            middle: Function that returns the middle of the recorded values of an input, from which some terms count.
+            middle: Function that returns the middle of the recorded values of an input; some terms subtract it.
         """
         return ()
 
     def remark(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> str:
-        """A sentence that says what parameters of this size mean for this robot; empty if there is none."""
+        """A sentence on the meaning of these parameter values for this robot; empty if there is none."""
         return ""
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """Parameters of the effect from those that a finding or file states, which may have other or older names."""
+        """Parameters of the effect, from those of a finding or a file, which may have other or older names."""
         return stated
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
         """Name of the parameter that is the size of the effect, and the coefficients of an effect of size one.
 
-        By default the first parameter, which is the only coefficient.
+        With these the limit of detection is computed. By default the size is the first parameter and only coefficient.
         """
         return self.parameters(robot, joint)[0].name, np.array([1.0])
 
     def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
-        """Unit of the parameter that `probe` names."""
+        """Unit of the parameter whose name `probe` returns."""
         return next(parameter.unit for parameter in self.parameters(robot, joint) if parameter.name == name)
 
     def sized(
@@ -165,7 +166,7 @@ class Effect(Rival):
         Args:
             robot: The given model.
             joint: Joint of the effect.
-            name: Parameter that `probe` names.
+            name: Name of the parameter, from `probe`.
             size: Value of this parameter.
             posture: Mean positions of the joints [rad or m].
         """
@@ -178,33 +179,33 @@ class Effect(Rival):
     ) -> Float[Array, "N nv"]:
         """Torque that the effect adds on the joints; friction, for example, opposes the motion.
 
-        For an effect of an encoder, a drive or a transmission: minus the additional drive torque in the recording.
+        An effect of an encoder, a drive or a transmission returns minus the additional drive torque in the recording.
         """
 
     def link_ahead(
         self, operation: Operation, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"] | None:
-        """How far links are ahead of their motors [rad or m]; None if they are rigidly connected."""
+        """How far links are ahead of their motors [rad or m]; None for rigid transmissions."""
         return None
 
     def true_motion(
         self, robot: Robot, motion: Motion, joint: str | None, theta: Float[Array, " p"]
     ) -> tuple[Robot, Motion]:
-        """The robot with its true gravity, and the true motion of its links; by default as given."""
+        """The robot with its true gravity, and the true motion of its links; by default both as given."""
         return robot, motion
 
     def at_work(self, operation: Operation, joint: str | None, theta: Float[Array, " p"]) -> Float[Array, " p"]:
-        """Parameters for a simulation of this operation, in which a temperature may change them slowly."""
+        """Parameters for a simulation of this operation; friction, for example, depends on its mean temperature."""
         return theta
 
     @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
-        """How a simulation takes the effect into account."""
+        """What the effect changes in a simulation."""
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> ModelNumbers:
         """Numbers for model files and control laws; by default the changed robot, if the effect has no other part."""
-        part = self.simulated(robot, joint, theta)
+        made = self.simulated(robot, joint, theta)
         others = (
-            part.command, part.torque, part.reading, part.transmission, part.inertia, part.reference_delay
+            made.command, made.torque, made.reading, made.transmission, made.inertia, made.reference_delay
         )  # fmt: skip
-        return ModelNumbers(whole=True, robot=part.robot) if all(x is None for x in others) else ModelNumbers()
+        return ModelNumbers(whole=True, robot=made.robot) if all(x is None for x in others) else ModelNumbers()

@@ -1,13 +1,13 @@
-"""Base of effects whose author writes only the law; the columns are finite differences of the law.
+"""Base class of effects whose author writes only the law; the columns are finite differences of the law.
 
 The law is the method ``torque``. It is linear in all parameters except those for which the author gives values to try
 (`Parameter.tried`). For a linear parameter the difference is exact up to rounding. A parameter with values to try is a
-shape, like the velocity of Stribeck friction: the search tries these values, then values closer to the best one. It
-tries every combination on every joint, so give few values.
+shape, like the velocity of Stribeck friction: the search tries these values, then values closer to the best one. The
+search tries every combination on every joint, so give few values.
 
-Limits: at least one parameter must be linear (the size of the effect); the law of a joint acts on this joint only; in a
-simulation the law may depend on position, velocity and transmitted torque of the same instant, but not on accelerations
-or on the past. Other effects must define ``signature`` or ``simulated`` as well.
+Limits: at least one parameter must be linear (the size of the effect). The law of a joint acts on this joint only. In a
+simulation the law may depend on position, velocity and transmitted torque at the same instant, but not on accelerations
+or on the past. An effect beyond these limits must define ``signature`` or ``simulated`` as well.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ _LESS, _MORE = 0.85, 1.18
 
 
 class LawEffect(Effect):
-    """An effect that defines ``name``, ``parameters`` and ``torque`` only, see the module's text."""
+    """Base class of an effect that defines ``name``, ``parameters`` and ``torque`` only."""
 
     regime = "everywhere"
 
     def __init_subclass__(cls) -> None:
-        """Make words from the name if the author gives none."""
+        """Set ``words`` from the name if the author gives none."""
         super().__init_subclass__()
         name = getattr(cls, "name", None)
         if isinstance(name, str) and not hasattr(cls, "words"):
@@ -51,11 +51,11 @@ class LawEffect(Effect):
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
         """The shape and its neighbours, in which one value is a sixth smaller or larger."""
-        less, more = (
-            tuple(tuple(factor * x if k == at else x for k, x in enumerate(shape)) for at in range(len(shape)))
-            for factor in (_LESS, _MORE)
-        )
-        return (*less, shape, *more)
+
+        def neighbours(factor: float) -> tuple[Shape, ...]:
+            return tuple((*shape[:k], factor * shape[k], *shape[k + 1 :]) for k in range(len(shape)))
+
+        return (*neighbours(_LESS), shape, *neighbours(_MORE))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Drive torque per unit of each linear parameter, from differences of the law.
@@ -83,11 +83,11 @@ class LawEffect(Effect):
         return _theta(self.parameters(robot, joint), coefficients, shape)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds of each linear parameter."""
+        """Lower and upper bound of each linear parameter."""
         return tuple((one.lower, one.upper) for one in self.parameters(robot, joint) if not one.tried)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The first linear parameter."""
+        """Size of the effect: the first linear parameter."""
         names = [one.name for one in self.parameters(robot, joint) if not one.tried]
         return names[0], np.eye(len(names))[0]
 
@@ -109,17 +109,17 @@ def at_moment(robot: Robot, moment: Moment) -> Operation:
 
 
 def rows_of_law(robot: Robot, joint: str | None) -> tuple[int, ...]:
-    """Rows on which a law may act: that of its joint, of two joints joined by ``+``, or all for the whole robot."""
+    """Rows on which a law may act: the row of its joint, of two joints joined by ``+``, or all for the whole robot."""
     return tuple(range(robot.nv)) if joint is None else rows_of(robot, joint)
 
 
 def unit_of(parameter: Parameter) -> float:
-    """Value of a parameter at which the difference of the law is taken: one, or the nearest allowed value."""
+    """Value of a parameter at which the difference of the law is taken: the allowed nonzero value nearest to one."""
     near = float(np.clip(1.0, parameter.lower, parameter.upper))
     return near if near != 0.0 else max(float(parameter.lower), -1.0)
 
 
 def _theta(known: tuple[Parameter, ...], coefficients: Array, shape: Shape) -> Float[Array, " p"]:
-    """Parameters in their order, from the linear ones and the shape."""
+    """All parameters in the order of ``known``, from values of the linear ones and the shape."""
     linear, tried = iter(coefficients), iter(shape)
     return np.array([next(tried if one.tried else linear) for one in known])

@@ -1,4 +1,4 @@
-"""Input of effects: motion, drive torque of the model, drive torque of the recording, and references of controllers."""
+"""What effects compute their torques from: motion, modelled and recorded drive torque, references of controllers."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _POLES = 4
 
 @dataclass(frozen=True)
 class References(ReadOnlyArrays):
-    """References of position controllers and the torques that they command, from which a later reference follows.
+    """References of position controllers and the torques that they command.
 
-    Only the reference arrives late, not the feedback: the commanded torque changes by the gain times the change of the
-    reference, within the limits of the drive.
+    They determine the torque for references that arrive later: the feedback is the same, so that the commanded torque
+    changes by the gain times the change of the reference, within the limits of the drive.
 
     Attributes:
         t: Times [s], increasing, shape ``(N,)``.
         q_ref: References as they were sent [rad or m], shape ``(N, nv)``.
-        commanded: Torque that each controller commands with them, before any limit [N m or N], shape ``(N, nv)``.
+        commanded: Torque that each controller commands, before any limit [N m or N], shape ``(N, nv)``.
         gain: Torque per unit of the reference [N m/rad or N/m], zero for joints without a controller, shape ``(nv,)``.
         limits: Torque at which the drives clip the command, infinite if they do not, shape ``(nv,)``.
         least: Smallest delay of each reference [s] that the recorded output of the drives allows, shape ``(nv,)``.
-        most: Largest such delay [s], infinite if no output was recorded, shape ``(nv,)``.
+        most: Largest delay that this output allows [s], infinite if no output was recorded, shape ``(nv,)``.
     """
 
     t: Float[Array, " N"]
@@ -65,17 +65,17 @@ class References(ReadOnlyArrays):
 
     def with_references(self, q_ref: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
         """Change of the drive torque with other references [rad or m]."""
-        then = self.commanded + self.gain * (q_ref - self.q_ref)
-        return np.clip(then, -self.limits, self.limits) - np.clip(self.commanded, -self.limits, self.limits)
+        changed = self.commanded + self.gain * (q_ref - self.q_ref)
+        return np.clip(changed, -self.limits, self.limits) - np.clip(self.commanded, -self.limits, self.limits)
 
 
-# Cached quantities that depend on motion and model only, not on a fit.
+# Names of cached properties that depend on motion and model only, not on a fit.
 _OF_THE_MOTION = ("own_friction", "transmitted", "inertia", "steepest")
 
 
 @dataclass(frozen=True)
 class Operation(Motion):
-    """A motion with the torque that drives it.
+    """A motion with its modelled and its recorded drive torque; the input from which effects compute their columns.
 
     Attributes:
         robot: The given model, from which the cached quantities below are computed.
@@ -83,17 +83,17 @@ class Operation(Motion):
             shape ``(N, nv)``. Signatures use it instead of the measured torque, whose noise would bias a fit.
         expected: ``tau`` with the findings so far, shape ``(N, nv)``.
         logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` if there is none.
-        residual_of_fit: Torque residual of the last fit of tolerances and findings, shape ``(N, nv)``; None before the
-            first fit.
+        residual_of_fit: Torque residual of the last fit of model tolerances and findings, shape ``(N, nv)``; None
+            before the first fit.
         recording: Index of the recording, for effects that act in some recordings only.
         band_hz: Upper edge of the band in which torques are judged [Hz].
         found_load: Part of `load` from the findings so far, shape ``(N, nv)``; None for zero.
-        known_in_drive: Part of ``tau`` from known friction and known faults of the drive, which does not reach the
-            link, shape ``(N, nv)``; None for zero.
+        known_in_drive: Part of ``tau`` due to known friction and known faults of the drive, which the transmission does
+            not pass to the link, shape ``(N, nv)``; None for zero.
         temperature: Temperature of the drives [deg C], shape ``(N, nv)``, NaN where none was recorded; None if none was
             recorded for any joint.
-        per_load: Drive torque per torque on the link, which is one plus known friction under load, shape ``(N, nv)``;
-            None for one.
+        per_load: Drive torque per torque on the link: one plus the known friction per load, shape ``(N, nv)``; None for
+            one.
         references: References and commands if the torque was computed from references; otherwise None.
     """
 
@@ -130,9 +130,12 @@ class Operation(Motion):
         residual_of_fit: Float[Array, "N nv"] | None = None,
         found_load: Float[Array, "N nv"] | None = None,
     ) -> Operation:
-        """The same motion after another fit; cached quantities of the motion are kept, except `partials`.
+        """The same motion after another fit. Cached quantities of the motion are copied, except the large `partials`.
 
-        The found load is kept too, unless another one is given.
+        Args:
+            expected: ``tau`` with the findings of this fit, shape ``(N, nv)``.
+            residual_of_fit: Torque residual of this fit, shape ``(N, nv)``.
+            found_load: Part of `load` from the findings of this fit, shape ``(N, nv)``; None keeps the present one.
         """
         found_load = self.found_load if found_load is None else found_load
         out = replace(self, expected=expected, residual_of_fit=residual_of_fit, found_load=found_load)
@@ -141,16 +144,20 @@ class Operation(Motion):
         return out
 
     def short_lived_copy(self) -> Operation:
-        """A copy that frees its `partials`, and the arrays that effects store in it, after a short use.
+        """A copy for a short use, whose `partials` and stored arrays of effects are freed together with it.
 
-        Those of all recordings together would need too much memory.
+        Stored in the operations of all recordings, they would need too much memory.
         """
         out = self.after_fit(self.expected, self.residual_of_fit)
         out.__dict__["kept"] = dict(self.kept)
         return out
 
     def made_of(self, parts: Sequence[Operation]) -> Operation:
-        """This operation with cached quantities joined from the parts of its motion, if their robot is the same."""
+        """This operation, with cached quantities joined from those of its parts, if their robot is the same.
+
+        Args:
+            parts: Operations whose motions, one after the other, are this motion.
+        """
         if any(part.robot is not self.robot for part in parts):
             return self
         out = replace(self)
@@ -194,7 +201,7 @@ class Operation(Motion):
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
         """Derivatives of the rigid-body torque by positions, velocities and accelerations, with armature.
 
-        They are large and quick to compute, so that no other operation keeps them.
+        They are large and quick to compute, so that `after_fit` does not copy them.
         """
         to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
         return _by_entry(to_q), _by_entry(to_v), _by_entry(mass_matrix(self.robot, self.q))
@@ -214,7 +221,7 @@ class Operation(Motion):
 
     @cached_property
     def kept(self) -> dict[tuple, Array]:
-        """Arrays that effects compute once for all their shapes, by name and joint index."""
+        """Arrays that effects compute once and use for all their shapes, by name and joint index."""
         return {}
 
 
@@ -226,14 +233,14 @@ def joined(parts: Sequence[Float[Array, "_ nv"]]) -> Float[Array, "N nv"]:
 
 
 def _by_entry(values: Float[Array, "N nv nv"]) -> Float[Array, "N nv nv"]:
-    """The same array with the samples of each entry next to each other in memory."""
+    """The same array, stored so that all samples of one matrix entry are contiguous in memory."""
     return np.ascontiguousarray(values.transpose(2, 1, 0)).transpose(2, 1, 0)
 
 
 def up_to_band(operation: Operation, load: Float[Array, " N"]) -> Float[Array, " N"]:
-    """A load low-passed at the edge of the judged band, above which accelerations are noisy.
+    """A load, low-passed at the edge of the judged band, above which accelerations are noisy.
 
-    A product with the load is not filtered, so that steps of the other factor stay sharp.
+    Effects filter only the load, and not its product with ``sign(v)``, so that the steps of the sign stay sharp.
 
     Args:
         operation: Operation with the band and the time step.

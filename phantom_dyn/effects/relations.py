@@ -1,4 +1,4 @@
-"""Table of relations between two effects: one is a special case of the other, or both can leave the same torque.
+"""Table of relations between two effects: one is a special case of the other, or both can have the same torque.
 
 `tests/phantom_dyn/effects/test_relations.py` compares the rows with the columns of both effects, so that it notices a
 row that is missing or wrong.
@@ -29,12 +29,15 @@ class Relation(NamedTuple):
 
             - ``contains``: the second is a special case of the first.
             - ``tends to``: on the same joint, the first comes arbitrarily close to the second.
-            - ``resembles on each joint``: the first acts between two joints; the second on both of them may look alike.
-            - ``may be a sum with``: the second and another effect with this relation add up to a special case of the
-              first, so that no data distinguish the two explanations.
-            - ``resembles a sum of``: the second and all others with this relation together may look like the first.
-            - ``nearly same in closed loop``: both look alike while a controller keeps a joint close to its reference.
-            - ``same shapes as``: both have the same orders over the position; a constant load does not separate them.
+            - ``resembles on each joint``: the first acts between two joints; the second, on each of both, may have
+              nearly the same torque.
+            - ``may be a sum with``: the sum of the second and of another effect with this relation to the first is a
+              special case of the first, so that no data distinguish the two explanations.
+            - ``resembles a sum of``: the sum of all effects with this relation may have nearly the torque of the first.
+            - ``nearly same in closed loop``: both have nearly the same torque while a controller keeps the joint close
+              to its reference.
+            - ``same shapes as``: both are waves of the same orders over the position; a constant load does not
+              separate them.
         other: Name of the second effect.
     """
 
@@ -50,7 +53,7 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("direction_dependent_friction", "may be a sum with", "coulomb_friction"),
     Relation("direction_dependent_friction", "may be a sum with", "torque_offset"),
     Relation("stribeck_friction", "contains", "coulomb_friction"),
-    # If the displacement is zero.
+    # Special case: the displacement is zero.
     Relation("presliding_friction", "contains", "coulomb_friction"),
     Relation("position_dependent_friction", "contains", "coulomb_friction"),
     Relation("temperature_dependent_friction", "contains", "coulomb_friction"),
@@ -58,13 +61,13 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("joint_coupling", "resembles on each joint", "coulomb_friction"),
     Relation("joint_coupling", "resembles on each joint", "viscous_friction"),
     Relation("inertial_parameters", "contains", "payload"),
-    # It scales the whole torque of a drive.
+    # A torque constant scales the whole torque of a drive.
     Relation("torque_constant", "resembles a sum of", "coulomb_friction"),
     Relation("torque_constant", "resembles a sum of", "viscous_friction"),
     Relation("torque_constant", "resembles a sum of", "payload"),
-    # A reference that is late by d lacks kp d v while the joint follows it.
+    # A reference that is late by d lowers the torque by kp d v while the joint follows the reference.
     Relation("reference_delay", "nearly same in closed loop", "viscous_friction"),
-    # A soft spring whose rest position is far away.
+    # A soft spring whose rest position is far away has a nearly constant torque.
     Relation("parasitic_spring", "tends to", "torque_offset"),
     Relation("cogging", "same shapes as", "torque_ripple"),
     Relation("torque_ripple", "same shapes as", "cogging"),

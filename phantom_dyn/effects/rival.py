@@ -1,6 +1,6 @@
-"""Interface that the search for causes requires: a cause adds columns to the drive torque of inverse dynamics.
+"""Interface of a candidate cause of a torque residual: a cause adds columns to the drive torque of inverse dynamics.
 
-Effects of the catalogue are such causes, and so are structures that the catalogue has no name for.
+The search compares such causes. They are the effects of the catalogue, and structures without a name in the catalogue.
 """
 
 from __future__ import annotations
@@ -18,25 +18,26 @@ from phantom_dyn.effects.relations import related
 from phantom_dyn.model.robot import Robot
 
 Shape = tuple[float, ...]
-"""Numbers of a law in which its torque is not linear, such as a Stribeck velocity; () if there are none."""
+"""Values of the parameters in which the torque of a law is not linear, as a Stribeck velocity; () if there are none."""
 Source = Literal["acceleration", "model", "load", "torque", "whole joint"]
 """What columns are computed from in addition to positions and velocities:
 
-- acceleration: it has the noise of a twice differentiated position.
-- model: the model's torque or its derivatives, so that the columns change with the model's parameters. The columns of
-  the rigid-body regressor do not change with them.
-- load: the torque that the transmission passes, with all other findings.
-- torque: the torque of the drive, with all other findings.
-- whole joint: the torque of the joint, with all other findings; the coefficient scales it."""
+- acceleration: acceleration, which has the noise of a twice differentiated position.
+- model: the model's torque or its derivatives, so that the columns change with the model's parameters. (Columns of the
+  rigid-body regressor do not change with these parameters.)
+- load: the torque that the transmission passes, with the torques of all other findings.
+- torque: the torque of the drive, with the torques of all other findings.
+- whole joint: the torque of the joint, with the torques of all other findings; the coefficient scales this torque."""
 Fitted = Literal["plain", "shape held", "secant", "first order", "size in shape", "any size", "nothing"]
-"""How a fit estimates the numbers of a law:
+"""How a fit estimates the parameters of a law. The search first fits the coefficients for some shapes; then the final
+fit estimates all parameters of all findings together.
 
-- plain: the torque is linear in the coefficients; numbers of the shape are further parameters of the joint fit.
-- shape held: the joint fit of all parameters keeps the shape that the search has found.
+- plain: the torque is linear in the coefficients; the final fit also estimates the shape.
+- shape held: the final fit keeps the shape that the search has found.
 - secant: the shape is the last estimate of the coefficients, and not a further parameter.
-- first order: the columns are a first-order expansion, so that the joint fit evaluates the law itself.
+- first order: the columns are a first-order expansion, so that the final fit evaluates the law itself.
 - size in shape: the shape is the size of the effect; the coefficient should be one.
-- any size: as size in shape, and no size is too small to be detected.
+- any size: as size in shape; in addition, no size is too small to be detected.
 - nothing: the law has no column, because it only adds noise to the readings."""
 OtherLaw = Callable[[Operation, str | None, Array, Array], Array]
 """Function of operation, joint, coefficients and shape that returns the additional drive torque, ``(N, nv)``."""
@@ -51,8 +52,8 @@ class Signature:
         columns: Shape ``(N, len(rows), k)``; the measured torque is that of the model plus ``columns @ coefficients``.
         names: Names of the coefficients.
         units: Units of the coefficients.
-        steps: The part of the columns without noise of accelerations above the judged band, because it is computed from
-            signs of velocities or from a low-passed torque; None if there is no such part.
+        steps: The part of the columns that has no noise of accelerations above the judged band, because it is computed
+            from signs of velocities or from a low-passed torque; None if there is no such part.
     """
 
     rows: tuple[int, ...]
@@ -64,11 +65,13 @@ class Signature:
 
 @dataclass(frozen=True)
 class SpecialCase:
-    """A simpler law, or no effect at all, that a law equals if some of its numbers are zero.
+    """A simpler law, or no effect at all, to which a law reduces if certain numbers are zero.
+
+    For example, Stribeck friction reduces to Coulomb friction if its excess at rest is zero.
 
     Attributes:
         names: Names of the effects, on the same joint, whose sum is the simpler law; empty for no effect.
-        numbers: Numbers of the fit, or functions of them, that are all zero in this case.
+        numbers: Numbers computed from the fit that are all zero in this case.
     """
 
     names: tuple[str, ...]
@@ -80,8 +83,8 @@ class Rival(ABC):
 
     For a given ``shape`` (a Stribeck velocity, for example) the measured torque is linear in the coefficients. If a law
     is not linear in its only parameter (a delay), the shape is the last estimate of the parameter and the column is a
-    secant: the change of torque from zero to the shape, per unit of the parameter. It is exact if coefficient and shape
-    are equal.
+    secant: the change of torque from zero to the shape, per unit of the parameter. The secant is exact if coefficient
+    and shape are equal.
 
     Attributes:
         name: Name of the effect in the catalogue, or another name for a cause that the catalogue does not have.
@@ -93,15 +96,15 @@ class Rival(ABC):
             hold a joint at rest; None for all others: viscous friction, the drive and its rotor.
         shows_with: What the torque depends on: ``velocity``; ``acceleration``, also for rate and peaks of the torque;
             ``slow motion`` if the effect acts only while a joint moves slowly or reverses. Noise in the motion, and a
-            controller's response to noise, look like the second.
+            controller's response to noise, look like a dependence on acceleration.
         fitted: How a fit estimates the numbers of the law, see `Fitted`.
         inertial: How the effect uses columns of the rigid-body regressor, see `regressor_columns`: ``point mass`` if
             mass and first moments are free and the inertia follows from them; ``free`` if each column has its own
             coefficient, of which only base parameters can be identified. None for other effects.
         built_in: True for a permanent property of a robot, which an earlier diagnosis would have found.
-        exact: True if the law is exact, so that a residual that remains has another cause.
-        other_laws: Other laws with the same parameters that fit the definition in the catalogue as well. No recording
-            distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
+        exact: True if the law is exact, so that any remaining residual has another cause.
+        other_laws: Other laws with the same parameters that match the definition in the catalogue equally well. No
+            recording distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
     """
 
     name: str
@@ -118,37 +121,37 @@ class Rival(ABC):
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """Names of the effects that are special cases of it; a law that is not in the catalogue overrides this."""
+        """Names of the effects that are special cases of this one; a law outside the catalogue overrides this."""
         return related(self.name, "contains")
 
     @property
     def tends_to(self) -> tuple[str, ...]:
-        """Names of effects on the same joint to which it can come arbitrarily close."""
+        """Names of effects on the same joint to which this one can come arbitrarily close."""
         return related(self.name, "tends to")
 
     @property
     def on_each_joint(self) -> tuple[str, ...]:
-        """For an effect between two joints: names of effects that, on both joints, may leave nearly the same torque."""
+        """For an effect between two joints: names of effects that, on each of both, may have nearly the same torque."""
         return related(self.name, "resembles on each joint")
 
     @property
     def same_as_sum(self) -> tuple[str, ...]:
-        """Names of effects that add up to a special case of it, so that no data distinguish the two explanations."""
+        """Names of effects whose sum is a special case of this one, so that no data distinguish the explanations."""
         return related(self.name, "may be a sum with")
 
     @property
     def sum_parts(self) -> tuple[str, ...]:
-        """Names of effects of which several together may leave nearly the same torque."""
+        """Names of effects of which several together may have nearly the same torque as this one."""
         return related(self.name, "resembles a sum of")
 
     @property
     def near_twins(self) -> tuple[str, ...]:
-        """Names of effects that leave nearly the same torque while the joint follows its reference."""
+        """Names of effects with nearly the same torque as this one while the joint follows its reference."""
         return related(self.name, "nearly same in closed loop")
 
     @property
     def same_shapes(self) -> tuple[str, ...]:
-        """Names of effects on the same joint that are tried with its shape after it is found."""
+        """Names of effects on the same joint that are tried with the shape of this effect after it is found."""
         return related(self.name, "same shapes as")
 
     @property
@@ -222,7 +225,9 @@ class Rival(ABC):
     @property
     def seen_by(self) -> Literal["coefficient", "shape", "neither"]:
         """Whether its size is the coefficient or the shape; ``neither`` if no size is too small to be detected."""
-        return "shape" if self.fitted == "size in shape" else "neither" if self.fitted == "any size" else "coefficient"
+        if self.fitted == "size in shape":
+            return "shape"
+        return "neither" if self.fitted == "any size" else "coefficient"
 
     @property
     def only_noise(self) -> bool:
@@ -231,7 +236,7 @@ class Rival(ABC):
 
     @property
     def displaces(self) -> bool:
-        """True if it changes the true positions of the links or gravity, and so the torque of a wrong mass, too."""
+        """True if it changes the true positions of the links, or gravity; both change the torque of a mass error."""
         return False
 
     @property
@@ -250,11 +255,12 @@ class Rival(ABC):
         return ((),)
 
     def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
-        """Shapes to try after a fit: the same shape and its neighbours, or for a secant the last estimate."""
+        """Shapes to try after a fit: the same shape and similar ones, or the last estimate for a secant."""
         return (shape,)
 
     def at_estimate(self, coefficients: Float[Array, " k"], shape: Shape) -> Shape:
         """The shape that agrees with the coefficients; it differs from ``shape`` only if the column is a secant."""
+        # `refined` returns the estimate alone, or a symmetric list with the same shape in the middle.
         near = self.refined(coefficients, shape)
         return near[len(near) // 2]
 
@@ -273,7 +279,7 @@ class Rival(ABC):
     def bounds_in(
         self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
     ) -> tuple[tuple[float, float], ...]:
-        """Bounds narrowed by other data of the recording than its torques; by default those of `coefficient_bounds`."""
+        """Bounds of `coefficient_bounds`, which data of the recording other than torques may narrow."""
         return self.coefficient_bounds(robot, joint, shape)
 
     def lightest(self, robot: Robot) -> float:
@@ -281,18 +287,18 @@ class Rival(ABC):
         return 0.0
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
-        """Inertia per mass [m^2], about its own centre, of the part that a point mass stands for; by default none."""
+        """Inertia per mass [m^2] about its own centre, of the part that a point mass represents; by default zero."""
         return np.zeros(6)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Simpler laws that it equals if some of its numbers are zero, the simplest first.
+        """Simpler laws to which it reduces if certain numbers are zero, the simplest first.
 
-        By default no effect at all, with all coefficients zero, or with the shape zero if `seen_by` is ``neither``.
+        By default only no effect at all: all coefficients are zero, or the shape if `seen_by` is ``neither``.
         """
         return (SpecialCase((), np.array(shape) if self.seen_by == "neither" else coefficients),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Reason in words why no recording like this one can show the effect; None if it can."""
+        """Reason in words why a recording like this one cannot show the effect; None if it can."""
         return None

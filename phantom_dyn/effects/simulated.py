@@ -54,9 +54,10 @@ class Transmission:
 def torque_law(function: F) -> F:
     """Mark a compiled function as a law that adds a torque on its joint, so that `compiled_laws` collects it.
 
-    Its arguments are scalars: those of ``q``, ``v`` and ``load`` (position, velocity and transmitted torque) that it
-    needs, then its parameters. A law with a memory has further arguments before these: ``last``, the position at the
-    step before, and at most two numbers that it remembers. It returns the new numbers, then its torque.
+    All arguments are scalars. The inputs come first: ``q``, ``v`` and ``load`` (position, velocity and transmitted
+    torque), of which a law takes those that it needs, in this order. The parameters follow. A law with a memory has
+    further arguments before the inputs: ``last``, the position at the step before, and at most two numbers of memory.
+    It returns the new numbers of memory, then its torque.
     """
     return _marked(function, "torque")
 
@@ -94,9 +95,9 @@ class Law:
         row: Index of the joint.
         numbers: Parameters of the law, at most four.
         start: State at the start, at most three numbers.
-        other: Index of a second joint; ``share`` times its velocity is added to ``v``, and ``share`` times the torque
-            acts on it.
-        share: See ``other``; zero if there is no second joint.
+        other: Index of a second joint, for a coupling of two joints.
+        share: Factor of the second joint: ``share`` times its velocity is added to ``v``, and ``share`` times the
+            torque of the law acts on it. Zero if there is no second joint.
     """
 
     function: Callable
@@ -115,16 +116,16 @@ class Simulated:
         start: State at the start.
         robot: Function that returns the changed robot.
         command: ``(state, dt, tau) -> (state, tau)``: torque that the drive gives for the command ``tau``.
-        series: ``(t, tau) -> tau``: the same for all commands ``(N, nv)`` at uniform times, from an equilibrium at the
-            first one; None if ``command`` has to be called step by step.
-        limit: Largest torque that ``command`` gives, if ``command`` does nothing but clip.
+        series: ``(t, tau) -> tau``: the same as ``command``, for all commands ``(N, nv)`` at uniform times, starting
+            in equilibrium at the first one; None if ``command`` has to be called step by step.
+        limit: Largest torque that ``command`` gives, if ``command`` only clips.
         torque: ``(state, dt, moment) -> (state, torque)``: torque that the effect adds on the joints.
         reading: Position readings ``(nv,)`` from true positions at the encoders.
         transmission: A transmission that is not rigid.
         inertia: Matrix that is added to the mass matrix, shape ``(nv, nv)``.
         reference_delay: Delay [s] of the references of each joint's controller, shape ``(nv,)``.
-        laws: Compiled laws. If ``torque``, ``command`` or ``reading`` is not given, it is made from them, for
-            simulations that are stepped in Python because another effect has no compiled law.
+        laws: Compiled laws. If ``torque``, ``command`` or ``reading`` is not given, it is made from the laws. It is
+            used in simulations that are stepped in Python because another effect has no compiled law.
     """
 
     start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
@@ -152,6 +153,7 @@ class Simulated:
         if self.series is not None:
             return self.series(t, tau)
         state, out = self.start, np.empty_like(tau)
+        # The last time step is taken as long as the one before.
         for k, step in enumerate(np.diff(t, append=2.0 * t[-1] - t[-2])):
             state, out[k] = self.command(state, float(step), tau[k])
         return out
@@ -170,8 +172,8 @@ def _torque_of(laws: list[Law]) -> Callable[[Array, float, Moment], tuple[Array,
             remembered = state[: len(names) - len(given) - len(law.numbers)]
             tau = law.function(*remembered, *given, *law.numbers)
             if len(remembered):
-                *now, tau = tau
-                state = np.array([inputs["q"], *now, *state[len(remembered) :]])
+                *new, tau = tau
+                state = np.array([inputs["q"], *new, *state[len(remembered) :]])
             out[law.row] += tau
             out[law.other] += law.share * tau
         return state, out
@@ -180,16 +182,16 @@ def _torque_of(laws: list[Law]) -> Callable[[Array, float, Moment], tuple[Array,
 
 
 def _command_of(laws: list[Law]) -> Callable[[Array, float, Array], tuple[Array, Array]]:
-    """Torque of all drives; the state has one number of each law with a memory."""
+    """Torque of all drives; the state has one number for each law, used by laws with a memory only."""
 
     def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
-        now, out = state.copy(), tau.copy()
+        new_state, out = state.copy(), tau.copy()
         for k, law in enumerate(laws):
             if law.start:
-                now[k], out[law.row] = law.function(state[k], tau[law.row], dt, *law.numbers)
+                new_state[k], out[law.row] = law.function(state[k], tau[law.row], dt, *law.numbers)
             else:
                 out[law.row] = law.function(tau[law.row], *law.numbers)
-        return now, out
+        return new_state, out
 
     return command
 

@@ -1,7 +1,7 @@
 """A drive that follows its command as a first-order low pass: ``T dtau/dt + tau = command``.
 
-The command is the needed torque plus ``T`` times its time derivative; this is exact. To first order a lag equals a
-delay of ``T``; motion of high frequency separates the two. A lag that all joints share belongs to no joint.
+The command is the needed torque plus ``T`` times its time derivative, exactly. To first order a lag equals a
+delay of ``T``; motion of high frequency separates the two. A lag that all joints share has the place None.
 MJCF: actuator ``dyntype="filterexact"`` with ``dynprm``; URDF has no place for it.
 """
 
@@ -53,11 +53,11 @@ class ActuatorLag(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """All joints together, and each joint."""
+        """Places to search: all joints together (None), and each joint alone."""
         return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``time_constant`` of the low pass."""
+        """One parameter: ``time_constant`` of the low pass."""
         return (
             Parameter(
                 "time_constant",
@@ -69,33 +69,33 @@ class ActuatorLag(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Time derivative of the needed torque."""
+        """One column: time derivative of the needed torque; its coefficient is the time constant."""
         rows = driven_rows(robot, joint)
         return Signature(rows, _torque_rate(operation, rows)[:, :, None], ("time_constant",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """From zero to the longest lag."""
+        """Bounds of the time constant [s]: zero and the longest lag."""
         return ((0.0, _LONGEST),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No lag, and the longest lag."""
+        """No effect: a lag of zero, or a lag at its upper bound, where the fit does not determine it."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor behind the drive does not show the lag."""
+        """Reason if the torque comes from a sensor behind the drive, which does not show the lag."""
         return hidden_behind_drive(robot, "the lag of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """True torque minus command."""
+        """True torque minus commanded torque."""
         rows = driven_rows(robot, joint)
         return torque_on_rows(robot, rows, -theta.item() * _torque_rate(operation, rows))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Mean torque over each step, during which the command is constant: exact for any time step.
+        """Mean torque over each time step, exact because the command is constant during a step.
 
-        The state is the torque at the end of the last step; before the first step it is the first command.
+        The state is the torque at the end of the last step. It starts as NaN, which means the first command.
         """
         rows, time_constant = list(driven_rows(robot, joint)), theta.item()
 
@@ -120,12 +120,12 @@ def _torque_rate(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N
 
 @command_law
 @jit
-def lag_law(now: float, tau: float, dt: float, time_constant: float) -> tuple[float, float]:
-    """Torque at the end of a step and its mean over the step; ``now`` is NaN at the first step."""
-    if np.isnan(now):
-        now = tau
+def lag_law(start: float, tau: float, dt: float, time_constant: float) -> tuple[float, float]:
+    """Torque at the end of a step, and its mean over the step; ``start`` is the torque at its start, NaN if unknown."""
+    if np.isnan(start):
+        start = tau
     if time_constant <= 0.0:
         return tau, tau
     steps = max(dt / time_constant, 1e-12)
-    rest = np.expm1(-steps)
-    return tau + (now - tau) * (1.0 + rest), tau - (now - tau) * rest / steps
+    decay = np.expm1(-steps)
+    return tau + (start - tau) * (1.0 + decay), tau - (start - tau) * decay / steps

@@ -1,9 +1,9 @@
 """Torque that is periodic in the joint's position: ``sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
 
-It is the same torque at the same position, in both directions and at any speed. Friction ripple changes its sign with
-the direction, and an eccentric encoder adds a torque that grows with the square of speed: motion at several speeds over
-at least one period separates them. On a prismatic joint ``n`` is in radians per metre. If a joint travels less than one
-period of a wave, the wave cannot be separated from gravity or a spring, so that it is not searched.
+At one position the torque is the same in both directions and at any speed. Friction ripple changes its sign with the
+direction, and an eccentric encoder adds a torque that grows with the square of speed: motion at several speeds over at
+least one period separates them. On a prismatic joint ``n`` is in radians per metre. If a joint travels less than one
+period of a wave, the wave is not searched, because it cannot be separated from gravity or a spring.
 MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no place for it.
 """
 
@@ -88,29 +88,29 @@ class Cogging(Effect):
         return sets or (() if slowest is None else ((slowest,),))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Minus sine and cosine of every order, because the drive has to compensate the torque."""
+        """Minus sine and cosine of every order: the drive torque has to compensate the waves."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
         waves, names = sines_and_cosines(operation.q[:, row], shape)
         return Signature((row,), -waves[:, None, :], names, (unit,) * len(names))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Orders, amplitudes and phases."""
+        """Orders, amplitudes and phases from the coefficients of sines and cosines."""
         return wave_numbers(coefficients, shape)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Amplitude of the strongest order."""
+        """Size of the effect: amplitude of the strongest order."""
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A wave needs five periods in the recording, and in three of them a frequency within the judged band."""
+        """Reason if the recording has too few periods of any wave, see `unseen_waves`."""
         return unseen_waves(operation, joint, "cogging")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Sum of all waves."""
+        """Sum of the torques of all waves."""
         return torque_on_joint(robot, joint, waves_at(operation.q[:, row_of(robot, joint)], theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """One compiled law for each wave."""
+        """One compiled torque law for each wave."""
         row = row_of(robot, joint)
         return Simulated(laws=tuple(Law(wave_law, row, wave) for wave in each_wave(theta)))
 

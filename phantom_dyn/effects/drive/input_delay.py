@@ -1,7 +1,7 @@
 """A drive with a delay: ``true torque(t) = command(t - d)``, so that the command leads the needed torque.
 
 The torque is not linear in ``d``. So the column is a secant: the change of torque from no delay to the last estimate of
-``d`` (the shape), per second of delay. To first order a delay equals a lag of the same time, and in a position loop it
+``d`` (the shape), per second of delay. To first order a delay equals a lag of the same time. In a position loop it
 looks like viscous friction of about ``kp d``: recordings with two controller gains, or steps, separate them. A delay
 that all joints share belongs to no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
 """
@@ -61,11 +61,11 @@ class InputDelay(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """All joints together, and each joint."""
+        """Places to search: all joints together (None), and each joint alone."""
         return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``delay`` of the true torque."""
+        """One parameter: ``delay`` of the true torque."""
         return (
             Parameter(
                 "delay",
@@ -77,44 +77,44 @@ class InputDelay(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """One sample, and some longer delays."""
+        """Delays at which a fit starts [s]: one sample, and some longer ones."""
         first = max(operation.dt, _LEAST)
         return ((first,), *((start,) for start in _STARTS if not np.isclose(start, first, rtol=0.2)))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The last estimate."""
+        """The next delay of the secant [s]: the last estimate."""
         return secant(max(float(coefficients[0]), 0.0), _LEAST)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Change of the commanded torque over the delay, per second of delay."""
+        """One column: change of the needed torque over the delay ``shape``, per second of delay."""
         rows = driven_rows(robot, joint)
         columns = _ahead(operation, rows, shape[0]) / shape[0]
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """From zero to the longest delay."""
+        """Bounds of the delay [s]: zero and the longest delay."""
         return ((0.0, _LONGEST),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No delay, and the longest delay."""
+        """No effect: a delay of zero, or a delay at its upper bound, where the fit does not determine it."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor behind the drive does not show the delay."""
+        """Reason if the torque comes from a sensor behind the drive, which does not show the delay."""
         return hidden_behind_drive(robot, "the delay of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """True torque minus command."""
+        """True torque minus commanded torque."""
         rows = driven_rows(robot, joint)
         return torque_on_rows(robot, rows, -_ahead(operation, rows, theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Mean of the delayed command over each step, during which the command is constant: exact for any time step.
+        """Mean of the delayed command over each time step, exact because the command is constant during a step.
 
-        The state is the part of the history that is still needed, flattened: one row for each step, with its length and
-        the commands during it. So its size changes. Before the first step the command is the first one.
+        The state is the part of the command history that is still needed. It is flattened from one row for each step:
+        length of the step, then the commands during the step. Before the first step the first command applies.
         """
         rows, delay = list(driven_rows(robot, joint)), theta.item()
 
@@ -143,7 +143,7 @@ class InputDelay(Effect):
 
 
 def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
-    """Change of the needed torque over the next ``delay`` seconds; after the end it stays at its last value."""
+    """Change of the needed torque over the next ``delay`` seconds; after the last sample the torque is constant."""
     expected = operation.expected[:, list(rows)]
     if len(expected) < 2:
         return np.zeros_like(expected)
@@ -174,10 +174,11 @@ def delay_law(
 ) -> tuple[int, int, float]:
     """First and last index of the delay line after one step, and the mean command that leaves the line.
 
-    The line always contains ``delay`` seconds of commands: a step that enters pushes out commands of the same duration.
+    The line always contains ``delay`` seconds of commands: as a step enters, commands of the same duration leave.
 
     Args:
-        line: Lengths [s] and commands of the delayed steps, a ring buffer with two rows more than a delay has steps.
+        line: Ring buffer with the length [s] and the command of each delayed step; it has two rows more than there are
+            steps in a delay.
         first: Index of the oldest step.
         last: Index of the newest step, -1 at the first call.
         delay: Delay of the line [s].

@@ -1,11 +1,11 @@
 """A reference that arrives late in a drive whose own loop is fast: ``u(t) = kp (q_ref(t - d) - q(t))``.
 
-If a torque was computed from the reference as it was sent (by the log's author or from a stated controller), the true
-torque is that of an earlier reference. Only the reference is late, not the feedback: an `input_delay` would shift the
-whole torque and make the loop less stable. While the joint follows its reference closely, the effect looks like viscous
-friction of ``kp d``. A delay that all joints share, such as that of a bus, belongs to no joint. The torque is not
-linear in ``d``. So the column is a secant: the change of torque from no delay to the last estimate of ``d`` (the
-shape), per second of delay. It contains no noise of the positions.
+Some torques are not measured, but computed from the reference as it was sent (by the log's author or from a stated
+controller). The true torque is then that of an earlier reference. Only the reference is late, not the feedback: an
+`input_delay` would shift the whole torque and make the loop less stable. While the joint follows its reference closely,
+the effect looks like viscous friction of ``kp d``. A delay that all joints share, such as that of a bus, has the place
+None. The torque is not linear in ``d``. So the column is a secant: the change of torque from no delay to the last
+estimate of ``d`` (the shape), per second of delay. The column contains no noise of the positions.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ class ReferenceDelay(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """All joints together, and each joint."""
+        """Places to search: all joints together (None), and each joint alone."""
         return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``delay`` of the reference."""
+        """One parameter: ``delay`` of the reference."""
         return (
             Parameter(
                 "delay",
@@ -75,11 +75,11 @@ class ReferenceDelay(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Delays at which a fit starts."""
+        """Delays at which a fit starts [s]."""
         return tuple((start,) for start in _STARTS)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The last estimate."""
+        """The next delay of the secant [s]: the last estimate."""
         return secant(max(float(coefficients[0]), 0.0), _LEAST)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -89,13 +89,13 @@ class ReferenceDelay(Effect):
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """From zero to the longest delay."""
+        """Bounds of the delay [s]: zero and the longest delay."""
         return ((0.0, _LONGEST),)
 
     def bounds_in(
         self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
     ) -> tuple[tuple[float, float], ...]:
-        """Bounds by which the logged output of the drives limits the delay."""
+        """Bounds of the delay [s], narrowed by the recorded output of the drives if there is one."""
         known = operation.references
         if known is None:
             return self.coefficient_bounds(robot, joint, shape)
@@ -105,11 +105,11 @@ class ReferenceDelay(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No delay, and the longest delay."""
+        """No effect: a delay of zero, or a delay at its upper bound, where the fit does not determine it."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Only a torque that was computed from references shows their delay."""
+        """Reason if the torque was not computed from references: only such a torque shows their delay."""
         hidden = hidden_behind_drive(robot, "the delay of a reference")
         if hidden is not None:
             return hidden

@@ -1,7 +1,7 @@
 """Rotor inertia that the model lacks, on the joint side of the gear: ``torque = -I a``.
 
 Its torque is proportional to the joint's own acceleration, and gravity does not act on it. On the first joint, and on
-every other joint where it regroups with the inertia of the link, the two cannot be separated.
+every other joint where only its sum with the link inertia can be identified, the two cannot be separated.
 URDF has no place for it; MJCF: joint ``armature``.
 """
 
@@ -27,8 +27,8 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 
-# Least acceleration that a drive can give to its own rotor [rad/s^2]: a third of the smallest value among the public
-# models in docs/plausible_ranges.md.
+# Smallest acceleration that a drive can give to its own rotor [rad/s^2]: a third of the smallest value in the public
+# models of docs/plausible_ranges.md.
 _SLOWEST = 10.0
 
 
@@ -56,7 +56,7 @@ class RotorInertia(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``inertia`` I."""
+        """One parameter: ``inertia``, which is I."""
         row = row_of(robot, joint)
         modelled, strongest = float(robot.rotor_inertia[row]), robot.actuators[row].torque_limit
         most, because = np.inf, "behind a gear the rotor counts with its ratio squared, often more than the link"
@@ -76,11 +76,11 @@ class RotorInertia(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Acceleration of the joint."""
+        """One column: acceleration of the joint; its coefficient is the rotor inertia."""
         return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], inertia_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum with the modelled rotor inertia cannot be negative."""
+        """Lower bound: minus the modelled rotor inertia, so that the sum is not negative."""
         return ((-float(robot.rotor_inertia[row_of(robot, joint)]), np.inf),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

@@ -1,10 +1,10 @@
 """A wrong torque constant: the true torque is ``ratio`` times the logged one.
 
-It scales the whole torque of the joint, including gravity and friction. The column is the modelled torque, because the
-noise of the measured torque would bias the fit. A wrong mass of all links behind the joint looks the same; a known mass
-or known friction separates the two. Drives of one kind may share one ratio, for example if their current sensors are
-scaled wrongly. One ratio on all drives cannot be separated from a factor on all inertias and frictions. URDF has no
-place for it; MJCF: actuator ``gear``.
+The ratio scales the whole torque of the joint, including gravity and friction. The column is the modelled torque,
+because the noise of the measured torque would bias the fit. A wrong mass of all links behind the joint looks the same;
+a known mass or known friction separates the two. Equal drives may have the same ratio, for example if the scale of
+their current sensors is wrong. One ratio on all drives cannot be separated from a factor on all inertias and frictions.
+URDF has no place for it; MJCF: actuator ``gear``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import hidden_behind_drive, rows_of
 
-# Range of ratios that are fitted: beyond it the torque is in another unit, or on the other side of a gear.
+# Range of ratios that are fitted; a ratio outside means another unit, or a torque on the other side of a gear.
 _LEAST, _MOST = 0.1, 10.0
 
 
@@ -55,11 +55,11 @@ class TorqueConstant(Effect):
     )
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor behind the drive does not show the torque constant."""
+        """Reason if the torque comes from a sensor behind the drive, which does not show the torque constant."""
         return hidden_behind_drive(robot, "the torque constant")
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``ratio`` of true to logged torque."""
+        """One parameter: ``ratio`` of true to logged torque."""
         return (
             Parameter(
                 "ratio",
@@ -86,7 +86,7 @@ class TorqueConstant(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """A ratio of one, and the smallest and the largest ratio."""
+        """No effect: a ratio of one, or a ratio at a bound, where the fit does not determine it."""
         ends = self.coefficient_bounds(robot, joint, shape)[0]
         return SpecialCase((), coefficients), *(SpecialCase((), coefficients - end) for end in ends)
 
@@ -95,17 +95,17 @@ class TorqueConstant(Effect):
         return np.clip(1.0 / np.maximum(1.0 + coefficients[:1], 1.0 / _MOST), _LEAST, _MOST)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """A ratio that is off by one, to first order."""
+        """Size of the effect: the ratio; to first order a ratio that is larger by one has the excess -1."""
         return "ratio", np.array([-1.0])
 
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """The ratio that belongs to an excess."""
+        """The ratio, from the excess ``1/ratio - 1``."""
         return (1.0 / (1.0 + size),) if size > -1 else None
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """The transmitted torque."""
+        """One term: the transmitted torque."""
         return (FormulaTerm("gain", "tl", lambda tl: tl, "{torque}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -116,7 +116,7 @@ class TorqueConstant(Effect):
         return out
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The drive gives ``ratio`` times the command."""
+        """A command law that multiplies the command by ``ratio``."""
         scale, rows = np.ones(robot.nv), rows_of(robot, joint)
         scale[list(rows)] = theta[0]
         laws = tuple(Law(scaled_law, row, (float(theta[0]),)) for row in rows)

@@ -1,8 +1,8 @@
 """A constant torque on one joint that the model lacks, positive in the positive direction of the joint.
 
-The drive has to compensate it, so that the measured torque is lower by this amount. On a joint whose gravity torque
-hardly changes, an offset looks like a base tilt or a payload. URDF has no place for it; MJCF: ``biasprm`` of the
-actuator.
+The drive has to compensate the offset, so that the measured torque is lower by this amount. On a joint whose gravity
+torque hardly changes, an offset looks like a base tilt or a payload. URDF has no place for it; MJCF: ``biasprm`` of
+the actuator.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class TorqueOffset(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``torque`` of either sign."""
+        """One parameter: ``torque``, positive or negative."""
         limit = stated_limit(robot, joint)
         return (
             Parameter(
@@ -64,19 +64,19 @@ class TorqueOffset(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Minus one, because the drive has to compensate the offset."""
+        """One column: minus one, because the drive torque has to compensate the offset."""
         return on_one_joint(robot, joint, torque=(-np.ones(len(operation.t)), torque_unit(robot, joint)))
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """A constant."""
+        """One term: a constant."""
         return (FormulaTerm("offset", "1", lambda: np.ones(1)),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """The constant torque."""
+        """The constant torque on the joint."""
         return torque_on_joint(robot, joint, np.full(len(operation.t), theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The constant torque."""
+        """The constant torque on the joint."""
         return Simulated(laws=(Law(constant_law, row_of(robot, joint), (theta.item(),)),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
@@ -87,5 +87,5 @@ class TorqueOffset(Effect):
 @torque_law
 @inlined_jit
 def constant_law(torque: float) -> float:
-    """The torque itself."""
+    """Torque of the offset, which is its parameter."""
     return torque

@@ -1,11 +1,11 @@
 """Torque ripple that grows with the load: ``tl * sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
 
-If the poles of a motor are not sinusoidal, or the teeth of a gear uneven, the torque is a few per cent too high at some
-angles and too low at others; ``tl`` is the torque that the transmission passes. The waves in the residual are
-proportional to the load and change sign with it, while those of a cogging torque are the same at any load: several
-loads at one position separate them. If the load depends on position only, as for a slow joint in gravity, a ripple of
-order n equals two cogging waves of orders n - 1 and n + 1. The load is that of the model, because the noise of a
-measured one would bias the fit. The effect is fitted only if such a wave is clearly visible in the residual.
+The load ``tl`` is the torque that the transmission passes. If the poles of a motor are not sinusoidal, or the teeth of
+a gear are uneven, the torque is a few per cent too high at some angles and too low at others. The waves in the residual
+are proportional to the load and change sign with the load; the waves of a cogging torque are the same at any load.
+Several loads at one position separate the two. If the load depends on position only, as for a slow joint in gravity, a
+ripple of order n equals two cogging waves of orders n - 1 and n + 1. The load is computed from the model, because noise
+of a measured load would bias the fit. The effect is fitted only if such a wave is clearly visible in the residual.
 On a linear joint ``n`` is in radians per metre. URDF and MJCF have no place for it.
 """
 
@@ -83,7 +83,7 @@ class TorqueRipple(Effect):
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Sets of the strongest orders in the residual torque over position, weighted by the load; may be empty."""
         row = row_of(robot, joint)
-        # A joint that moves nothing has no load.
+        # The transmission of a joint without links behind it passes no torque.
         if not operation.transmitted[:, row].any():
             return ()
         whole = not robot.prismatic[row]
@@ -94,22 +94,22 @@ class TorqueRipple(Effect):
         return tuple(dict.fromkeys(orders for orders in kept if orders))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Minus sine and cosine of every order times the load, because the drive has to compensate them."""
+        """Minus sine and cosine of every order, times the load: the drive torque has to compensate the waves."""
         row = row_of(robot, joint)
         waves, names = sines_and_cosines(operation.q[:, row], shape)
         columns = -(up_to_band(operation, operation.transmitted[:, row])[:, None] * waves)[:, None, :]
         return Signature((row,), columns, names, ("1",) * len(names), columns)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Orders, amplitudes and phases."""
+        """Orders, amplitudes and phases from the coefficients of sines and cosines."""
         return wave_numbers(coefficients, shape)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Amplitude of the strongest order."""
+        """Size of the effect: amplitude of the strongest order."""
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A wave needs five periods in the recording, and in three of them a frequency within the judged band."""
+        """Reason if the recording has too few periods of any wave, see `unseen_waves`."""
         return unseen_waves(operation, joint, "ripple")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -118,7 +118,7 @@ class TorqueRipple(Effect):
         return torque_on_joint(robot, joint, operation.transmitted[:, row] * waves_at(operation.q[:, row], theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """One compiled law for each wave."""
+        """One compiled torque law for each wave."""
         row = row_of(robot, joint)
         return Simulated(laws=tuple(Law(ripple_law, row, wave) for wave in each_wave(theta)))
 

@@ -33,30 +33,33 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.rows import hidden_behind_drive, moving_average, stated_limit
 
-# The needed torque is what the model needs for the recorded motion: without findings when limits are proposed (`tau`),
-# with the findings so far when they are checked (`expected`).
+# Below, the command is the logged torque. The needed torque is what the model needs for the recorded motion: without
+# findings when limits are proposed (`Operation.tau`), with the findings so far when they are checked (`expected`).
+
+# The tried limits are those that the command exceeds in these shares of the recording.
 _BEYOND = (0.4, 0.2, 0.1, 0.05, 0.02, 0.01)
-"""Limits are tried that the command exceeds in these shares of the recording."""
 # One more limit is tried, which the needed torque exceeds in this share of the recording.
 _NEEDED_BEYOND = 0.02
 # The command must exceed a limit for this time at least once [s].
 _LEAST_SECONDS = 0.03
 # If the command exceeds the limit in more than this share of the samples, it must be statistically certain that the
-# needed torque does not rise with the command: friction that the model lacks looks like a limit that is exceeded most
-# of the time.
+# needed torque does not rise with the command (`_is_surely_flat`). Friction that the model lacks looks like a limit
+# that is exceeded most of the time.
 _OFTEN = 0.45
 # If the command exceeds the limit in more than this share of the samples, no limit is accepted: hardly any sample then
 # shows that the drive follows commands below the limit.
 _NEARLY_ALWAYS = 0.95
-# Range of the median needed torque while the command exceeds the limit, as shares of the limit.
+# Allowed range of the median needed torque while the command exceeds the limit, as shares of the limit.
 _NEEDED = (0.6, 1.4)
 # A limit below this share of the largest torque that the drive has given is rejected: the needed torque is known to
 # about a fifth.
 _OF_GIVEN = 0.8
-# Largest slope of the needed torque over the command beyond a limit: the slope is zero at a limit and one without.
+# Largest slope of the needed torque over the command beyond a limit. The ideal slope is zero with a limit, and one
+# without.
 _SLOPE = 0.12
-# Largest standard deviation of the needed torque beyond a limit, over the limit. A drive gives its limit to some per
-# cent; where a contact or a cable takes what the command exceeds, the needed torque varies with the posture.
+# Largest standard deviation of the needed torque beyond a limit, over the limit. The torque of a drive at its limit is
+# constant to some per cent; where a contact or a cable takes the excess of the command, the needed torque varies with
+# the posture.
 _SPREAD = 0.1
 # Slope of the needed torque over the command if the supply of the drive is weak.
 _WEAK_SUPPLY = 1.0 / 3.0
@@ -72,7 +75,7 @@ _SECONDS = 0.01
 
 
 class TorqueSaturation(Effect):
-    """Largest torque that the drive of one joint gives."""
+    """Torque limit of the drive of one joint."""
 
     name = "torque_saturation"
     regime = "saturated"
@@ -90,7 +93,7 @@ class TorqueSaturation(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``limit`` of the true torque."""
+        """One parameter: ``limit`` of the true torque."""
         stated = stated_limit(robot, joint)
         return (
             Parameter(
@@ -115,7 +118,7 @@ class TorqueSaturation(Effect):
         return tuple((float(x),) for x in np.unique([*limits, needed, *plateau]))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same limit and some close to it."""
+        """The same limit, and some limits that are close to it."""
         return tuple((factor * shape[0],) for factor in (0.9, 0.97, 0.99, 1.0, 1.01, 1.03, 1.1))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -138,7 +141,7 @@ class TorqueSaturation(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """None, because an estimated coefficient does not say how certain the limit is.
+        """Empty, because the coefficient does not say how certain the limit is.
 
         In one short event, limit and coefficient have the same effect, so that neither is well determined.
         """
@@ -149,7 +152,7 @@ class TorqueSaturation(Effect):
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor behind the drive does not show the limit."""
+        """Reason if the torque comes from a sensor behind the drive, which does not show the limit."""
         return hidden_behind_drive(robot, "the limit of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -157,7 +160,7 @@ class TorqueSaturation(Effect):
         return torque_on_joint(robot, joint, -_excess(operation, row_of(robot, joint), theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The command clipped to the limit."""
+        """A command law that clips the command to the limit."""
         limit, row = np.full(robot.nv, np.inf), row_of(robot, joint)
         limit[row] = theta.item()
         law = Law(clipped_law, row, (theta.item(),))
@@ -182,10 +185,12 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
     Without this condition the fit could choose a limit near zero, so that the excess would be the whole logged torque.
     """
     beyond = excess != 0
-    runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int))))[::2]
-    if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS:
+    # Starts and ends of the runs of samples beyond the limit alternate; every other difference is the length of a run.
+    starts_and_ends = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
+    run_lengths = np.diff(starts_and_ends)[::2]
+    if len(run_lengths) == 0 or run_lengths.max() * operation.dt < _LEAST_SECONDS:
         return False
-    # Times the sign of the excess, which leaves the noise of the acceleration with a mean of zero.
+    # Multiplied by the sign of the excess, because the size of the torque would give the noise a positive mean.
     needed = operation.expected[beyond, row] * np.sign(excess[beyond])
     middle = float(np.median(needed))
     if not _NEEDED[0] * limit < middle < _NEEDED[1] * limit:
@@ -200,7 +205,8 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
 def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: Array) -> bool:
     """True if the slope of the needed torque over the command is below `_SLOPE` by more than two standard errors.
 
-    The command must vary by more than the limit: otherwise missing friction, which is constant too, may be the cause.
+    The standard deviation of the command must be larger than the limit: otherwise the cause may be friction that the
+    model lacks, which is constant too.
     """
     slope, square, scatter = _line(excess, needed)
     if square <= len(needed) * limit**2:
@@ -209,13 +215,13 @@ def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: A
 
 
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
-    """True if, beyond the limit, the slope of the needed torque over the command is small within its noise.
+    """True if, beyond the limit, the slope of the needed torque over the command is below `_SLOPE` within its noise.
 
-    False if a weak supply explains the slope clearly better: with a standard error of 0.11, its slope of a third would
-    pass the first test.
+    False if a weak supply of the drive explains the slope clearly better: for a standard error of 0.11, the slope of a
+    weak supply (a third) is within two standard errors of `_SLOPE`.
 
-    The noise is that of the needed torque minus the command below the limit, or the scatter about the line beyond the
-    limit if this is smaller: friction that the model lacks makes the first one large.
+    The noise is the smaller one of two: the scatter of the needed torque minus the command below the limit, which is
+    large if the model lacks friction, and the scatter about the line beyond the limit.
     """
     beyond = excess != 0
     command, needed = _command(operation, row), operation.expected[:, row]
@@ -260,12 +266,14 @@ def _plateau(command: Array, needed: Array) -> tuple[float, ...]:
     """
     size, needed = np.abs(command), needed * np.sign(command)
     levels = np.linspace(0.0, float(size.max()), _LEVELS + 1)[1:-1]
-    passed, met = (np.searchsorted(levels, part, side="right") for part in (size, needed))
-    # Number of samples whose command is at a level or above, and number of those whose needed torque is so, too.
+    # For each sample, the number of levels that are not above its command, and that are not above its needed torque.
+    of_command, of_needed = (np.searchsorted(levels, part, side="right") for part in (size, needed))
+    # For each level, the number of samples whose command reaches the level, and of those whose needed torque does, too.
     beyond, both = (
         np.cumsum(np.bincount(part, minlength=len(levels) + 1)[:0:-1])[::-1]
-        for part in (passed, np.minimum(passed, met))
+        for part in (of_command, np.minimum(of_command, of_needed))
     )
+    # The median needed torque reaches a level if more than half of the samples do; a tie needs the median itself.
     reached = 2 * both > beyond
     for k in np.flatnonzero(2 * both == beyond):
         reached[k] = np.median(needed[size >= levels[k]]) >= levels[k]

@@ -1,9 +1,9 @@
 """An encoder disc off its centre: ``reading = q + A sin(n q + p)``, with ``n = 1`` cycle per turn of the joint.
 
-The true motion differs from the reading. So the residual torque is periodic in the joint's angle and, other than that
-of cogging, grows with acceleration and with speed squared; the gravity torque changes a little too. Over a small arc
-the error looks like an encoder offset. Motor and link turn together, whichever of them the encoder measures, so that
-the torque of the rotor is wrong too. For an encoder on the motor, ``n = 1`` means an eccentric gear on the joint's
+The true motion differs from the reading. So the residual torque is periodic in the joint's angle. Unlike the torque of
+cogging, it grows with acceleration and with speed squared; the gravity torque changes a little too. Over a small arc
+the error looks like an encoder offset. Motor and link turn together, so that the computed torque of the rotor is wrong
+too, on whichever side the encoder is. For an encoder on the motor, ``n = 1`` means an eccentric gear on the joint's
 axis: the error of an eccentric disc on the motor would repeat with each turn of the motor. URDF and MJCF have no place
 for it.
 """
@@ -33,11 +33,12 @@ from phantom_dyn.motion import Motion
 
 ORDER = 1.0
 """Periods of the error in one turn of the joint."""
-# Smallest arc [rad]: over this arc a sine differs from a straight line by 1 % of its amplitude.
+# Smallest arc [rad] that shows the effect; over this arc a sine differs from a straight line by 1 % of its amplitude.
 _LEAST_ARC = 0.5
-# Newton steps for the true angle; each squares an error of at most the amplitude.
+# Number of Newton steps for the true angle. They converge quadratically from a first guess whose error is at most the
+# amplitude.
 _NEWTON_STEPS = 8
-# Largest slope of the error over the position; at a slope of 1 the reading would stop while the joint turns.
+# Largest slope of the error over the position; at a slope of 1 the reading would be constant while the joint turns.
 _STEEPEST = 0.5
 
 
@@ -65,7 +66,7 @@ class EncoderEccentricity(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Revolute joints."""
+        """All revolute joints."""
         return tuple(name for name, linear in zip(robot.joint_names, robot.prismatic, strict=True) if not linear)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -110,11 +111,11 @@ class EncoderEccentricity(Effect):
         return np.array([np.hypot(sine, cosine), np.arctan2(cosine, sine), ORDER])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The amplitude, at phase zero."""
+        """Size of the effect: the amplitude, at phase zero."""
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Over a small arc the error looks like an offset."""
+        """Reason if the joint turns over a small arc only, where the error looks like an offset."""
         arc = float(np.ptp(operation.q[:, row_of(robot, joint)]))
         if arc < _LEAST_ARC:
             return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine looks like a line"
@@ -136,7 +137,7 @@ class EncoderEccentricity(Effect):
         return robot, displaced(motion, row, *_true_minus_read(motion, row, theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The error, added to the reading."""
+        """A reading law that adds the error."""
         return Simulated(laws=(Law(eccentric_law, row_of(robot, joint), tuple(map(float, theta))),))
 
 

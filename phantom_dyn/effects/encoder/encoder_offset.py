@@ -2,8 +2,8 @@
 
 The model then computes gravity and inertia torques at a wrong position. If no torque depends on this position, as on a
 first joint with a vertical axis, the offset cannot be detected. On a joint with a horizontal axis a base tilt about
-this axis looks the same, and over a small range a spring looks nearly the same; postures far apart separate them. It
-does not matter whether the encoder is on the motor or on the link. URDF: joint ``origin``; MJCF: joint ``ref``.
+this axis looks the same, and over a small range a spring looks nearly the same; postures far apart separate them. The
+effect is the same for an encoder on the motor and on the link. URDF: joint ``origin``; MJCF: joint ``ref``.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ from phantom_dyn.effects.support.displaced import change_by_reading, displaced, 
 from phantom_dyn.effects.support.rows import branch_rows, secant
 from phantom_dyn.motion import Motion
 
-# Offset [rad or m] below which the tangent replaces the secant, which suffers from rounding; three digits agree.
+# Offset [rad or m] below which the tangent replaces the secant, which then has large rounding errors. At this offset
+# both agree to three digits.
 _LEAST = 1e-4
-# Change of torque per unit of position, over the largest torque, below which it comes from rounded numbers of the robot
-# file.
+# Change of torque per unit of position, as a share of the largest torque. A smaller change is due to rounded numbers in
+# the robot file.
 _ROUNDING = 1e-6
 
 
@@ -56,7 +57,7 @@ class EncoderOffset(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``offset``: reading minus true position."""
+        """One parameter: ``offset``, which is reading minus true position."""
         row = row_of(robot, joint)
         far = np.inf if robot.prismatic[row] else np.pi
         large = 0.1 if robot.prismatic[row] else 0.5
@@ -73,11 +74,11 @@ class EncoderOffset(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The tangent at an offset of zero; `refined` returns secants."""
+        """One start: an offset of zero, whose column is the tangent."""
         return ((0.0,),)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The secant to the last estimate."""
+        """The next offset of the secant: the last estimate."""
         return secant(float(coefficients[0]), _LEAST)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -92,11 +93,11 @@ class EncoderOffset(Effect):
         return Signature(rows, change[:, list(rows), None], ("offset",), (robot.position_units[row],))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Half a turn in both directions for a revolute joint, because larger offsets repeat smaller ones."""
+        """Half a turn in both directions for a revolute joint: a larger offset equals a smaller one."""
         return () if robot.prismatic[row_of(robot, joint)] else ((-np.pi, np.pi),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """If no torque depends on the position, the offset has no effect."""
+        """Reason if no torque depends on the position, so that the offset changes nothing."""
         if operation.steepest[row_of(robot, joint)] <= _ROUNDING * np.abs(operation.tau).max():
             return "no torque depends on the position of this joint: its zero leaves no trace"
         return None
@@ -112,7 +113,7 @@ class EncoderOffset(Effect):
         return robot, displaced(motion, row_of(robot, joint), zero - theta.item(), zero, zero)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The offset, added to the reading."""
+        """A reading law that adds the offset."""
         return Simulated(laws=(Law(shifted_law, row_of(robot, joint), (theta.item(),)),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:

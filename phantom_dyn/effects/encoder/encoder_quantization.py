@@ -1,9 +1,9 @@
 """An encoder coarser than stated: the reading is rounded to a ``step``.
 
-In the torque it leaves noise, which no column can fit, so that its signature has no column. The step is found from the
-readings, which are multiples of it (`phantom_dyn.effects.support.encoder_lattice.step_of`). If no step is stated, it is
-compared with those of the other joints. Text files with few digits, and positions from a fieldbus, have the same
-effect. URDF and MJCF have no place for it.
+In the torque, rounding causes noise, which no column can fit, so that the signature has no column. The step is found
+from the readings, which are multiples of the step (`phantom_dyn.effects.support.encoder_lattice.step_of`). If no step
+is stated, the step is compared with those of the other joints. Text files with few digits, and positions from a
+fieldbus, have the same effect. URDF and MJCF have no place for it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class EncoderQuantization(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``step``."""
+        """One parameter: ``step``, the distance between two readings."""
         return (
             Parameter(
                 "step",
@@ -58,15 +58,15 @@ class EncoderQuantization(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """No column."""
+        """A signature without columns, because rounding only adds noise."""
         return Signature((row_of(robot, joint),), np.zeros((len(operation.t), 1, 0)), (), ())
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The step, which is not a coefficient."""
+        """Size of the effect: the step. There are no coefficients."""
         return "step", np.zeros(0)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a stated step the readings can only be compared with those of other joints."""
+        """Reason if no step is stated: the readings can then only be compared with those of other joints."""
         if stated_step(robot, row_of(robot, joint)) is None:
             return (
                 f"no step is stated, and the readings have none that is far coarser than those of other joints: give "
@@ -75,12 +75,13 @@ class EncoderQuantization(Effect):
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Zero, because it leaves only noise."""
+        """Zero, because rounding only adds noise."""
+        # Raises an error for an unknown joint.
         row_of(robot, joint)
         return np.zeros((len(operation.t), robot.nv))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The reading, rounded to the step."""
+        """A reading law that rounds to the step."""
         return Simulated(laws=(Law(rounded_law, row_of(robot, joint), (theta.item(),)),))
 
 

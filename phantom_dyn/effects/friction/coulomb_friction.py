@@ -56,20 +56,20 @@ class CoulombFriction(Effect):
         return (*robot.joint_names, *robot.passive_names)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``torque`` T."""
+        """One parameter: ``torque``, which is T."""
         return (dry_range(robot, joint, "torque"),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion."""
+        """One column: the sign of the velocity."""
         s = np.sign(speed_of(robot, operation, joint))
         return on_any_joint(robot, operation, joint, torque=(s, torque_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum with the modelled torque cannot be negative."""
+        """Lower bound: minus the modelled Coulomb torque, so that the sum is not negative."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf),)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Direction of motion."""
+        """One term: the sign of the velocity."""
         return (FormulaTerm("friction", "sign(v)", lambda v: np.sign(v)),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

@@ -1,7 +1,7 @@
 """Friction that differs by direction: ``-(T+ + c+ v)`` for ``v > 0``, ``T- - c- v`` for ``v < 0``.
 
-Coulomb friction, viscous friction and a torque offset are special cases of it. If the viscous coefficients are equal,
-it equals Coulomb friction plus an offset, and nothing can separate the two.
+Coulomb friction, viscous friction and a torque offset are special cases. If the viscous coefficients are equal, the law
+equals Coulomb and viscous friction plus an offset, so that no data can separate the two explanations.
 URDF and MJCF have a place for the mean of both directions only; in MJCF half the difference of the torques can be
 ``biasprm`` of the actuator.
 """
@@ -70,7 +70,7 @@ class DirectionDependentFriction(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion and velocity, for each direction."""
+        """Four columns: the sign of the velocity for each direction, then the velocity for each direction."""
         v = operation.v[:, row_of(robot, joint)]
         torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
         forward, backward = (v > 0).astype(float), (v < 0).astype(float)
@@ -84,14 +84,14 @@ class DirectionDependentFriction(Effect):
         )
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum with the modelled friction cannot be negative in either direction."""
+        """Lower bounds: minus the modelled friction, so that the sum is not negative in either direction."""
         viscous, coulomb = modelled_friction_of(robot, joint)
         return ((-coulomb, np.inf), (-coulomb, np.inf), (-viscous, np.inf), (-viscous, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Equal torques, equal viscous coefficients, or both.
+        """Coulomb friction, viscous friction, or their sum, each without difference between the directions.
 
         Coulomb friction with an offset is not among them, because it is the same law under another name.
         """
@@ -103,7 +103,7 @@ class DirectionDependentFriction(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The viscous coefficient of one direction, which no simpler law explains."""
+        """Size of the effect: the viscous coefficient of one direction, which no simpler law has."""
         return "coefficient_positive", np.array([0.0, 0.0, 1.0, 0.0])
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -113,7 +113,7 @@ class DirectionDependentFriction(Effect):
         return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The mean torque as Coulomb friction, which sticks at rest, and the rest as a torque."""
+        """Mean Coulomb torque as friction of the robot, which sticks at rest; the remainder as a torque law."""
         row = row_of(robot, joint)
         mean, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
         law = Law(two_way_law, row, (float(half), float(theta[2]), float(theta[3])))

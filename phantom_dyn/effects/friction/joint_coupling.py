@@ -2,8 +2,8 @@
 
 Such a part is a belt, a differential, or a bearing between two links with parallel axes. Its torque
 ``-(T sign(w) + c w + I dw/dt)`` acts on joint i, and ``ratio`` times this torque on joint j. If only one of the joints
-moves, it looks like friction of this joint: motions with the joints in phase and out of phase separate the two. MJCF: a
-fixed ``tendon`` with ``frictionloss``, ``damping`` and ``armature``; URDF has no place for it.
+moves, the effect looks like friction of this joint; motions with both joints in phase and out of phase separate the
+two. MJCF: a fixed ``tendon`` with ``frictionloss``, ``damping`` and ``armature``; URDF has no place for it.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.described import Coupling
 from phantom_dyn.effects.support.rows import stated_limit, torque_on_rows
 
-# Largest number of joints with which all pairs are searched; on longer arms a belt passes one joint at most.
+# Largest number of joints of an arm on which all pairs are searched. On longer arms a belt skips at most one joint.
 _ALL_PAIRS = 4
 # Travel below which a joint counts as at rest [rad or m].
 _AT_REST = 1e-4
-# Correlation of two velocities above which they count as proportional; that of planners which start joints together
-# reaches 0.9.
+# Correlation of two velocities above which they count as proportional. If a planner starts all joints together, the
+# correlation reaches 0.9.
 _PROPORTIONAL = 0.97
 
 
@@ -72,7 +72,7 @@ class JointCoupling(Effect):
         return tuple(f"{names[i]}+{names[j]}" for i, j in combinations(range(len(names)), 2) if j - i <= reach)
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """Any two different joints may be coupled."""
+        """True for any two different joints."""
         pair = (joint or "").split("+")
         return len(pair) == len(set(pair)) == 2 and set(pair) <= set(robot.joint_names)
 
@@ -110,7 +110,7 @@ class JointCoupling(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Sum and difference of the two velocities."""
+        """Ratios to try first: 1 (sum of the two velocities) and -1 (their difference)."""
         return ((1.0,), (-1.0,))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
@@ -118,7 +118,7 @@ class JointCoupling(Effect):
         return tuple((factor * shape[0],) for factor in (0.8, 0.93, 1.0, 1.07, 1.25))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction, velocity and acceleration of the part that turns with both joints, on both joints."""
+        """Sign, velocity and acceleration of the coupled motion ``w``; the rows are both joints."""
         rows = _pair(robot, joint)
         w, dw = (_combined(x, rows, shape[0]) for x in (operation.v, operation.a))
         columns = np.stack([np.sign(w), w, dw], axis=-1)
@@ -131,19 +131,19 @@ class JointCoupling(Effect):
         )
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Friction and inertia cannot be negative."""
+        """Lower bounds of zero: friction and inertia cannot be negative."""
         return ((0.0, np.inf),) * 3
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """The shape, which is the ratio, then the coefficients."""
+        """The ratio, which is the shape, then the coefficients."""
         return np.array([shape[0], *coefficients])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Coulomb friction of the coupling."""
+        """Size of the effect: Coulomb friction of the coupling."""
         return "coulomb_torque", np.array([1.0, 0.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Both joints have to move, and not in proportion: otherwise a coupling looks like friction of the joints."""
+        """Reason if a joint does not move, or both move in proportion: a coupling then looks like friction of each."""
         rows = _pair(robot, joint)
         for row in rows:
             low, high = np.percentile(operation.q[:, row], [1, 99])
@@ -156,7 +156,7 @@ class JointCoupling(Effect):
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Torque on both joints."""
+        """Torque on joint i, and ``ratio`` times this torque on joint j."""
         rows = _pair(robot, joint)
         ratio, coulomb, viscous, inertia = theta
         w, dw = (_combined(x, rows, ratio) for x in (operation.v, operation.a))
@@ -164,7 +164,7 @@ class JointCoupling(Effect):
         return torque_on_rows(robot, rows, np.stack([inner, ratio * inner], axis=1))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Friction as a torque, and the inertia as a part of the mass matrix."""
+        """Friction as a torque law, and the inertia as a part of the mass matrix."""
         rows = list(_pair(robot, joint))
         ratio, coulomb, viscous, inertia = theta
         share = np.zeros(robot.nv)

@@ -1,7 +1,7 @@
 """Friction that grows with the load: ``torque = -ratio |tl| sign(v)``, where the transmission passes the torque ``tl``.
 
 At every reversal the measured torque jumps in proportion to the load. If the load hardly changes, the effect looks like
-Coulomb friction: postures far apart or two payloads separate them. The load is that of the model with the other
+Coulomb friction: postures far apart or two payloads separate them. The load is computed from the model with the other
 findings, for example with a payload. The measured load is not used, because its noise would bias the fit. MJCF and URDF
 have no place for it.
 """
@@ -60,7 +60,7 @@ class LoadDependentFriction(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``ratio`` of friction to load."""
+        """One parameter: ``ratio`` of friction to load."""
         return (
             Parameter(
                 "ratio",
@@ -74,27 +74,27 @@ class LoadDependentFriction(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Size of the load, with the sign of the velocity."""
+        """One column: ``|tl| sign(v)``."""
         row = row_of(robot, joint)
         column = (np.abs(up_to_band(operation, operation.load[:, row])) * np.sign(operation.v[:, row]))[:, None, None]
         return Signature((row,), column, ("ratio",), ("1",), column)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """From zero to a transmission that loses all of its load."""
+        """Bounds of the ratio: zero, and one, at which the transmission loses all of its load."""
         return ((0.0, _SELF_LOCKING),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """A ratio of zero, and a transmission that loses all of its load."""
+        """No effect: a ratio of zero, or a ratio at its upper bound, where the fit does not determine it."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _SELF_LOCKING)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a reversal the effect looks like a wrong torque constant or an offset."""
+        """Reason if the joint never reverses: the effect then looks like a wrong torque constant or an offset."""
         return never_reverses(robot, operation, joint)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Size of the load, with the sign of the velocity."""
+        """One term: ``|tl| sign(v)``."""
         kind = "friction that grows with load"
         return (FormulaTerm(kind, "|tl|*sign(v)", lambda tl, v: np.abs(tl) * np.sign(v), "{torque}"),)
 
@@ -105,7 +105,7 @@ class LoadDependentFriction(Effect):
         return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Friction that follows the load of the simulation."""
+        """A torque law whose friction follows the simulated load."""
         return Simulated(laws=(Law(loaded_law, row_of(robot, joint), (theta.item(),)),))
 
 

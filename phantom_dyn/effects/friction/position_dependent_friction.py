@@ -2,11 +2,11 @@
 
 A worn, dirty or misaligned screw, guide or bearing has more friction at some places of its travel than at others.
 Before the first and after the last position the friction is constant. At every reversal the measured torque jumps by an
-amount that depends on the position; Coulomb friction is the special case of a constant amount. Cogging or a spring is
-the same in both directions, while this effect changes its sign. Friction that grows with the load looks similar if the
-load depends on the position, as on a slow pendulum: several loads at one place separate them. The effect is searched
-only if friction that varies with position explains part of the residual that constant or load-dependent friction does
-not.
+amount that depends on the position; Coulomb friction is the special case of a constant amount. The torque of cogging or
+a spring is the same in both directions, while the torque of this effect changes its sign. Friction that grows with the
+load looks similar if the load depends on the position, as on a slow pendulum: several loads at one place separate them.
+The effect is searched only if its columns predict, on held-out data, a part of the residual that constant and
+load-dependent friction do not predict.
 URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the positions only.
 """
 
@@ -39,18 +39,18 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import dry_range, modelled_friction_of, never_reverses
 
-# Numbers of positions that are tried; with the largest number, a bump over a tenth of the travel is seen.
+# Numbers of positions that are tried; the largest number resolves a bump over a tenth of the travel.
 _COUNTS = (5, 9, 14)
-# Percentage of the samples before the first and after the last position: only one block knows a place that the joint
-# visits once.
+# Percentage of the samples before the first and after the last position. The joint may visit the ends of its travel
+# only once, in a single block, so that held-out blocks could not confirm the friction there.
 _BEYOND = 3.0
 # Number of blocks, of which every other one is held out.
 _BLOCKS = 16
 # Largest number of samples for the comparison on held-out blocks.
 _SAMPLES = 4000
-# Share of the squared error with plain columns by which the columns of the effect have to reduce it.
+# Share by which the columns of the effect have to reduce the squared error of a fit with plain columns.
 _LEAST_GAIN = 0.1
-# Share of the blocks in which the error has to become smaller.
+# Share of the blocks in which the columns of the effect have to reduce the error.
 _LEAST_BLOCKS = 0.6
 
 
@@ -109,7 +109,7 @@ class PositionDependentFriction(Effect):
         return tuple((float(first), float(last), float(count)) for count in _COUNTS)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion times the interpolation weight of each position."""
+        """One column for each position: its interpolation weight times the sign of the velocity."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
         weights = interpolation_weights(operation.q[:, row], grid_positions(shape))
         columns = weights * np.sign(operation.v[:, row])[:, None]
@@ -117,7 +117,7 @@ class PositionDependentFriction(Effect):
         return Signature((row,), columns[:, None, :], names, (unit,) * len(names))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum with the modelled friction cannot be negative anywhere."""
+        """Lower bounds: minus the modelled Coulomb torque, so that the sum is not negative at any position."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf),) * len(grid_positions(shape))
 
     def special_cases(
@@ -127,24 +127,24 @@ class PositionDependentFriction(Effect):
         return SpecialCase((), coefficients), SpecialCase(("coulomb_friction",), np.diff(coefficients))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Positions and torques, as many positions as there are torques."""
+        """Positions, then torques; the number of positions is the number of coefficients."""
         return np.concatenate([grid_positions((shape[0], shape[1], float(len(coefficients)))), coefficients])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Friction at the first position."""
+        """Size of the effect: friction at the first position."""
         return "torque", np.array([1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a reversal the effect looks like a torque that depends on position."""
+        """Reason if the joint never reverses: the effect then looks like a torque that depends on position."""
         return never_reverses(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Friction at the position of the joint; zero at rest."""
+        """``-T(q) sign(v)`` on the joint."""
         row = row_of(robot, joint)
         return torque_on_joint(robot, joint, -_level(operation.q[:, row], theta) * np.sign(operation.v[:, row]))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The smallest torque as Coulomb friction, which sticks at rest, and the rest as a torque."""
+        """Smallest torque as Coulomb friction of the robot, which sticks at rest; the rest as torque laws."""
         row = row_of(robot, joint)
         places, torques = np.split(np.asarray(theta, dtype=float), 2)
         least = float(torques.min())
@@ -175,7 +175,7 @@ def _level(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N
 
 
 def _bends(places: Float[Array, " k"], torques: Float[Array, " k"]) -> tuple[tuple[float, float, float], ...]:
-    """The friction as a sum of laws: level, slope and place of each; only the first has a level."""
+    """The friction as a sum of `bent_law`: level, change of slope and place of each law; only the first has a level."""
     slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(places), [0.0]])
     levels = np.concatenate([torques[:1], np.zeros(len(places) - 1)])
     return tuple(zip(levels.tolist(), np.diff(slopes).tolist(), places.tolist(), strict=True))

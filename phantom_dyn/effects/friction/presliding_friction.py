@@ -1,17 +1,18 @@
 """Friction of a bristle: a spring of stiffness ``torque / displacement`` that slips when its torque reaches ``torque``.
 
-The deflection ``z`` of the bristle grows by ``dq``, is clipped to ``+-displacement``, and gives the torque
-``-T z/displacement``. So after each reversal the torque grows with the distance, at any speed, up to Coulomb friction,
-which is the special case without a displacement. The effect can be confused with Coulomb friction and a late drive, and
-with backlash. Reversals at several accelerations separate them: here the torque builds up over the same displacement,
-in a late drive over the same time.
+The deflection ``z`` of the bristle grows by ``dq`` and is clipped to ``+-displacement``; the torque is
+``-T z/displacement``. So after each reversal the torque grows with the distance, at any speed, up to the Coulomb torque
+``T``. Coulomb friction is the special case of a displacement of zero. The effect looks similar to backlash, and to
+Coulomb friction together with a delay of the drive. Reversals at several accelerations separate them: the torque of a
+bristle builds up over the same displacement, that of a delayed drive over the same time.
 
-The Coulomb friction of a model jumps at each reversal, while that of a robot builds up. So the bristle may replace
-modelled friction: ``coulomb_torque`` is the change of the modelled Coulomb torque and at most zero.
+The Coulomb friction of a model jumps at each reversal, while the friction of a robot builds up. So the bristle may
+replace modelled friction: ``coulomb_torque`` is the change of the modelled Coulomb torque, zero or negative.
 
-With two more parameters, ``static_ratio`` and ``stick_velocity``, it is the modified Karnopp friction of simulated
-haptic hardware. Below the stick velocity it sticks to the position of the sample before, by a spring of stiffness
-``static_ratio T / displacement``; it breaks loose at ``static_ratio T`` and then slips with ``T``.
+With two more parameters, ``static_ratio`` and ``stick_velocity``, the effect is the modified Karnopp friction of
+simulated haptic hardware. Below the stick velocity the joint sticks to the position of the sample before, by a spring
+of stiffness ``static_ratio T / displacement``. It breaks loose at the torque ``static_ratio T`` and then slips with
+``T``.
 URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the torque of the slipping bristle only.
 """
 
@@ -44,7 +45,7 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import modelled_friction_of, never_reverses, stated_limit, turning_points
 
-# Smallest displacement [rad or m], with which the law is defined even if a fit approaches Coulomb friction.
+# Smallest displacement [rad or m]; it avoids a division by zero if a fit approaches Coulomb friction.
 _LEAST_DISPLACEMENT = 1e-12
 # Displacement after which every contact slips [rad, m].
 _LONGEST, _LONGEST_LINEAR = 0.2, 0.01
@@ -131,7 +132,7 @@ class PreslidingFriction(Effect):
         )
         if modelled == 0.0:
             return own
-        left = Parameter(
+        change_of_coulomb = Parameter(
             "coulomb_torque",
             torque_unit(robot, joint),
             -modelled,
@@ -140,10 +141,10 @@ class PreslidingFriction(Effect):
             plausible=(-modelled, 0.0),
             plausible_because="the bristle takes the place of no more friction than is modelled",
         )
-        return (*own, left)
+        return (*own, change_of_coulomb)
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Static ratio and stick velocity, with which the joint sticks."""
+        """``static_ratio`` and ``stick_velocity`` of Karnopp friction."""
         return (
             Parameter(
                 "static_ratio",
@@ -163,15 +164,15 @@ class PreslidingFriction(Effect):
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Displacements from 0.4 % to 40 % of the distance between reversals; a longer one would be a spring."""
-        way = max(float(np.percentile(strokes(operation, row_of(robot, joint)), 95)), 1e-9)
-        return tuple((float(x),) for x in np.geomspace(0.004, 0.4, 6) * way)
+        distance = max(float(np.percentile(strokes(operation, row_of(robot, joint)), 95)), 1e-9)
+        return tuple((float(x),) for x in np.geomspace(0.004, 0.4, 6) * distance)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same displacement, a quarter less and a third more."""
+        """The same displacement, one a quarter smaller and one a third larger."""
         return tuple((factor * shape[0],) for factor in (0.75, 1.0, 4 / 3))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Deflection of a bristle with displacement ``shape``, over its largest one, and the direction of motion."""
+        """Columns: relative deflection of a bristle; if Coulomb friction is modelled, also ``sign(v)``."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
         columns = {"torque": (bristle(operation.q[:, row], shape[0]), unit)}
         if modelled_friction_of(robot, joint)[1] > 0.0:
@@ -179,18 +180,18 @@ class PreslidingFriction(Effect):
         return on_one_joint(robot, joint, **columns)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The torque cannot be negative, and the bristle replaces no more Coulomb friction than is modelled."""
+        """Bounds: the torque is not negative, and the bristle replaces at most the modelled Coulomb friction."""
         modelled = modelled_friction_of(robot, joint)[1]
         return ((0.0, np.inf), (-modelled, 0.0)) if modelled > 0.0 else ((0.0, np.inf),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No friction, and Coulomb friction, which has no displacement.
+        """No friction, and Coulomb friction, which has a displacement of zero.
 
         Friction builds up during the time that a joint needs for the displacement. At a constant acceleration this time
-        is proportional to the root of the displacement. If it is short, a recording determines only its product with
-        the torque.
+        is proportional to the square root of the displacement. If the time is short, a recording determines only the
+        product of time and torque.
         """
         torque_root_displacement = coefficients[0] * np.sqrt(np.array(shape))
         change_of_coulomb = np.sum(coefficients, keepdims=True)
@@ -213,11 +214,11 @@ class PreslidingFriction(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Torque of the bristle in addition to the modelled friction."""
+        """Size of the effect: torque of the bristle."""
         return "torque", np.array([1.0, 0.0] if modelled_friction_of(robot, joint)[1] > 0.0 else [1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a reversal the bristle stays deflected."""
+        """Reason if the joint never reverses: the bristle then stays deflected."""
         return never_reverses(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -237,7 +238,7 @@ class PreslidingFriction(Effect):
         return torque_on_joint(robot, joint, step + values)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The law in steps; the state is the last position, then the deflection or where the joint sticks."""
+        """A torque law; its memory is the last position, then the deflection, or whether and where the joint sticks."""
         own, coulomb = _bristle_and_coulomb(theta)
         function = bristle_law if len(own) == 2 else stick_law
         law = Law(function, row_of(robot, joint), tuple(map(float, own)), tuple(map(float, _START)))
@@ -250,7 +251,7 @@ class PreslidingFriction(Effect):
 
 
 def _bristle_and_coulomb(theta: Array) -> tuple[Array, float]:
-    """Parameters of the bristle, and the change of the modelled Coulomb torque, zero if ``theta`` lacks it."""
+    """Parameters of the bristle, and the change of the modelled Coulomb torque (zero if ``theta`` has none)."""
     return (np.delete(theta, 2), float(theta[2])) if len(theta) in (3, 5) else (theta, 0.0)
 
 
@@ -261,7 +262,7 @@ def strokes(operation: Operation, row: int) -> Float[Array, " n"]:
 
 
 def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
-    """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first sample."""
+    """Deflection of the bristle as a share of its largest, -1 to 1, at positions ``q``; 0 at the first sample."""
     out = np.zeros(len(q))
     _deflect(np.ascontiguousarray(q, dtype=float), displacement, out)
     return out
@@ -269,7 +270,7 @@ def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
 
 @jit
 def _deflect(q: Array, displacement: float, out: Array) -> None:
-    """Write the deflection over the largest one into ``out``."""
+    """Write the deflection, as a share of the largest one, into ``out``."""
     z, last = 0.0, np.nan
     for k in range(len(q)):
         z, out[k] = bristle_law(last, z, q[k], -1.0, displacement)
@@ -319,8 +320,8 @@ def stick_law(
 @torque_law
 @jit
 def bristle_law(last: float, z: float, q: float, torque: float, displacement: float) -> tuple[float, float]:
-    """Deflection of the bristle at ``q`` and its torque, after position ``last`` and deflection ``z`` a step before."""
+    """Deflection of the bristle at ``q``, and its torque; ``last``, ``z``: position and deflection a step before."""
     d = max(displacement, _LEAST_DISPLACEMENT)
-    # Only NaN differs from itself: then this is the first step.
+    # ``last`` is NaN at the first step, and only NaN differs from itself.
     z = min(max(z + q - last, -d), d) if last == last else 0.0
     return z, -torque * z / d

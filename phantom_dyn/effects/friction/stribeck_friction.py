@@ -1,7 +1,8 @@
 """Stribeck friction: ``-(Tc + (Ts - Tc) exp(-(v/vs)^2)) sign(v)``.
 
-Coulomb friction is the special case ``Ts = Tc``. Slow constant speeds in both directions separate the two, as they show
-the torque at low speed that decays with speed. URDF and MJCF have a place for the torque at high speed only.
+``Ts`` is the torque at rest, ``Tc`` the torque at high speed. Coulomb friction is the special case ``Ts = Tc``. Slow
+constant speeds in both directions separate the two, because they show how the torque decreases with speed. URDF and
+MJCF have a place for the torque at high speed only.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _FASTEST, _FASTEST_LINEAR = 3.0, 0.5
 
 
 class StribeckFriction(Effect):
-    """Friction of one joint that falls as it starts to move."""
+    """Friction of one joint that decreases with speed after the joint starts to move."""
 
     name = "stribeck_friction"
     regime = "low_speed"
@@ -80,11 +81,11 @@ class StribeckFriction(Effect):
         return tuple((float(x),) for x in np.geomspace(0.02, 0.5, 7) * max(top, 1e-9))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same velocity, and one a sixth smaller and larger."""
+        """The same Stribeck velocity, one a sixth smaller and one a sixth larger."""
         return tuple((factor * shape[0],) for factor in (0.85, 1.0, 1.18))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion, and the same times a factor that decays with speed; ``shape`` is vs."""
+        """Two columns: ``sign(v)``, and ``sign(v) exp(-(v/vs)^2)``; ``shape`` is vs."""
         v, unit = operation.v[:, row_of(robot, joint)], torque_unit(robot, joint)
         s = np.sign(v)
         return on_one_joint(robot, joint, coulomb_torque=(s, unit), excess=(s * np.exp(-((v / shape[0]) ** 2)), unit))
@@ -94,27 +95,27 @@ class StribeckFriction(Effect):
         return np.array([coefficients[0], coefficients[0] + coefficients[1], shape[0]])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Neither the excess at rest nor the sum of ``Tc`` and the modelled torque can be negative."""
+        """Lower bounds: minus the modelled torque for ``Tc``, and zero for the excess at rest."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf), (0.0, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No excess at rest, which is Coulomb friction."""
+        """Coulomb friction, if the excess at rest is zero."""
         return (SpecialCase(("coulomb_friction",), coefficients[1:2]),)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Excess of the torque at rest over that at high speed."""
+        """Size of the effect: torque at rest minus torque at high speed."""
         return "static_torque", np.array([0.0, 1.0])
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Friction at the velocity of the joint; zero at rest."""
+        """Stribeck friction on the joint; zero at rest."""
         v = operation.v[:, row_of(robot, joint)]
         level = theta[0] + (theta[1] - theta[0]) * np.exp(-((v / theta[2]) ** 2))
         return torque_on_joint(robot, joint, -level * np.sign(v))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The torque at rest as Coulomb friction, which sticks, and its decrease with speed as a torque."""
+        """Torque at rest as Coulomb friction of the robot, which sticks; its decrease with speed as a torque law."""
         row = row_of(robot, joint)
         law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), laws=(law,))

@@ -1,12 +1,14 @@
 """Friction that changes as the drive warms up: ``-((T + kT d) sign(v) + (c + kc d) v)`` with ``d = temp - temp0``.
 
-Warm lubricants are thinner, so that viscous friction falls; Coulomb friction may fall too, as seals and preloads relax,
-or grow, if heat tightens a bearing. Without slopes the law is Coulomb and viscous friction. A recording in which the
-drive warms up and cools down separates temperature from other causes that drift with time.
-The temperature of the drive (column ``temp.<joint>``) is needed. The reference temp0 is the mean temperature of the
-recording, rounded to five degrees; there the friction is known best. Temperatures change over minutes, so a simulation
-has one temperature: the mean of its recording, or the reference if none was recorded. URDF and MJCF have a place for
-friction at the reference only.
+Warm lubricants are thinner, so that viscous friction falls. Coulomb friction may fall too, as seals and preloads relax,
+or it may grow, if heat tightens a bearing. If the slopes ``kT`` and ``kc`` are zero, the law is Coulomb and viscous
+friction. A recording in which the drive warms up and cools down separates temperature from other causes that drift with
+time.
+
+The recording must have the temperature of the drive (column ``temp.<joint>``). The reference ``temp0`` is the mean
+temperature of the recording, rounded to five degrees; there the friction is known best. Temperatures change over
+minutes, so a simulation has one temperature: the mean of its recording, or the reference if none was recorded. URDF and
+MJCF have a place for friction at the reference only.
 """
 
 from __future__ import annotations
@@ -114,12 +116,12 @@ class TemperatureDependentFriction(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The reference temperature."""
+        """One shape: the reference temperature [deg C]."""
         mean = mean_temperature(operation, row_of(robot, joint))
         return ((25.0 if mean is None else float(_ROUNDED * np.round(mean / _ROUNDED)),),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of motion and velocity, and both times the temperature above the reference ``shape``."""
+        """Four columns: ``sign(v)`` and ``v``, then both times the temperature above the reference ``shape``."""
         row, torque, damping = row_of(robot, joint), torque_unit(robot, joint), damping_unit(robot, joint)
         v, warmer = operation.v[:, row], degrees_above(operation, row, shape[0])
         s = np.sign(v)
@@ -137,14 +139,14 @@ class TemperatureDependentFriction(Effect):
         return np.array([*coefficients, *shape])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum with the modelled friction cannot be negative at the reference; slopes have any sign."""
+        """Lower bounds: minus the modelled friction at the reference temperature; slopes have no bounds."""
         viscous, coulomb = modelled_friction_of(robot, joint)
         return ((-coulomb, np.inf), (-viscous, np.inf), (-np.inf, np.inf), (-np.inf, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No Coulomb slope and torque, no viscous ones, or no slopes: what remains is a simpler law."""
+        """Viscous friction alone, Coulomb friction alone, or both, without dependence on temperature."""
         return (
             SpecialCase(("coulomb_friction",), coefficients[[1, 2, 3]]),
             SpecialCase(("viscous_friction",), coefficients[[0, 2, 3]]),
@@ -152,11 +154,11 @@ class TemperatureDependentFriction(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The slope of Coulomb friction, which no simpler law explains."""
+        """Size of the effect: the slope of Coulomb friction, which no simpler law has."""
         return "torque_slope", np.array([0.0, 0.0, 1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """The recording must have a temperature that changes, and a reversal."""
+        """Reason if the temperature was not recorded or hardly changes, or if the joint never reverses."""
         row = row_of(robot, joint)
         if mean_temperature(operation, row) is None:
             return f"the temperature of its drive was not recorded (column temp.{joint})"
@@ -167,7 +169,7 @@ class TemperatureDependentFriction(Effect):
         return never_reverses(robot, operation, joint)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Direction of motion and velocity, times the temperature."""
+        """Two terms: ``sign(v)`` and ``v``, each times the temperature above the middle one."""
         kind, rest = "{} that changes with temperature", middle("temp")
         warmer = less("temp", rest)
         return (
@@ -176,14 +178,14 @@ class TemperatureDependentFriction(Effect):
         )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Friction on the joint, zero at rest; at the reference if the temperature is not known."""
+        """Friction on the joint, zero at rest; without a recorded temperature, at the reference temperature."""
         row = row_of(robot, joint)
         v, warmer = operation.v[:, row], degrees_above(operation, row, theta[4])
         law = -(theta[0] + theta[2] * warmer) * np.sign(v) - (theta[1] + theta[3] * warmer) * v
         return torque_on_joint(robot, joint, law)
 
     def at_work(self, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Friction at the mean temperature, without slopes."""
+        """Friction at the mean temperature of the recording, with slopes of zero."""
         mean = mean_temperature(operation, row_of(operation.robot, joint))
         if mean is None:
             return theta

@@ -1,6 +1,6 @@
 """Viscous friction: ``torque = -c v``.
 
-It leaves a residual proportional to velocity. No other effect on one joint is linear in ``v``; a delay under a
+The residual is proportional to velocity. No other effect on one joint is linear in ``v``; a delay under a
 proportional controller looks similar, and motion with other accelerations separates the two.
 URDF: ``<dynamics damping>``; MJCF: joint ``damping``.
 """
@@ -60,20 +60,20 @@ class ViscousFriction(Effect):
         return (*robot.joint_names, *robot.passive_names)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``coefficient`` c."""
+        """One parameter: ``coefficient``, which is c."""
         return (viscous_range(robot, joint, "coefficient"),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Velocity."""
+        """One column: the velocity."""
         v = speed_of(robot, operation, joint)
         return on_any_joint(robot, operation, joint, coefficient=(v, damping_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum with the modelled coefficient cannot be negative."""
+        """Lower bound: minus the modelled coefficient, so that the sum is not negative."""
         return ((-modelled_friction_of(robot, joint)[0], np.inf),)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Velocity."""
+        """One term: the velocity."""
         return (FormulaTerm("damping", "v", lambda v: v, "{speed}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

@@ -1,12 +1,12 @@
 # pyright: reportAttributeAccessIssue=false
 """A base that is not level: gravity in the frame of the base is the given one, rotated by the vector ``r``.
 
-The rotation vector ``r`` is perpendicular to gravity, because a rotation about gravity changes nothing; its components
-along x, y and z of the base are ``roll``, ``pitch`` and ``yaw``. The effect changes the gravity torque of all joints by
-two numbers for the whole robot, and no torque that depends on speed or acceleration. On a planar arm a rotation about
-the joint axes equals an offset of the first encoder, and a rotation of gravity out of the plane changes no torque. In a
-single posture a payload looks the same; postures far apart separate them. URDF: a level link under the root; MJCF:
-``option gravity``.
+The rotation vector ``r`` is perpendicular to gravity, because a rotation about gravity changes nothing. So the effect
+has two free numbers; the components of ``r`` along x, y and z of the base are ``roll``, ``pitch`` and ``yaw``. The
+effect changes the gravity torques of all joints, and no torque that depends on speed or acceleration. On a planar arm a
+rotation about the joint axes equals an offset of the first encoder, and a rotation of gravity out of the plane changes
+no torque. In a single posture a payload looks the same; postures far apart separate them. URDF: a level link under the
+root; MJCF: ``option gravity``.
 """
 
 from __future__ import annotations
@@ -35,14 +35,15 @@ from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.motion import Motion
 
 INVISIBLE = np.inf
-"""Stands in a shape for an angle that changes no torque: the angle has no column, and is reported as zero."""
+"""Value in a shape for an angle that changes no torque: the angle has no column, and a finding states it as zero."""
 _LEVEL: Shape = (0.0, 0.0)
 _ANGLES = ("roll", "pitch", "yaw")
 # Tilt [rad] that nobody would overlook.
 _LARGEST_TILT = 0.35
-# Angle [rad] below which the tangent replaces the secant, which suffers from rounding; three digits agree.
+# Angle [rad] below which the tangent replaces the secant, which then has large rounding errors. At this angle both
+# agree to three digits.
 _LEAST = 1e-4
-# Torque of a tilt by one radian, as a share of the largest torque, below which it comes from rounded numbers of the
+# Torque of a tilt by one radian, as a share of the largest torque. A smaller torque is due to rounded numbers in the
 # robot file.
 _ROUNDING = 1e-6
 # Number of postures of a recording at which the torque of a tilt is computed.
@@ -50,7 +51,7 @@ _POSTURES = 300
 
 
 class BaseTilt(Effect):
-    """Base that is not level."""
+    """A base that is not level, so that gravity has another direction than in the model."""
 
     name = "base_tilt"
     scope = "robot"
@@ -95,7 +96,7 @@ class BaseTilt(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The tangent about both axes, or about the axis that changes a torque."""
+        """One start: the tangent for each of the two axes that changes a torque; empty if neither does."""
         least = _ROUNDING * np.abs(operation.tau).max()
         q, axes = operation.q[:: max(1, len(operation.q) // _POSTURES)], axes_across(robot.model.gravity.linear)
         columns = (_slope(robot, q, axes, k, np.zeros(2), 0.0) for k in (0, 1))
@@ -103,14 +104,14 @@ class BaseTilt(Effect):
         return (tuple(0.0 if seen else INVISIBLE for seen in visible),) if any(visible) else ()
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The secant to the last estimate."""
+        """The next angles of the secant [rad]: the last estimate."""
         return (tuple(float(x) for x in _angles(coefficients, shape)),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Additional drive torque per radian about each of the two axes of `axes_across`.
 
-        The secant about the second axis starts at the given gravity, and that about the first axis at the end of the
-        second one's.
+        The secant about the second axis starts at the modelled gravity. The secant about the first axis starts at
+        gravity after the rotation about the second axis.
         """
         axes, angles = axes_across(robot.model.gravity.linear), np.array(shape or _LEVEL, dtype=float)
         seen = np.isfinite(angles)
@@ -122,7 +123,7 @@ class BaseTilt(Effect):
         return Signature(tuple(range(robot.nv)), np.stack(values, axis=-1), names, ("rad",) * len(names))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Up to a quarter of a turn in each direction."""
+        """Bounds of each angle: a quarter of a turn in both directions."""
         return ((-0.5 * np.pi, 0.5 * np.pi),) * sum(np.isfinite(angle) for angle in shape or _LEVEL)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -131,25 +132,25 @@ class BaseTilt(Effect):
         return np.where(np.isfinite(angles), angles, 0.0) @ axes_across(robot.model.gravity.linear)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Largest component of a rotation about the first axis that changes a torque."""
+        """Size of the effect: largest component of a rotation about the first axis that changes a torque."""
         seen = np.flatnonzero(np.isfinite(self.shapes(robot, operation, joint)[0]))
         axis = axes_across(robot.model.gravity.linear)[seen[0]]
         largest = int(np.argmax(np.abs(axis)))
         return _ANGLES[largest], np.eye(len(seen))[0] / axis[largest]
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """If gravity acts on no joint, a tilt changes nothing."""
+        """Reason if a tilt changes no joint torque."""
         if not self.shapes(robot, operation, joint):
             return "no joint feels gravity turn: a tilt of the base leaves no trace"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Modelled gravity torque minus that of the true gravity."""
+        """Gravity torque in the modelled gravity minus that in the true gravity."""
         given = robot.model.gravity.linear
         return -gravity_torque(robot, operation.q, _turned(given, theta) - given)
 
     def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
-        """The motion in the true gravity."""
+        """The robot with the true gravity, and the same motion."""
         return with_gravity(robot, _turned(robot.model.gravity.linear, theta)), motion
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
@@ -163,7 +164,7 @@ class BaseTilt(Effect):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """A rotation about the one of `axes_across` that is nearest to the named axis of the base."""
+        """A rotation about the axis of `axes_across` that is nearest to the named axis of the base."""
         k = _ANGLES.index(name)
         axes = axes_across(robot.model.gravity.linear)
         axis = axes[int(np.argmax(np.abs(axes[:, k])))]
@@ -200,7 +201,7 @@ def _turned(gravity: Array, turn: Float[Array, " 3"]) -> Array:
 
 
 def _slope(robot: Robot, q: Array, axes: Array, k: int, start: Array, angle: float) -> Array:
-    """Change of gravity torque per radian from ``start`` to ``angle`` more about axis ``k`` of ``axes``."""
+    """Change of gravity torque per radian, if the angle about axis ``k`` grows by ``angle`` from ``start``."""
     given, axis = robot.model.gravity.linear, np.eye(2)[k]
     # For a small angle a central difference about the start gives the tangent to eight digits.
     ends = (0.0, angle) if abs(angle) >= _LEAST else (-_LEAST, _LEAST)

@@ -1,8 +1,7 @@
 """Inertial parameters of one link (or, with joint None, of every link) that differ from those of the model.
 
-They change torques of gravity and inertia in proportions that follow from the motion of the link. A recording
-determines only base parameters, so a finding names the base parameters that differ. URDF and MJCF: the link's inertial
-element.
+They change torques of gravity and inertia; the proportions follow from the motion of the link. A recording determines
+only base parameters, so a finding names the base parameters that differ. URDF and MJCF: the link's inertial element.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class InertialParameters(Effect):
         return tuple(10 * (body - 1) + k for body in bodies_of(robot, joint) for k in range(10))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Columns of the rigid-body regressor for the bodies."""
+        """Columns of the rigid-body regressor that belong to the bodies."""
         parameters = self.parameters(robot, joint)
         return Signature(
             tuple(range(robot.nv)),
@@ -89,14 +88,14 @@ class InertialParameters(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """A mass at the centre of mass of the last body."""
+        """Size of the effect: a mass at the centre of mass of the last body."""
         bodies = bodies_of(robot, joint)
         return f"{robot.model.names[bodies[-1]]}.m", np.concatenate(
             [point_mass_parameters(float(body == bodies[-1]), robot.model.inertias[body].lever) for body in bodies]
         )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the torque that the changed parameters need."""
+        """Minus the drive torque that the changes of the parameters need."""
         return -self.signature(robot, operation, joint, ()).columns @ theta
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:

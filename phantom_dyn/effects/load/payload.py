@@ -1,11 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
-"""A point mass that the model lacks, on the link with ``payload_frame``, or else with frame ``tip``, or else the last.
+"""A point mass that the model lacks, on the link that carries the payload.
 
-The mass is negative if the robot lacks a part of the model. If it is about minus the mass of a body on a fixed or
-locked joint, such as a hand, this body counts as missing, and its own inertia is removed too. If the interval of the
-mass is wider than half of the mass, a finding states the first moments ``moment_x``, ``moment_y`` and ``moment_z``
-instead of the
-centre: on a pendulum, for example, they are known well, while mass and lever are not.
+This is the link with ``payload_frame``, otherwise the link with the frame ``tip``, otherwise the last link. The mass is
+negative if the robot lacks a part of the model. If a negative mass is about that of a body on a fixed or locked joint,
+such as a hand, this body counts as missing, and its own inertia is removed too. If the interval of the mass is wider
+than half of the mass, a finding states the first moments ``moment_x``, ``moment_y`` and ``moment_z`` instead of the
+centre: on a pendulum, for example, the first moments are known well, while mass and lever are not.
 
 A payload changes the inertial parameters of its link by four numbers, while `inertial_parameters` has ten; on a
 pendulum both describe the same changes. URDF and MJCF: an additional inertial element.
@@ -46,15 +46,15 @@ from phantom_dyn.model.inertia import (
 
 # Largest load [kg], and its largest distance from the frame of its joint [m].
 _HEAVIEST, _FARTHEST = 1000.0, 3.0
-# A part counts as missing if its mass and first moments agree with those found within a quarter.
+# A part counts as missing if its mass and first moments agree with those of the finding within a quarter.
 _MATCHES = 1.25
 # A lever shorter than this counts as this long [m] when first moments are compared.
 _SHORTEST_LEVER = 0.02
-# Squared radius of gyration that may come from rounded numbers in a file [m^2].
+# Squared radius of gyration [m^2] by which rounded numbers in a robot file may falsify an inertia.
 _ROUNDING = 1e-8
 # Largest share of a link's mass that can be removed.
 _LARGEST_SHARE = 0.999
-# Radius of gyration of a load over its lever: that of a ball whose radius is about half of the lever.
+# Assumed radius of gyration of a load over its lever: that of a ball whose radius is about half of the lever.
 _EXTENT = 0.2
 _MOMENTS = ("moment_x", "moment_y", "moment_z")
 _CENTERS = ("center_x", "center_y", "center_z")
@@ -115,12 +115,12 @@ class Payload(Effect):
         return tuple(range(first, first + 10))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """The body's ten regressor columns, which `point_mass_parameters` combines to those of a point mass."""
+        """The ten regressor columns of the body; `point_mass_parameters` gives their coefficients for a point mass."""
         columns = rigid_body_regressor(robot, operation)[:, :, list(self.regressor_columns(robot, joint))]
         return Signature(tuple(range(robot.nv)), columns, STANDARD_NAMES, STANDARD_UNITS)
 
     def lightest(self, robot: Robot) -> float:
-        """Minus the mass of the link that carries the payload, including payloads of an earlier diagnosis."""
+        """Smallest mass [kg]: minus the mass of the link, including payloads of an earlier diagnosis."""
         return -float(_link(robot)[0])
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
@@ -131,8 +131,8 @@ class Payload(Effect):
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """Mass and centre from mass and first moments, changed to the nearest possible values.
 
-        The size of a mass near zero is increased until its centre is near enough. A negative mass is limited so that a
-        body can have the parameters of the remaining link.
+        The size of a mass near zero is increased until its centre is within `_FARTHEST`. A negative mass is limited so
+        that a body can have the inertial parameters of the remaining link.
         """
         mass, moments = float(coefficients[0]), np.asarray(coefficients[1:4], dtype=float)
         least = float(np.linalg.norm(moments)) / _FARTHEST
@@ -171,7 +171,7 @@ class Payload(Effect):
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """A mass at the centre of mass of the link."""
+        """Size of the effect: a mass at the centre of mass of the link."""
         center = robot.model.inertias[payload_body(robot)].lever
         return "mass", point_mass_parameters(1.0, center)
 
@@ -182,7 +182,7 @@ class Payload(Effect):
         return (size, *(float(x) for x in robot.model.inertias[payload_body(robot)].lever))
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the torque that moves the mass."""
+        """Minus the drive torque that moves the mass."""
         return -rigid_body_regressor(robot, operation) @ self._added_to_robot(robot, theta)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
@@ -261,13 +261,14 @@ def most_removed(robot: Robot, center: Float[Array, " 3"]) -> float:
     """Largest point mass [kg] that can be removed at a point of the payload's link.
 
     A body can have the remaining parameters if the pseudo-inertia ``P - m p p^T`` with ``p = (center, 1)`` is positive
-    semidefinite. It is up to ``m = 1 / (p^T P^-1 p)``.
+    semidefinite. This holds up to ``m = 1 / (p^T P^-1 p)``.
     """
     mass, link_center, inertia = central_parameters(_link(robot))
     second_moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
     homogeneous, point = np.append(link_center, 1.0), np.append(center, 1.0)
     pseudo_inertia = mass * np.outer(homogeneous, homogeneous)
     pseudo_inertia[:3, :3] += second_moments
-    # A larger inertia allows for rounded numbers in a file and for the extent of loads of an earlier diagnosis.
+    # The inertia is increased to allow for rounded numbers in a robot file, and for the extent of loads that an earlier
+    # diagnosis has found as point masses.
     widened = pseudo_inertia + (_ROUNDING * mass + _extent_of_carried(robot)) * np.diag([1.0, 1.0, 1.0, 0.0])
     return float(min(1.0 / (point @ np.linalg.solve(widened, point)), _LARGEST_SHARE * mass))

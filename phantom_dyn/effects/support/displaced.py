@@ -1,7 +1,9 @@
 """Change of the drive torque if the true position of a joint differs from its encoder reading.
 
-If the *reading* is wrong, motor and link are both displaced from it, so that the torques of friction and rotor change
-too. If an elastic transmission displaces the *link*, motor, friction and rotor follow the reading.
+If the *reading* is wrong, motor and link are both displaced from the reading, so that the torques of friction and rotor
+change too. If an elastic transmission displaces the *link*, the motor is at the reading, so that friction and rotor
+torque do not change. Displacements ``dq``, ``dv``, ``da`` are true minus read position, velocity and acceleration of
+one joint.
 """
 
 from __future__ import annotations
@@ -57,7 +59,7 @@ def exact_change_by_link(
 
 
 def displaced(motion: Motion, row: int, dq: Samples, dv: Samples, da: Samples) -> Motion:
-    """``motion`` with an offset added to one joint."""
+    """``motion`` with ``dq``, ``dv``, ``da`` added to position, velocity and acceleration of joint ``row``."""
     q, v, a = motion.q.copy(), motion.v.copy(), motion.a.copy()
     for values, change in ((q, dq), (v, dv), (a, da)):
         values[:, row] += change

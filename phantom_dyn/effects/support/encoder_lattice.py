@@ -1,4 +1,7 @@
-"""Finds the step of an encoder: from the model, or from readings that are multiples of a step (a lattice)."""
+"""Finds the step (resolution) of an encoder: from the model, or from readings that are multiples of a step.
+
+Readings that are an offset plus multiples of a step are said to be on a lattice.
+"""
 
 from __future__ import annotations
 
@@ -8,24 +11,26 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.model.robot import Robot
 
-# Readings are on a lattice if this share of them is near its points.
+# Readings are on a lattice if this share of them is near lattice points.
 _SHARE = 0.98
-# Largest distance of a reading that is near a point, in steps; by chance a fifth of all readings are near.
+# Largest distance of a reading that counts as near a lattice point, in steps; by chance a fifth of all readings are
+# near.
 _NEAR = 0.1
-# Smallest magnitude of a comb's first spectral line; for an ideal comb it is one.
+# Smallest magnitude of the first spectral line of a comb (see `coarse_step`); for an ideal comb the magnitude is one.
 _COMB = 0.6
 # Largest travel, in stated steps, for which a comb is searched.
 _LONGEST = 20_000_000
-# Smallest number of distinct readings: fewer would be on many lattices by chance.
+# Smallest number of levels (distinct readings): fewer levels would fit many lattices by chance.
 _LEAST_LEVELS = 8
-# Quantiles of the distances between neighbouring levels that are tried. The shortest distance is not enough, because a
-# few wrong readings make some distances too short.
+# Quantiles of the distances between neighbouring levels from which steps are tried. The shortest distance is not
+# enough, because a few wrong readings make some distances too short.
 _QUANTILES = (0.0, 0.05, 0.2, 0.5)
-# Largest number of steps in such a distance, because a joint may pass levels between two readings.
+# Largest number of steps in such a distance; a joint may skip levels between two readings.
 _STEPS = 6
-# Rows before and after a reading over which its speed is measured, and how far from a whole number of steps per row
-# that speed has to be. Rounding to the step makes an error of the speed of at most a tenth of a step per row.
+# Number of rows before and after a reading over which the speed is measured.
 _ROWS = 5
+# Smallest distance of the speed, in steps per row, from a whole number. The speed has an error of at most a tenth of a
+# step per row, because positions are rounded to a step.
 _APART = 0.15
 
 
@@ -78,10 +83,12 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
     """A step larger than ``stated`` around whose multiples the readings cluster; None if there is none.
 
     The readings may have noise of a few stated steps. Distinct readings, each counted once, form a comb with one tooth
-    per step. At the frequency of the teeth the spectrum of an ideal comb has the magnitude one; the magnitude is near
-    zero if readings between the teeth are as frequent. Readings have to cluster around the teeth along the whole
-    travel, and not only around a few positions where the joint creeps. A joint that turns at a constant speed is read
-    at equal distances, too, so they also have to cluster where it turns at another speed.
+    per step. At the frequency of the teeth the spectrum of an ideal comb has the magnitude one. The magnitude is near
+    zero if readings between the teeth are as frequent as those on them.
+
+    Two further conditions exclude combs with another cause. Readings have to cluster around the teeth along the whole
+    travel, and not only around a few positions where the joint creeps. They also have to cluster where the joint does
+    not turn by a whole number of steps per row: a joint at a constant speed is read at equal distances, too.
 
     Args:
         readings: Raw positions of one joint, as recorded.
@@ -118,10 +125,12 @@ def _at_other_speeds(readings: Float[Array, " N"], step: float) -> Bool[Array, "
 
 
 def _about_every_tooth(phase: Float[Array, " n"]) -> bool:
-    """True if levels, in steps, cluster around the teeth of a comb, where every tooth has the same weight.
+    """True if levels cluster around the teeth of a comb, where every tooth has the same weight.
 
-    With equal weights of levels, a few positions where the joint creeps, and where most levels are, would count too
-    much.
+    Every tooth and not every level has the same weight, because a joint that creeps has many levels around a few teeth.
+
+    Args:
+        phase: Levels, in steps.
     """
     turn = np.exp(2j * np.pi * phase)
     tooth = np.round(phase - np.angle(turn.mean()) / (2.0 * np.pi)).astype(int)
@@ -141,12 +150,12 @@ def _levels(readings: Array) -> Array:
 
 @jit
 def _sharpened(distances: Float[Array, " n"], step: float) -> float:
-    """``step`` refined by least squares so that distances are multiples of it; NaN if no distance nearly is one."""
+    """``step`` refined by least squares so that distances are multiples of it; NaN if none is nearly a multiple."""
     for _ in range(5):
         squares = product = 0.0
         for distance in distances:
             count = np.rint(distance / step)
-            # Other distances are left out, because one wrong reading would change the step.
+            # Distances far from a multiple are left out, because one wrong reading would change the step.
             if abs(distance - count * step) < 2.0 * _NEAR * step:
                 squares += count * count
                 product += distance * count
@@ -165,8 +174,8 @@ def _on_lattice(levels: Array, step: float) -> bool:
     for start in range(0, len(phase), 100):
         part = phase[start : start + 100]
         turn = np.exp(2j * np.pi * part)
-        off = np.angle(turn / (np.mean(turn) or 1.0)) / (2.0 * np.pi)
-        missed += int((np.abs(off) >= _NEAR).sum())
+        deviation = np.angle(turn / (np.mean(turn) or 1.0)) / (2.0 * np.pi)
+        missed += int((np.abs(deviation) >= _NEAR).sum())
         if missed > most:
             return False
     return True

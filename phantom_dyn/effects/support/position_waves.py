@@ -1,7 +1,8 @@
-"""Waves of a torque over the position of a joint, for cogging and torque ripple: finds their orders in a residual.
+"""Torque that is periodic in the joint position, for cogging and ripple: finds the orders of the waves in a residual.
 
-The order of a wave is its number of periods in one turn of the joint, or in rad/m on a linear joint. The parameters are
-all orders, then all amplitudes, then all phases.
+The order of a wave is its number of periods in one turn of the joint, or in rad/m on a linear joint. The search for
+orders is a periodogram of the residual torque over position. Parameters of an effect are all orders, then all
+amplitudes, then all phases.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from phantom_dyn.effects.rival import Shape
 from phantom_dyn.effects.support.rows import moving_average, row_of
 from phantom_dyn.model.robot import Robot
 
-# Smallest number of periods on the whole path of a joint, back and forth.
+# Smallest number of periods that the joint passes in the recording, back and forth.
 _PERIODS = 5
 # Smallest number of these periods in which the joint is so slow that the wave is in the judged band.
 _SLOW_PERIODS = 3
-# Number of orders from the lowest to the highest that are tried to find the lowest with enough periods.
+# Number of orders that are tried to find the lowest order with enough periods.
 _TRIED = 60
 # Time over which the residual is averaged [s].
 _SECONDS = 0.01
@@ -40,24 +41,24 @@ _MOST_BINS = 2**16
 _LINES = 4
 # Resolved orders over which the median power is taken.
 _BACKGROUND = 30
-# Smallest power over background; with noise only, one of ten thousand orders exceeds 9.
+# Smallest power of a significant order, over the background; with noise only, one of ten thousand orders exceeds 9.
 _SIGNIFICANT = 15.0
-# Smallest power over that of the first order (3 % of its amplitude): errors of the reading make waves up to this.
+# Smallest power over that of the first order (3 % of its amplitude). Errors of the reading can cause smaller waves.
 _LEAST_POWER = 0.001
 # Number of samples that suffice to find an order.
 _SAMPLES = 8000
 # Eigenvalue of a Gram matrix, relative to the largest, below which its columns are dependent up to rounding.
 _DEPENDENT = 1e-12
-# Share of what an order explains that may be lost by rounding the order to a whole number.
+# Largest loss by rounding an order to a whole number, as a share of the sum of squares that the order explains.
 _LOSS = 0.01
 
 
 def order_range(operation: Operation, row: int) -> tuple[float, float]:
-    """Lowest and highest order to search: one period over the range, and a fifth of the sampling rate at high speed.
+    """Lowest and highest order to search; the lowest is above the highest if the joint does not move.
 
-    The highest order is limited further: averaging must not remove the wave in the slowest quarter of the recording,
-    and in the slowest eighth it must not be above the judged band. With more orders, some would be significant by
-    chance. If the joint does not move, the lowest order is above the highest.
+    The lowest order has one period in the range of positions. The highest order is limited by the frequency of its
+    wave: at high speed by a fifth of the sampling rate, in the slowest quarter of the recording by the averaging of the
+    residual, in the slowest eighth by the judged band. With more orders, some would be significant by chance.
     """
     low, high = np.percentile(operation.q[:, row], [0.5, 99.5])
     slowest, slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (12.5, 25, 95))
@@ -114,7 +115,7 @@ def orders_in(
         return ()
     step = _stride(operation.dt, len(operation.t))
     torque = moving_average(operation.residual[:, row], operation.dt, _SECONDS)[::step]
-    # Normalised, as the other columns are.
+    # Normalised to a root mean square of about one, like the other columns.
     weight = None if load is None else load[::step] / max(float(np.sqrt(np.mean(load**2))), 1e-300)
     residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], torque, low, weight)
     sets: list[tuple[float, ...]] = []
@@ -141,12 +142,12 @@ def orders_in(
 
 
 def _stride(dt: float, samples: int) -> int:
-    """Every how many samples one is used: two in the time that is averaged over, and at most about `_SAMPLES`."""
+    """Distance between two samples that are used: half the averaging time, and at most about `_SAMPLES` are used."""
     return max(int(0.5 * _SECONDS / dt), -(-samples // _SAMPLES))
 
 
 def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k"]:
-    """Columns of other causes of the residual: offset, friction, spring, inertia, a scale of the torque, gravity."""
+    """Columns of other causes of the residual: offset, friction, spring, inertia, torque constant, gravity."""
     q, v = operation.q[:, row], operation.v[:, row]
     columns = [np.ones(len(q)), v, np.sign(v), q - q.mean(), operation.a[:, row], operation.tau[:, row]]
     # Gravity has order one, which is searched only if the range is more than about a revolution.
@@ -155,7 +156,7 @@ def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k
 
 @dataclass(frozen=True)
 class _Residual:
-    """Residual torque over position.
+    """Residual torque of a joint over its position, with the columns that explain other parts of it.
 
     Attributes:
         q: Positions.
@@ -172,7 +173,7 @@ class _Residual:
     weight: Float[Array, " N"] | None = None
 
     def without(self, orders: tuple[float, ...]) -> Float[Array, " N"]:
-        """Residual after a least-squares fit of other causes and orders."""
+        """Residual after a least-squares fit of other causes and waves of these orders."""
         columns = self._columns(orders)
         gram = columns.T @ columns
         return self.torque - columns @ np.linalg.lstsq(gram, columns.T @ self.torque, rcond=_DEPENDENT)[0]
@@ -185,32 +186,37 @@ class _Residual:
         return columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
 
     def misfit(self, orders: tuple[float, ...]) -> float:
-        """Sum of squares of the residual after a fit of other causes and orders."""
-        left = self.without(orders)
-        return float(left @ left)
+        """Sum of squares of the residual after a fit of other causes and waves of these orders."""
+        residual = self.without(orders)
+        return float(residual @ residual)
 
     def _basis(self, orders: tuple[float, ...]) -> Float[Array, "N r"]:
-        """Orthonormal basis of the columns of other causes and orders."""
+        """Orthonormal basis of the columns of other causes and waves of these orders."""
         columns = self._columns(orders)
-        size, turned = np.linalg.eigh(columns.T @ columns)
-        kept = size > _DEPENDENT * size[-1]
-        return columns @ (turned[:, kept] / np.sqrt(size[kept]))
+        eigenvalues, vectors = np.linalg.eigh(columns.T @ columns)
+        kept = eigenvalues > _DEPENDENT * eigenvalues[-1]
+        return columns @ (vectors[:, kept] / np.sqrt(eigenvalues[kept]))
 
-    def _misfit_beside(self, plain: Float[Array, "N r"], left: Float[Array, " N"], order: float) -> float:
-        """Sum of squares after a fit of one more order to ``left``, which is orthogonal to ``plain``."""
+    def _misfit_beside(self, basis: Float[Array, "N r"], residual: Float[Array, " N"], order: float) -> float:
+        """Sum of squares after a fit of one more order to ``residual``, which is orthogonal to ``basis``."""
         size = 1.0 if self.weight is None else self.weight
         waves = np.column_stack([size * np.sin(order * self.q), size * np.cos(order * self.q)])
-        waves -= plain @ (plain.T @ waves)
-        common = waves.T @ left
-        return float(left @ left - common @ np.linalg.lstsq(waves.T @ waves, common, rcond=_DEPENDENT)[0])
+        waves -= basis @ (basis.T @ waves)
+        products = waves.T @ residual
+        explained = products @ np.linalg.lstsq(waves.T @ waves, products, rcond=_DEPENDENT)[0]
+        return float(residual @ residual - explained)
 
     def placed(self, known: tuple[float, ...], peak: float, whole_numbers: bool) -> float:
-        """The order near ``peak`` that explains most in addition to the known ones, rounded if nothing is lost."""
+        """The order near ``peak`` that explains most in addition to the known ones.
+
+        It is rounded to a whole number if ``whole_numbers`` is true and the rounding increases the sum of squares only
+        within its noise, or by a small share of the explained sum of squares.
+        """
         reach = 0.5 * self.resolution
-        plain = self._basis(known)
-        left = self.torque - plain @ (plain.T @ self.torque)
+        basis = self._basis(known)
+        residual = self.torque - basis @ (basis.T @ self.torque)
         found = minimize_scalar(
-            lambda n: self._misfit_beside(plain, left, n),
+            lambda n: self._misfit_beside(basis, residual, n),
             bounds=(peak - reach, peak + reach),
             method="bounded",
             options={"xatol": 1e-4 * reach},
@@ -219,17 +225,18 @@ class _Residual:
         whole = float(round(order))
         if not whole_numbers or whole < 1 or abs(whole - order) > self.resolution:
             return order
-        left = self.without((*known, order))
-        least = float(left @ left)
-        noise = 4.0 * least / _independent(left)
+        residual = self.without((*known, order))
+        least = float(residual @ residual)
+        noise = 4.0 * least / _independent(residual)
         explained = self.misfit(known) - least
         return whole if self.misfit((*known, whole)) - least < max(_LOSS * explained, noise) else order
 
 
-def _independent(left: Float[Array, " N"]) -> float:
+def _independent(residual: Float[Array, " N"]) -> float:
     """Number of independent samples, from the correlation of neighbours; at least one."""
-    memory = float(np.clip(left[1:] @ left[:-1] / max(float(left @ left), 1e-300), 0.0, 0.999))
-    return max(len(left) * (1 - memory) / (1 + memory), 1.0)
+    square = max(float(residual @ residual), 1e-300)
+    correlation = float(np.clip(residual[1:] @ residual[:-1] / square, 0.0, 0.999))
+    return max(len(residual) * (1 - correlation) / (1 + correlation), 1.0)
 
 
 def _periodogram(
@@ -239,9 +246,10 @@ def _periodogram(
     high: float,
     weight: Float[Array, " N"] | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """Orders from ``low`` to ``high``, and the decrease of the residual's sum of squares by a fit of each.
+    """Orders from ``low`` to ``high``, and for each the decrease of the residual's sum of squares by a fit of its wave.
 
-    Waves and mean are multiplied by ``weight``, if it is given.
+    The residual is put into bins of position, so that a Fourier transform gives the fits of all orders at once. The fit
+    has a wave and a constant, both multiplied by ``weight`` if it is given.
     """
     width = 2 * np.pi / (_BINS * high)
     bins = ((q - q.min()) / width).astype(int)
@@ -257,7 +265,14 @@ def _periodogram(
 
 
 def _power(wave: Array, once: Array, twice: Array, samples: float) -> Float[Array, " n"]:
-    """Power of each order, from Fourier sums of the residual, and of squared weights at once and twice the order."""
+    """Power of each order: the decrease of the sum of squares by a fit of sine and cosine (2x2 normal equations).
+
+    Args:
+        wave: Fourier sums of the residual at each order.
+        once: Fourier sums of the squared weights at each order.
+        twice: Fourier sums of the squared weights at twice each order.
+        samples: Sum of the squared weights.
+    """
     c, s = np.real(once), -np.imag(once)
     cc = 0.5 * (samples + np.real(twice)) - c * c / samples
     ss = 0.5 * (samples - np.real(twice)) - s * s / samples
@@ -272,8 +287,8 @@ def _prominence(
 ) -> Float[Array, " n"]:
     """Power of each order over the median power of its neighbours; zero if it is negligible relative to ``most``.
 
-    Orders before the first and after the last one are repetitions of this order (``nearest``) or mirror images
-    (``reflect``). A first order that is small by chance would lower the median of its neighbours if it is repeated.
+    Beyond the ends, the median filter repeats the end value (``nearest``) or mirrors the orders (``reflect``). The
+    second avoids that a first value which is small by chance lowers the median of its neighbours.
     """
     background = np.maximum(_background_power(power, edges), 1e-3 * np.median(power) + 1e-300)
     return np.where(power < _LEAST_POWER * most, 0.0, power / background)
@@ -348,7 +363,9 @@ def sum_of_waves(q, orders, amplitudes, phases):
 
 
 def unseen_waves(operation: Operation, joint: str | None, name: str) -> str | None:
-    """Reason in words why a recording can show no wave of a joint, see `comes_back`; None if it can.
+    """Reason in words why a recording cannot show any wave of a joint; None if it can.
+
+    A wave needs five periods in the recording, and in three of them a frequency within the judged band.
 
     Args:
         operation: The recording.

@@ -1,4 +1,4 @@
-"""Functions that effects share: rows of joints, signatures and torques on them, units, and ranges of friction."""
+"""Functions that effects share: joint indices (rows), signatures and torques on joints, units, ranges of friction."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from phantom_dyn.motion import linear_joints
 
 
 def row_of(robot: Robot, joint: str | None) -> int:
-    """Index of ``joint`` among the robot's velocities."""
+    """Index of ``joint`` among the velocities of the robot."""
     if joint not in robot.joint_names:
         raise RobotError(f"No joint '{joint}' in this robot: its joints are {', '.join(robot.joint_names)}.")
     return robot.joint_names.index(joint)
 
 
 def rows_of(robot: Robot, joint: str | None) -> tuple[int, ...]:
-    """Indices of one joint, or of several whose names are joined by ``+``, among the robot's velocities."""
+    """Indices of one joint, or of several joints (names joined by ``+``), among the velocities of the robot."""
     if joint in robot.joint_names:
         return (row_of(robot, joint),)
     return tuple(row_of(robot, one) for one in (joint or "").split("+"))
@@ -56,7 +56,10 @@ def speed_of(robot: Robot, operation: Operation, joint: str | None) -> Float[Arr
 def on_any_joint(
     robot: Robot, operation: Operation, joint: str | None, **columns: tuple[Float[Array, " N"], str]
 ) -> Signature:
-    """As `on_one_joint`, also for a passive joint: its torque acts on all active joints that move it."""
+    """Signature of an effect on an active or passive joint, with arguments as in `on_one_joint`.
+
+    A torque on a passive joint of a closed chain acts on all active joints that move it.
+    """
     if joint not in robot.passive_names:
         return on_one_joint(robot, joint, **columns)
     rows, shares = _movers(robot, operation, joint)
@@ -68,17 +71,17 @@ def on_any_joint(
 def torque_on_any_joint(
     robot: Robot, operation: Operation, joint: str | None, values: Float[Array, " N"]
 ) -> Float[Array, "N nv"]:
-    """As `torque_on_joint`, also for a passive joint."""
+    """Torques of the active joints for a torque ``values`` on one active or passive joint."""
     if joint not in robot.passive_names:
         return torque_on_joint(robot, joint, values)
     return joint_velocity(robot, operation, joint)[1] * values[:, None]
 
 
 def modelled_friction_of(robot: Robot, joint: str | None) -> tuple[float, float]:
-    """Viscous coefficient and Coulomb torque that the model gives an active or passive joint."""
+    """Viscous coefficient and Coulomb torque of an active or passive joint in the model."""
     if joint in robot.passive_names and robot.chain is not None:
-        at = robot.passive_names.index(joint)
-        return float(robot.chain.viscous_friction[at]), float(robot.chain.coulomb_friction[at])
+        index = robot.passive_names.index(joint)
+        return float(robot.chain.viscous_friction[index]), float(robot.chain.coulomb_friction[index])
     row = row_of(robot, joint)
     return float(robot.viscous_friction[row]), float(robot.coulomb_friction[row])
 
@@ -86,9 +89,10 @@ def modelled_friction_of(robot: Robot, joint: str | None) -> tuple[float, float]
 def _movers(robot: Robot, operation: Operation, joint: str) -> tuple[tuple[int, ...], Float[Array, "N m"]]:
     """Active joints that move a passive one, and the torque on them per unit of torque on the passive joint."""
     shares = joint_velocity(robot, operation, joint)[1]
-    # With anchors the shares change with position, so that a share of zero may differ from zero later.
-    fixed = robot.chain is not None and not robot.chain.anchors
-    rows = tuple(range(robot.nv)) if not fixed else tuple(int(k) for k in np.flatnonzero(np.abs(shares[0]) > 1e-12))
+    # In a chain with anchors the shares change with position, so that the first sample does not show which are zero.
+    if robot.chain is None or robot.chain.anchors:
+        return tuple(range(robot.nv)), shares
+    rows = tuple(int(k) for k in np.flatnonzero(np.abs(shares[0]) > 1e-12))
     return rows, shares[:, list(rows)]
 
 
@@ -100,37 +104,40 @@ def _prismatic(robot: Robot, joint: str | None) -> bool:
 
 
 def secant(estimate: float, least: float) -> tuple[Shape, ...]:
-    """The next shape of a secant: the last estimate, or ``least`` if its size is smaller, to limit rounding errors."""
+    """The next shape of a secant: the last estimate; if its size is below ``least``, then ``least``.
+
+    A secant to a smaller value would have large rounding errors.
+    """
     return ((estimate if abs(estimate) > least else least,),)
 
 
 def torque_unit(robot: Robot, joint: str | None) -> str:
-    """``N m`` for a rotary joint, ``N`` for a linear one."""
+    """Unit of a torque: ``N m`` for a rotary joint, ``N`` for a linear one."""
     return "N" if _prismatic(robot, joint) else "N m"
 
 
 def damping_unit(robot: Robot, joint: str | None) -> str:
-    """Torque unit per velocity unit."""
+    """Unit of a viscous coefficient: ``N m s/rad`` or ``N s/m``."""
     return "N s/m" if _prismatic(robot, joint) else "N m s/rad"
 
 
 def velocity_unit(robot: Robot, joint: str | None) -> str:
-    """``rad/s`` or ``m/s``."""
+    """Unit of a velocity: ``rad/s`` or ``m/s``."""
     return "m/s" if _prismatic(robot, joint) else "rad/s"
 
 
 def stiffness_unit(robot: Robot, joint: str | None) -> str:
-    """``N m/rad`` or ``N/m``."""
+    """Unit of a stiffness: ``N m/rad`` or ``N/m``."""
     return "N/m" if _prismatic(robot, joint) else "N m/rad"
 
 
 def inertia_unit(robot: Robot, joint: str | None) -> str:
-    """``kg m^2`` or ``kg``."""
+    """Unit of an inertia: ``kg m^2`` or ``kg``."""
     return "kg" if _prismatic(robot, joint) else "kg m^2"
 
 
 def drive_places(robot: Robot) -> tuple[str | None, ...]:
-    """Places of a delay: all joints together (None) and each joint; on a robot with one joint only this joint."""
+    """Places of an effect of drives: all joints together (None) and each joint; a single joint has one place."""
     return (None, *robot.joint_names) if robot.nv > 1 else robot.joint_names
 
 
@@ -140,7 +147,7 @@ def driven_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
 
 
 def branch_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
-    """Rows whose torque depends on the position of a joint: the joints before and after it; in closed chains all."""
+    """Rows whose torque depends on the position of a joint: its ancestors and descendants; all in closed chains."""
     if robot.chain is not None or joint is None:
         return tuple(range(robot.nv))
     body = robot.model.getJointId(joint)
@@ -163,13 +170,13 @@ def hidden_behind_drive(robot: Robot, what: str) -> str | None:
 
 
 def moving_average(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
-    """Centred moving average over an odd number of samples in about ``seconds``, at least one."""
+    """Centred moving average over about ``seconds``: an odd number of samples, at least one."""
     half = int(0.5 * seconds / dt) if dt > 0 else 0
     return ndimage.uniform_filter1d(x, min(2 * half + 1, len(x)), mode="nearest")
 
 
 def turning_points(operation: Operation, row: int) -> Int[Array, " n"]:
-    """Samples at which a joint has reversed; velocities below a fiftieth of the top speed do not count."""
+    """Samples just after each reversal of a joint; speeds below a fiftieth of the top speed are ignored."""
     v = operation.v[:, row]
     moving = np.flatnonzero(np.abs(v) > max(0.02 * float(np.percentile(np.abs(v), 99)), 1e-9))
     return moving[1:][np.diff(np.sign(v[moving])) != 0]
@@ -183,7 +190,9 @@ def never_reverses(robot: Robot, operation: Operation, joint: str | None) -> str
 
 
 def dry_range(robot: Robot, joint: str | None, name: str) -> Parameter:
-    """Parameter of a friction torque: the sum with the modelled one is not negative, and the drive can overcome it.
+    """Parameter of a dry friction torque, with bounds.
+
+    The sum with the modelled torque is not negative; it is plausible that the drive can overcome the friction.
 
     Args:
         robot: The given model.
@@ -201,7 +210,7 @@ def dry_range(robot: Robot, joint: str | None, name: str) -> Parameter:
 
 
 def viscous_range(robot: Robot, joint: str | None, name: str) -> Parameter:
-    """Parameter of a viscous coefficient: the sum with the modelled one is not negative."""
+    """Parameter of a viscous coefficient, with the bound that the sum with the modelled one is not negative."""
     least = 0.0 - modelled_friction_of(robot, joint)[0]
     return Parameter(
         name,

@@ -1,11 +1,11 @@
 """Backlash: a play of full width ``gap`` between motor and link.
 
-When the transmitted torque ``tl`` changes its sign, the link becomes loose. The drive torque lacks ``tl`` until the
-free link has crossed the gap; then an impact gives the link back the velocity that it had lost. Flight and impact
-cancel on average, so that only frequencies above one over the time of flight show the effect. Friction changes its sign
-with the velocity, and backlash with the transmitted torque: gravity separates the two. Compliance differs by a
-resonance whose frequency does not depend on the amplitude. Friction and rotor are assumed on the motor's side, and
-impacts plastic.
+When the transmitted torque ``tl`` changes its sign, the link becomes loose and crosses the gap in a free flight. During
+the flight the drive torque lacks ``tl``; at its end an impact restores the velocity that the link had lost relative to
+the motor. Flight and impact cancel on average, so that only frequencies above one over the time of flight show the
+effect. Friction changes its sign with the velocity, and backlash with the transmitted torque: gravity separates the
+two. Compliance shows a resonance whose frequency does not depend on the amplitude. Friction and rotor are assumed to be
+on the motor's side, and impacts to be plastic.
 MJCF: a second joint on the same axis with the gap as its ``range``, the rotor as the first one's ``armature``; URDF has
 no place for it.
 """
@@ -42,8 +42,8 @@ _FLIGHT = 0.008
 _GAP_RATIO = 1.7
 # Smallest tried gap, as a share of the widest: two seconds of arc, half a micrometre.
 _FINEST = 1e-4
-# Lowest, usual and highest cutoff [Hz] of the low pass that removes encoder noise from the load. Its changes of sign
-# must remain, as the link becomes loose there.
+# Lowest, usual and highest cutoff [Hz] of the low pass that removes encoder noise from the load. The low pass must keep
+# the changes of sign of the load, at which the link becomes loose.
 _EDGES = (15.0, 60.0, 60.0)
 # Frequency [Hz] and damping ratio of rotor and link in contact in a simulation: stiff and nearly without bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
@@ -77,7 +77,7 @@ class Backlash(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``gap``."""
+        """One parameter: ``gap``, the full width of the play."""
         row = row_of(robot, joint)
         return (
             Parameter(
@@ -90,7 +90,7 @@ class Backlash(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Gaps from that which a link crosses in `_FLIGHT`, with its typical torque rate, to the widest."""
+        """Gaps to try: from that which the link crosses in `_FLIGHT`, at its typical torque rate, to the widest."""
         row = row_of(robot, joint)
         load, inertia = followed_load(operation, row, _EDGES)
         crossings = np.flatnonzero(load[1:] * load[:-1] < 0)
@@ -107,14 +107,14 @@ class Backlash(Effect):
         return tuple((factor * shape[0],) for factor in (0.8, 0.93, 1.0, 1.07, 1.25))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Additional drive torque with the gap ``shape``: missing load in flight, impacts, reaction of other joints."""
+        """One column: additional drive torque with the gap ``shape``, from missing load in flight and from impacts."""
         row = row_of(robot, joint)
         values = _change(operation, row, shape[0])
         rows = branch_rows(robot, joint)
         return Signature(rows, values[:, list(rows), None], ("share",), ("1",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Near one, because the load is known, and computed flights and impacts have some error."""
+        """Near one: the load is known, so that only errors of computed flights and impacts change the coefficient."""
         return ((0.5, 1.5),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -122,7 +122,7 @@ class Backlash(Effect):
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """The link must become loose, and an encoder on the link's side does not show the gap."""
+        """Reason if the link never becomes loose, or the encoder is on the link's side and does not show the gap."""
         row = row_of(robot, joint)
         hidden = behind_encoder(robot, row)
         load = operation.transmitted[:, row]
@@ -135,7 +135,7 @@ class Backlash(Effect):
         return -_change(operation, row_of(robot, joint), theta.item())
 
     def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Position of the link relative to the motor within the play, shape ``(N, nv)``."""
+        """How far the link is ahead of its motor within the play [rad or m], shape ``(N, nv)``."""
         out = np.zeros_like(operation.q)
         row = row_of(operation.robot, joint)
         load, inertia = load_and_inertia(operation, row)
@@ -162,7 +162,7 @@ class Play:
         lead: How far the motor is ahead of the link [rad or m], from minus half the gap to plus half the gap.
         rate: Time derivative of ``lead``.
         loose: One where the link is free, otherwise zero.
-        impact: Acceleration of the link relative to the motor by impacts, spread over two samples.
+        impact: Acceleration of the link relative to the motor by impacts; each impact is distributed over two samples.
     """
 
     lead: Float[Array, " N"]
@@ -188,17 +188,17 @@ def play(t: Float[Array, " N"], pull: Float[Array, " N"], gap: float) -> Play:
 def _cross(
     t: Array, pull: Array, width: Array, half: float, lead: Array, rate: Array, loose: Array, impact: Array
 ) -> None:
-    """Write flights and impacts, one after the other, into arrays of zeros; see `Play` for their meaning.
+    """Write the motion of the link in its play into arrays of zeros, flight after flight.
 
     Args:
         t: Time [s].
         pull: Acceleration of the motor relative to a free link.
         width: Duration of each sample [s].
         half: Half the gap.
-        lead: Receives how far the motor is ahead of the link.
-        rate: Receives its time derivative.
-        loose: Receives one where the link is free.
-        impact: Receives the acceleration by impacts.
+        lead: Output: how far the motor is ahead of the link.
+        rate: Output: time derivative of ``lead``.
+        loose: Output: one where the link is free.
+        impact: Output: acceleration by impacts.
     """
     side, k = (1.0 if pull[0] >= 0 else -1.0), 0
     while True:
@@ -247,6 +247,7 @@ def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
 
 
 def _change_under(operation: Operation, row: int, gap: float, load: Array, inertia: Array) -> Float[Array, "N nv"]:
+    """Additional torque of the links with a given load and inertia of the link, compared with links without play."""
     moved = play(operation.t, load / inertia, gap)
     gained = moved.impact - load / inertia * moved.loose
     change = change_by_link(operation, row, -moved.lead, -moved.rate, gained)

@@ -77,7 +77,7 @@ class ParasiticSpring(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Position, and a constant, whose coefficient is ``-k q0``."""
+        """Two columns: the position, and a constant with the coefficient ``-k q0``."""
         q = operation.q[:, row_of(robot, joint)]
         return on_one_joint(
             robot,
@@ -87,23 +87,23 @@ class ParasiticSpring(Effect):
         )
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``k`` and ``q0 = -preload / k``; the latter is limited, because a spring without stiffness has none."""
+        """``k`` and ``q0 = -preload / k``; ``q0`` is limited, because it is infinite for ``k = 0``."""
         least = max(abs(coefficients[1]) / _FARTHEST, np.finfo(float).tiny)
         stiffness = coefficients[0] if abs(coefficients[0]) >= least else np.copysign(least, coefficients[0])
         return np.array([coefficients[0], -coefficients[1] / stiffness])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The stiffness cannot be negative."""
+        """Lower bound of zero for the stiffness; the preload has no bounds."""
         return ((0.0, np.inf), (-np.inf, np.inf))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No spring, and no stiffness, which is a constant torque."""
+        """No spring, and a constant torque, which is a spring without stiffness."""
         return (SpecialCase((), coefficients), SpecialCase(("torque_offset",), coefficients[:1]))
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Stiffness about the mean position."""
+        """Size of the effect: stiffness of a spring whose rest position is the mean position."""
         return "stiffness", np.array([1.0, -float(np.mean(operation.q[:, row_of(robot, joint)]))])
 
     def sized(
@@ -113,7 +113,7 @@ class ParasiticSpring(Effect):
         return (size, float(posture[row_of(robot, joint)]))
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Displacement from the middle of the recorded positions."""
+        """One term: displacement from the middle of the recorded positions."""
         center = middle("q")
         return (FormulaTerm("spring", less("q", center), lambda q: q - center, "{angle}"),)
 
@@ -122,7 +122,7 @@ class ParasiticSpring(Effect):
         return torque_on_joint(robot, joint, -theta[0] * (operation.q[:, row_of(robot, joint)] - theta[1]))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """The law of the spring."""
+        """A torque law of the spring."""
         return Simulated(laws=(Law(spring_law, row_of(robot, joint), (float(theta[0]), float(theta[1]))),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:

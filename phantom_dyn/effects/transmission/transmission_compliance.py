@@ -1,10 +1,11 @@
 """An elastic transmission: ``tl = k (q_motor - q_link)``, with the torque ``tl`` that it passes to the link.
 
-The link is not where an encoder on the motor reads it. It swings on the spring, driven by the torque that it would need
-to follow its motor. The swing is integrated, so that no torque has to be differentiated. The effect changes the torque
-of all joints on which the link acts. Its anti-resonance has a frequency that does not depend on the amplitude, other
-than that of backlash. Far below this frequency it looks like a delay or a rotor inertia; motion with frequencies near
-it, or an encoder on the link, separates them. Friction and rotor are assumed on the motor's side.
+An encoder on the motor does not read the position of the link. The link swings on the spring, driven by the torque that
+it would need to follow its motor. This swing is integrated, so that no torque has to be differentiated. The effect
+changes the torque of all joints on which the link acts. It has an anti-resonance whose frequency does not depend on the
+amplitude; with backlash the frequency does. Far below this frequency the effect looks like a delay or a rotor inertia;
+motion with frequencies near the anti-resonance, or an encoder on the link, separates them. Friction and rotor are
+assumed to be on the motor's side.
 MJCF: a second joint on the same axis with ``stiffness``, the rotor as the first one's ``armature``; URDF has no place
 for it.
 """
@@ -37,24 +38,24 @@ from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.spectra import power_density
 
-# Tried frequencies of the link on a stiff spring [Hz]. They are above the band of a recording, in which the stiffness
-# then changes only the size of the effect.
+# Tried frequencies of the link on a stiff spring [Hz]. They are above the band of a recording: there the stiffness
+# changes only the size of the effect, so that a coarse grid is enough.
 _SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
-# Tried frequencies on a soft spring [Hz], within the band, where a frequency that is a quarter off does not fit.
+# Tried frequencies on a soft spring [Hz]. They are within the band, where an error of a quarter spoils the fit.
 _SOFT_SWINGS = np.array([7.2, 5.7, 4.5, 3.6, 2.9, 2.3, 1.8, 1.45])
-# Largest ratio of a coefficient to its shape: that of stiffnesses half way between two tried frequencies.
+# Largest ratio of a fitted compliance to that of its shape; it covers stiffnesses between two tried frequencies.
 _SPREAD = 2.5
-# Compliances that are tried near one that was found, relative to it.
+# Factors from a found compliance to those that are tried next.
 _NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
-# Frequency [Hz] below which a swing has the second number as its usual damping ratio.
+# Below this frequency [Hz] of its swing, a link has this usual damping ratio.
 _SOFT, _DAMPING_OF_SOFT = 8.0, 0.04
-# If a recording starts in motion (a share of a joint's top speed), the deflection of the spring at the start is
-# unknown. Then it is made to fade in this number of swings by at least this damping ratio, the last swing less and
-# less.
+# If a recording starts in motion (a joint is faster than `_MOVING` times its top speed), the deflection of the spring
+# at the start is unknown. It then decays with a damping ratio of at least `_FADE`, which falls to the usual one in the
+# last of `_FADING` swings.
 _MOVING, _FADING, _FADE = 0.05, 3.0, 0.5
 # Smallest and largest damping ratio that is tried.
 _DAMPING_RANGE = (0.005, 0.3)
-# Damping ratios that are tried near one that was found, relative to it.
+# Factors from a found damping ratio to those that are tried next.
 _NEARBY_DAMPING = (0.4, 0.7, 1.4, 2.5)
 Edges = tuple[float, float, float]
 """Lowest, usual and highest cutoff of the low pass of a load [Hz], see `followed_load`."""
@@ -83,7 +84,7 @@ class TransmissionCompliance(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``stiffness`` k."""
+        """One parameter: ``stiffness``, which is k."""
         least = link_inertia(robot, row_of(robot, joint)) * (2.0 * np.pi * _SLOWEST) ** 2
         return (
             Parameter(
@@ -103,7 +104,7 @@ class TransmissionCompliance(Effect):
         return tuple((1.0 / stiffness, usual_damping(stiffness, inertia)) for stiffness in tried)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """Shapes near the last one, and the last estimate, which alone would not find the frequency of a resonance."""
+        """Shapes near the last one, then the last estimate; the estimate alone would not find a resonance."""
         compliance, damping = shape
         least, most = _DAMPING_RANGE
         dampings = (share * damping for share in _NEARBY_DAMPING)
@@ -114,7 +115,7 @@ class TransmissionCompliance(Effect):
         )
 
     def at_estimate(self, coefficients: Array, shape: Shape) -> Shape:
-        """The compliance of the coefficient, with the same damping ratio."""
+        """The fitted compliance, with the damping ratio of ``shape``."""
         return (max(float(coefficients[0]), _LEAST), shape[1])
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -127,7 +128,7 @@ class TransmissionCompliance(Effect):
         return Signature(rows, change[:, list(rows), None], ("compliance",), (unit,))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Near the shape, which determines the frequency of the swing."""
+        """Bounds of the compliance, near that of the shape, which determines the frequency of the swing."""
         return ((shape[0] / _SPREAD, shape[0] * _SPREAD),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -135,7 +136,7 @@ class TransmissionCompliance(Effect):
         return np.array([1.0 / max(float(coefficients[0]), _LEAST)])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The compliance, because an undetected compliance is below a limit, while its stiffness is above one."""
+        """Size of the effect: the compliance, which is zero for a rigid transmission; the stiffness is infinite."""
         return "compliance", np.array([1.0])
 
     def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
@@ -145,11 +146,11 @@ class TransmissionCompliance(Effect):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """Stiffness that belongs to a compliance."""
+        """The stiffness, from the compliance ``size``."""
         return (1.0 / size,) if size > 0 else None
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """An encoder on the link's side does not show the deflection."""
+        """Reason if the encoder is on the link's side and does not show the deflection."""
         return behind_encoder(robot, row_of(robot, joint))
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -176,7 +177,7 @@ class TransmissionCompliance(Effect):
 
 
 def moving_mass(robot: Robot, row: int) -> float:
-    """Reduced inertia of rotor and link of a joint on the spring between them, with all joints at zero."""
+    """Reduced inertia ``I_rotor I_link / (I_rotor + I_link)`` of a joint, with all joints at zero."""
     rotor, link = float(robot.rotor_inertia[row]), link_inertia(robot, row)
     return rotor * link / (rotor + link)
 
@@ -187,7 +188,7 @@ def link_inertia(robot: Robot, row: int) -> float:
 
 
 def usual_damping(stiffness: float, inertia: float) -> float:
-    """Damping ratio of a link on a spring if it is not known; soft springs have less."""
+    """Usual damping ratio of a link on a spring, for springs whose damping is unknown; soft springs have less."""
     return _DAMPING_OF_SOFT if stiffness < inertia * (2.0 * np.pi * _SOFT) ** 2 else SWING_DAMPING
 
 
@@ -256,27 +257,27 @@ def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> Array:
 
 @jit
 def swing_loop(half: Array, pull: Array, spring: Array, drag: Array, out: Array) -> None:
-    """As `swing_steps`, written into an array of zeros: compiling an allocation would take longer than the rest."""
+    """Compiled part of `swing_steps`; ``out`` is an array of zeros, because compiling an allocation takes long."""
     out[0, 0] = pull[0] / spring[0]
     place, speed, gain = out[0, 0], 0.0, 0.0
     for k in range(1, len(pull)):
         h = half[k - 1]
         # Position and velocity without the next acceleration; h^2 and h times this acceleration are added below.
-        ahead, faster = place + h * (2.0 * speed + h * gain), speed + h * gain
-        gain = (pull[k] - drag[k] * faster - spring[k] * ahead) / (1.0 + h * (drag[k] + h * spring[k]))
-        place, speed = ahead + h * h * gain, faster + h * gain
+        known_place, known_speed = place + h * (2.0 * speed + h * gain), speed + h * gain
+        gain = (pull[k] - drag[k] * known_speed - spring[k] * known_place) / (1.0 + h * (drag[k] + h * spring[k]))
+        place, speed = known_place + h * h * gain, known_speed + h * gain
         out[0, k], out[1, k], out[2, k] = place, speed, gain
 
 
 def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edges) -> float:
-    """Frequency [Hz] up to which ``load`` is larger than its noise from an encoder that rounds to ``step``."""
+    """Frequency [Hz] up to which ``load`` exceeds the noise due to an encoder that rounds to ``step``."""
     if step is None or len(t) < 16:
         return edges[1]
     rate = (len(t) - 1) / float(t[-1] - t[0])
     f, power = power_density(load, rate, min(len(t), int(2.0 * rate)))
     noise = (inertia * step * (2.0 * np.pi * f) ** 2) ** 2 / (6.0 * rate)
-    lost = np.flatnonzero((power < 4.0 * noise) & (f > edges[0]))
-    return edges[2] if len(lost) == 0 else min(float(f[lost[0]]), edges[2])
+    noisy = np.flatnonzero((power < 4.0 * noise) & (f > edges[0]))
+    return edges[2] if len(noisy) == 0 else min(float(f[noisy[0]]), edges[2])
 
 
 def _followed(t: Array, load: Array, edge: float) -> Array:

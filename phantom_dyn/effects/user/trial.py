@@ -1,6 +1,6 @@
-"""Checks an effect that a user defined: its law and its columns are computed on a short motion before any fit.
+"""Checks an effect that a user defined: computes its law and its columns on a short motion before any fit.
 
-So an error in the effect is reported in one sentence, and causes no exception and no wrong size in a diagnosis.
+An error in the effect is then reported in one sentence, before it causes an exception or a wrong size in a diagnosis.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _SAMPLES, _SECONDS = 64, 2.0
 # Half the range of the motion [rad or m]: of a revolute joint, of a prismatic joint, and of any joint in a closed
 # chain, whose loops may not close in a larger range.
 _TURN, _SLIDE, _CHAIN = 0.5, 0.1, 0.05
-# Share of the largest torque by which a law may miss a condition because of rounding; a wrong law misses by more.
+# Tolerance of each condition on a law, as a share of the largest torque; it allows for rounding errors.
 _ROUNDING = 1e-6
 
 
@@ -55,7 +55,7 @@ def tried(effect: Effect, robot: Robot, origin: str) -> Effect:
     Args:
         effect: The effect of a user.
         robot: The robot that the effect is for.
-        origin: Where the effect is from, as the beginning of a sentence: ``my_effects.py: class QuadraticDrag``.
+        origin: File and class of the effect, with which messages begin: ``my_effects.py: class QuadraticDrag``.
 
     Raises:
         EffectError: If something is wrong with the effect; the message says what to do.
@@ -124,7 +124,7 @@ def _require_words(effect: Effect, known: tuple[Parameter, ...], origin: str) ->
 def _parameters(
     effect: Effect, robot: Robot, joint: str | None, origin: str
 ) -> tuple[Float[Array, " p"], tuple[Parameter, ...]]:
-    """Possible values of the effect's parameters, and the parameters."""
+    """Checked parameters of the effect: an allowed value of each, and the parameters themselves."""
     known = _asked(origin, "parameters", lambda: effect.parameters(robot, joint))
     if not isinstance(known, tuple) or not known or not all(isinstance(one, Parameter) for one in known):
         raise EffectError(f"{origin}: parameters gave {_kind(known)}, wanted a tuple of Parameter: return one.")
@@ -147,7 +147,7 @@ def _parameters(
 
 
 def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
-    """Check that the law is linear in parameters without ``tried``, acts on its joint only, and fits its attributes."""
+    """Check that a law is zero for zero parameters, linear, on its joint only, and consistent with its attributes."""
     known = effect.parameters(robot, joint)
     shape = _first_shape(known, origin)
     linear = [one for one in known if not one.tried]
@@ -180,7 +180,7 @@ def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: s
 def _require_momentary(
     operation: Operation, law: Callable[[Operation], Array], whole: Array, least: float, origin: str
 ) -> None:
-    """Check that the torque of a sample depends on this sample only, because a simulation knows no other."""
+    """Check that the torque of a sample depends on this sample only, because a simulation has no other samples."""
     samples = range(0, _SAMPLES, 7)
     try:
         alone = np.concatenate([law(at_moment(operation.robot, _moment(operation, k))) for k in samples])
@@ -217,7 +217,11 @@ def _require_linear(
 def _require_said(
     effect: LawEffect, operation: Operation, law: Callable[[Operation], Array], least: float, origin: str
 ) -> None:
-    """Check that ``made_of`` names accelerations and torques if the law uses them; they have noise and model errors."""
+    """Check that ``made_of`` names accelerations and the model's torque if the law uses them.
+
+    Both have errors (noise, and errors of the model) that the diagnosis takes into account. The law uses an input if
+    its torque changes when the input is scaled by 1.1.
+    """
     whole, robot = law(operation), operation.robot
     tau = 1.1 * operation.tau
     loaded = Operation(operation.t, operation.q, operation.v, operation.a, robot, tau, tau, tau)
@@ -253,7 +257,8 @@ def _first_shape(known: tuple[Parameter, ...], origin: str) -> Shape:
 def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
     """Check that columns that a user defined are minus the torque of the law per coefficient."""
     shapes = _asked(origin, "shapes", lambda: effect.shapes(robot, operation, joint))
-    if not shapes:  # this motion cannot show the effect, such as a wave that needs several periods
+    # Without shapes this motion cannot show the effect, such as a wave that needs several periods.
+    if not shapes:
         return
     shape = shapes[0]
     made = _asked(origin, "signature", lambda: effect.signature(robot, operation, joint, shape))
@@ -284,7 +289,7 @@ def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: 
 
 
 def _torque(effect: Effect, robot: Robot, operation: Operation, joint: str | None, theta: Array, origin: str) -> Array:
-    """Torque of the law, if it is a finite number for every sample and joint."""
+    """Torque of the law, checked to be a finite number for every sample and joint."""
     torque: Any = _asked(origin, "torque", lambda: effect.torque(robot, operation, joint, theta))
     wanted = (len(operation.t), robot.nv)
     if not isinstance(torque, np.ndarray) or torque.shape != wanted:
@@ -318,4 +323,5 @@ def _asked(origin: str, method: str, call: Callable[[], R]) -> R:
 
 
 def _kind(given: object) -> str:
+    """Type of a value in words, for messages."""
     return "nothing" if given is None else f"a {type(given).__name__}"

@@ -1,8 +1,8 @@
-"""Adds effects to those of the catalogue: from a user's file, from classes, and from installed packages.
+"""Adds effects of a user to a robot: from a Python file, from classes, and from installed packages.
 
 They are stored in the robot (`Robot.user_effects`), so that every process with the robot, also a worker on another
-machine, has the same effects. A file is run as Python in a module of its own that cannot be imported; its classes are
-pickled by value for workers.
+machine, has the same effects. A file is run as a Python module that cannot be imported; its classes are pickled by
+value for workers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GROUP = "phantom_dyn.effects"
 EffectsLike = str | Path | Effect | type[Effect] | Iterable[str | Path | Effect | type[Effect]]
 """Effects as a user may give them: the path of a Python file, classes or instances; one or several."""
 
-# Origin of an effect (the beginning of a sentence), and its class or the effect itself.
+# Origin of an effect (file, class or package, with which messages begin), and its class or the effect itself.
 _Offered = tuple[str, Effect | type[Effect]]
 
 
@@ -48,7 +48,7 @@ def with_user_effects(robot: Robot, given: EffectsLike = ()) -> Robot:
     known = {effect.name: "the catalogue has" for effect in EFFECTS}
     known |= {effect.name: "the robot has" for effect in robot.user_effects}
     in_robot = {effect.name for effect in robot.user_effects}
-    installed = [one for one in _installed() if getattr(one[1], "name", "") not in in_robot]
+    installed = [(origin, effect) for origin, effect in _installed() if getattr(effect, "name", "") not in in_robot]
     out: list[Effect] = []
     for origin, offered in (*installed, *_given(given)):
         effect = tried(_made(offered, origin), robot, origin)
@@ -98,7 +98,7 @@ def effects_in(path: str | Path) -> tuple[_Offered, ...]:
 
 
 def _run(file: Path, code: Any) -> ModuleType:
-    """Module of a file; it is in ``sys.modules`` while it runs, because dataclasses look it up by name."""
+    """Run a file, and return its module; while it runs it is in ``sys.modules``, where dataclasses look it up."""
     module = ModuleType(f"effects of {file}")
     module.__file__ = str(file)
     sys.modules[module.__name__] = module
@@ -115,11 +115,11 @@ def _run(file: Path, code: Any) -> ModuleType:
 
 
 def _line(error: BaseException, file: Path) -> str:
-    """Last line of the file in the traceback of an error, as `` in line 3``."""
-    line, at = None, error.__traceback__
-    while at is not None:
-        line = at.tb_lineno if at.tb_frame.f_code.co_filename == str(file) else line
-        at = at.tb_next
+    """Number of the last line of the file in the traceback of an error, in words, as `` in line 3``."""
+    line, entry = None, error.__traceback__
+    while entry is not None:
+        line = entry.tb_lineno if entry.tb_frame.f_code.co_filename == str(file) else line
+        entry = entry.tb_next
     return "" if line is None else f" in line {line}"
 
 
@@ -167,7 +167,11 @@ def _origin(point: EntryPoint) -> str:
 
 
 def _made(offered: Effect | type[Effect], origin: str) -> Effect:
-    """An instance of the offered class, or the offered instance, if it is a complete effect."""
+    """An instance of the offered class, or the offered instance itself.
+
+    Raises:
+        EffectError: If the class is not an effect, is not complete, or needs arguments.
+    """
     if isinstance(offered, Effect):
         return offered
     if not issubclass(offered, Effect):
