@@ -1,4 +1,4 @@
-"""Write a simulated machine and its effects as arrays for compiled steps, if each effect has a compiled law."""
+"""Converts a simulated machine and its effects to arrays for compiled steps, if each effect has a compiled law."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def compiled(
 ) -> tuple[Arm, EffectLaws] | None:
     """Arrays of machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``.
 
-    None if an effect has a law in Python only, so that the steps cannot be compiled.
+    Returns:
+        Machine and laws; None if an effect has a law in Python only, so that the steps cannot be compiled.
     """
     laws = [law for effect in effects for law in effect.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
@@ -35,7 +36,7 @@ def compiled(
 
 
 def require_closed_loops(arm: Arm, t: float, robot: Robot) -> None:
-    """Raise an error with the name of the loop if compiled steps ended because a loop could not be closed.
+    """Raise an error that names the loop, if compiled steps ended because a loop could not be closed.
 
     Args:
         arm: The simulated machine.
@@ -55,7 +56,7 @@ def require_closed_loops(arm: Arm, t: float, robot: Robot) -> None:
 
 
 def control_of(controller: Callable, robot: Robot) -> Control:
-    """Write a tracking controller as arrays; for any other controller they are zero."""
+    """Arrays of a tracking controller; arrays of zeros for any other controller."""
     if not isinstance(controller, Tracking):
         return Control(GIVEN, np.zeros(2), np.zeros((2, robot.nv, 6)), np.zeros(robot.nv), np.zeros(1, np.int64))
     law = controller
@@ -70,6 +71,7 @@ def _is_silent(effect: Simulated) -> bool:
 
 
 def _arm(machine: Machine) -> Arm:
+    """Arrays of the machine."""
     robot, nv, loose = machine.robot, machine.nv, list(machine.loose)
     joint_constants, joint_indices = joint_rows(robot.arrays)
     drives = np.array(machine.drives, np.int64)
@@ -90,7 +92,7 @@ def _arm(machine: Machine) -> Arm:
 
 
 def _chain(robot: Robot) -> Chain:
-    """How the tree follows the active joints, with friction and rotor inertias of the passive joints."""
+    """Positions of the tree as a function of the active joints, and friction and rotor inertias of passive joints."""
     chain = robot.chain
     if chain is None:
         empty = np.zeros(0)

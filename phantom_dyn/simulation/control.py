@@ -1,4 +1,4 @@
-"""Controllers that interpolate tables over time.
+"""Controllers of simulated drives, which interpolate tables of references, gains and torques over time.
 
 `Tracking` is the only controller that compiled simulations evaluate without Python.
 """
@@ -56,7 +56,7 @@ class Tracking(ReadOnlyArrays):
             raise ParameterError("A limit of a tracking law is negative or not a number: give zero or more.")
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
-        """Torque at time ``t`` from position readings and velocities, shape ``(nv,)``."""
+        """Torque [N m or N] at time ``t`` from position readings and velocities, shape ``(nv,)``."""
         k = int(np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2))
         share = min(max((t - self.t[k]) / (self.t[k + 1] - self.t[k]), 0.0), 1.0)
         f, q_ref, v_ref, kp, kd, extra = (
@@ -67,7 +67,7 @@ class Tracking(ReadOnlyArrays):
 
 
 def with_late_references(law: Tracking, delays: Float[Array, " nv"]) -> Tracking:
-    """The law with delayed references; before the first reference arrives, its value applies.
+    """The law with delayed references; before the first reference arrives, the value of the first reference applies.
 
     Args:
         law: Law with the references at the times at which they are sent.
@@ -98,7 +98,7 @@ def position_control(
     kp: Float[Array, " nv"],
     kd: Float[Array, " nv"],
 ) -> Tracking:
-    """A position controller with constant gains and without a limit."""
+    """A position controller with constant gains and without a limit; arguments as in `Tracking`."""
     q_ref = np.asarray(q_ref, dtype=float)
     none = np.zeros_like(q_ref)
     gains = np.broadcast_to(kp, q_ref.shape), np.broadcast_to(kd, q_ref.shape)

@@ -1,12 +1,17 @@
-"""Simulate what would be recorded of a robot that differs from its model and whose drives follow a controller.
+"""Simulates the recording of a robot that differs from its model by effects, and whose drives follow a controller.
 
-Effects enter through the channels of `phantom_dyn.effects.simulated.Simulated`: command -> drive -> transmission ->
-links -> reading. Within a channel they act in the order in which they are given. Friction, rotor and the effects'
-torques act on the motor's side of an elastic transmission.
+Effects change the signals between controller and recording (`phantom_dyn.effects.simulated.Simulated`): command ->
+drive -> transmission -> links -> reading. Several effects on one signal act in the order in which they are given.
+Friction, rotor and torques of effects act on the motor's side of an elastic transmission.
 
-If each effect has a compiled law, the steps are compiled and do not hold the GIL. If the controller is also a
-`phantom_dyn.simulation.control.Tracking`, no Python runs between the first and the last sample. Otherwise the steps are
-computed in Python, and `Channels` evaluates the effects' laws.
+There are three ways to compute the steps:
+
+- Each effect has a compiled law, and the controller is a `phantom_dyn.simulation.control.Tracking`: all steps are
+  compiled, and no Python runs between the first and the last sample.
+- Each effect has a compiled law, and the controller is a Python function: each step is compiled.
+- An effect has no compiled law: all steps are computed in Python, and `Channels` evaluates the laws.
+
+Compiled steps do not hold the GIL.
 """
 
 from __future__ import annotations
@@ -30,15 +35,15 @@ from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_
 
 Controller = Callable[[float, Array, Array], Array]
 """Commanded torque of the drives [N m or N], (nv,), from time, position readings and velocities at the encoders."""
-# Speed [rad/s or m/s] that no robot reaches: a higher one means that the simulation diverged.
+# Speed [rad/s or m/s] that no robot reaches: a higher speed means that the simulation diverged.
 _TOO_FAST = 1e6
-# Name of the motors' initial positions in messages.
+# Names of the initial positions and velocities of the motors in messages.
 _MOTORS = ("motors[0]", "motors[1]")
 
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect, its joint (or None), and its parameters in the effect's order."""
+    """An effect of the simulated robot, its joint (None for the whole robot), and its parameters in their order."""
 
     effect: Effect
     joint: str | None
@@ -50,9 +55,10 @@ class Given:
     """Initial state of the motors, and motion of the base.
 
     Attributes:
-        motors: Initial positions and velocities of the motors on elastic transmissions, one for each joint; those of
-            other joints are ignored. None: each transmission carries the load of its link at constant speed.
-        base: Motion of the root of a floating robot at the times of the samples, interpolated linearly.
+        motors: Initial positions and velocities of the motors on elastic transmissions, one for each joint; values of
+            joints with a rigid transmission are ignored. None: at the start each transmission carries the load of its
+            link at constant speed.
+        base: Motion of the root of a floating robot at the times of the samples; it is interpolated linearly.
     """
 
     motors: tuple[Float[Array, " nv"], Float[Array, " nv"]] | None = None
@@ -119,11 +125,11 @@ def simulate(
         raise ParameterError(f"The motion of the base has {len(base)} samples, wanted {len(t)}, one a time.")
     parts = tuple(cause.effect.simulated(robot, cause.joint, np.asarray(cause.theta, dtype=float)) for cause in causes)
     controller = _with_late_references(controller, parts)
-    true = robot
+    true_robot = robot
     for part in parts:
-        true = true if part.robot is None else part.robot(true)
+        true_robot = true_robot if part.robot is None else part.robot(true_robot)
     machine = machine_of(
-        true,
+        true_robot,
         tuple(part.transmission for part in parts if part.transmission is not None),
         tuple(part.inertia for part in parts if part.inertia is not None),
     )
@@ -145,6 +151,7 @@ def simulate(
 
 
 def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Array], max_step: float) -> None:
+    """Raise a `ParameterError` for wrong arguments of `simulate`."""
     if np.ndim(t) != 1 or len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
         raise ParameterError("The times of a simulation do not increase: give at least two, each later than the last.")
     for name, values in starts.items():
@@ -176,15 +183,15 @@ def _with_late_references(controller: Controller, parts: tuple[Simulated, ...]) 
 def _compiled(
     arm: Arm, laws: EffectLaws, moving: Moving, channels: Channels, plan: Plan, controller: Controller, robot: Robot
 ) -> Rows:
-    """Make compiled steps: all in one call for a tracking law, else one call after each call of the controller."""
+    """Recorded values from compiled steps: one call for a tracking law, else one after each call of the controller."""
     rows = rows_for(len(plan.t), robot.nv, len(moving.x))
     control = control_of(controller, robot)
 
     def run(now: Plan, out: Rows) -> None:
-        broke = run_arm(arm, laws, control, moving, now, out)
-        if broke >= 0:
-            require_closed_loops(arm, float(now.t[broke]), robot)
-            raise RunawayError(float(now.t[broke]))
+        failed_at = run_arm(arm, laws, control, moving, now, out)
+        if failed_at >= 0:
+            require_closed_loops(arm, float(now.t[failed_at]), robot)
+            raise RunawayError(float(now.t[failed_at]))
 
     if isinstance(controller, Tracking):
         run(plan, rows)
@@ -194,14 +201,15 @@ def _compiled(
         sample = slice(k, k + 1)
         t, h, out = plan.t[sample], plan.steps[sample], Rows(*(part[sample] for part in rows))
         base = plan.base[k : k + 2]
-        moving.asked[:] = channels.ask(float(t[0]), moving.x, moving.v)
+        moving.commanded[:] = channels.command(float(t[0]), moving.x, moving.v)
         if _is_held(robot):
             run(Plan(t, h, plan.counts[sample], plan.far, base), out)
             continue
+        # Without steps this call only records the sample.
         run(Plan(t, h, none, plan.far, base), out)
         for i in range(plan.counts[k]):
             x, v = moving.x + 0.5 * h * moving.v, moving.v + 0.5 * h * moving.a
-            moving.asked[:] = channels.ask(float(t[0] + (i + 0.5) * h[0]), x, v)
+            moving.commanded[:] = channels.command(float(t[0] + (i + 0.5) * h[0]), x, v)
             run(Plan(t, h, one, plan.far, _within(base, i / plan.counts[k], (i + 1) / plan.counts[k])), scratch)
             if i == 0:
                 rows.after[k] = moving.a
@@ -209,10 +217,10 @@ def _compiled(
 
 
 def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -> Rows:
-    """Make steps in Python, for any machine with any effects."""
+    """Recorded values from steps in Python, for any machine with any effects."""
     rows = rows_for(len(plan.t), machine.nv, len(state.x))
     for k, (t, h, count) in enumerate(zip(plan.t.tolist(), plan.steps.tolist(), plan.counts.tolist(), strict=True)):
-        rows.asked[k], rows.given[k] = channels.sample(t, state)
+        rows.commanded[k], rows.delivered[k] = channels.sample(t, state)
         rows.q[k], rows.x[k], rows.v[k] = channels.reading(state), state.x, state.v
         rows.before[k] = rows.after[k] = state.a
         for i in range(count):
@@ -227,41 +235,42 @@ def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -
 
 
 def _within(ends: Float[Array, "n 9"], *shares: float) -> Float[Array, "m 9"]:
-    """Motion of the base between two samples, at shares of their distance; empty if the base is fixed."""
+    """Motion of the base between two samples, at shares (0 to 1) of the time between them; empty for a fixed base."""
     return np.array([(1.0 - share) * ends[0] + share * ends[1] for share in shares]) if len(ends) else ends
 
 
 class Channels:
-    """The channels of the effects, with their states."""
+    """Functions of all effects on commands, torques and readings, with their states, for steps in Python."""
 
     def __init__(self, machine: Machine, parts: tuple[Simulated, ...], controller: Controller, *, held: bool):
         self._controller, self._held = controller, held
-        self._seen, self._drives = list(machine.encoders), list(machine.drives)
+        self._encoders, self._drives = list(machine.encoders), list(machine.drives)
         self._readings = [part.reading for part in parts if part.reading is not None]
         self._commands = [part.command for part in parts if part.command is not None]
         self._laws = [part.torque for part in parts if part.torque is not None]
         self._command_states = [part.start for part in parts if part.command is not None]
         self._law_states = [part.start for part in parts if part.torque is not None]
-        self._asked = np.zeros(machine.robot.nv)
-        self._given: Array | None = None
+        self._commanded = np.zeros(machine.robot.nv)
+        self._delivered: Array | None = None
 
     def reading(self, state: State) -> Array:
         """Position readings of a state."""
-        return self._read(state.x[self._seen])
+        return self._read(state.x[self._encoders])
 
     def _read(self, q: Array) -> Array:
+        """Position readings from true positions at the encoders."""
         for reading in self._readings:
             q = reading(q)
         return q
 
     def sample(self, t: float, state: State) -> tuple[Array, Array]:
         """Commanded torque at a sample, and torque of the drives in the previous step."""
-        self._asked = self.ask(t, state.x, state.v)
-        return self._asked, self._asked if self._given is None else self._given
+        self._commanded = self.command(t, state.x, state.v)
+        return self._commanded, self._commanded if self._delivered is None else self._delivered
 
-    def ask(self, t: float, x: Array, v: Array) -> Array:
+    def command(self, t: float, x: Array, v: Array) -> Array:
         """Torque that the controller commands at a state."""
-        tau = np.asarray(self._controller(t, self._read(x[self._seen]), v[self._seen]), dtype=float)
+        tau = np.asarray(self._controller(t, self._read(x[self._encoders]), v[self._encoders]), dtype=float)
         if tau.shape != (len(self._drives),):
             wanted = f"wanted {len(self._drives)} numbers, one a joint"
             raise ParameterError(f"The controller gave a torque of shape {tau.shape}, {wanted}.")
@@ -271,10 +280,10 @@ class Channels:
         """A function that returns the drive torque and the effects' torques in a step of ``h`` seconds."""
 
         def at(t: float, x: Array, v: Array, transmitted: Array) -> tuple[Array, Array]:
-            tau = self._asked if self._held else self.ask(t, x, v)
+            tau = self._commanded if self._held else self.command(t, x, v)
             for i, command in enumerate(self._commands):
                 self._command_states[i], tau = command(self._command_states[i], h, tau)
-            self._given = tau
+            self._delivered = tau
             added = np.zeros(len(tau))
             if not self._laws:
                 return tau, added
@@ -288,6 +297,7 @@ class Channels:
 
 
 def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simulation:
+    """The simulation from its recorded values; ``sensed`` if the torque columns are the torque of the drives."""
     nv, seen = machine.nv, list(machine.encoders)
     # The mean over the steps before and after a sample; the first and the last sample have one step each.
     a = 0.5 * (rows.before + rows.after)
@@ -295,7 +305,7 @@ def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simula
     x, v = rows.x, rows.v
     links = Motion(t, x[:, :nv], v[:, :nv], a[:, :nv])
     encoders = Motion(t, x[:, seen], v[:, seen], a[:, seen])
-    return Simulation(t, rows.q, rows.given if sensed else rows.asked, encoders, links)
+    return Simulation(t, rows.q, rows.delivered if sensed else rows.commanded, encoders, links)
 
 
 def _is_held(robot: Robot) -> bool:

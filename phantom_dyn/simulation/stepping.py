@@ -1,10 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
 r"""One simulation step of a robot with dry friction and elastic transmissions.
 
-The step is the midpoint rule for velocities. The positions :math:`x` are those of the joints, followed by those of the
-motors on elastic transmissions: :math:`(A + \tfrac{h}{2} D)\,(v^+ - v) = h\,(f - D v) + \lambda`. Here :math:`A` and
-:math:`f` are evaluated half a step ahead, and :math:`D` is viscous friction. The impulse :math:`|\lambda_j| \le h T_j`
-of Coulomb friction opposes :math:`v^+_j`, so a joint at rest sticks. The rule is of second order for smooth motion.
+The step is the midpoint rule for velocities: :math:`(A + \tfrac{h}{2} D)\,(v^+ - v) = h\,(f - D v) + \lambda`. The
+positions :math:`x` with velocities :math:`v` are those of the joints, followed by those of the motors on elastic
+transmissions. The inertia :math:`A` and the forces :math:`f` are evaluated half a step ahead; :math:`D` is viscous
+friction. The impulse :math:`|\lambda_j| \le h T_j` of Coulomb friction opposes :math:`v^+_j`, so a joint at rest
+sticks. The rule is of second order for smooth motion.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from phantom_dyn.simulation.compiled.arm_steps import spring_torque
 
 Torques = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 """Drive torque and the effects' torques, shape (nv,) each, from time, positions and velocities, transmitted torque."""
-# Phase of the fastest transmission in one step [rad]: the error of its frequency is then 0.1 %.
+# Phase by which the fastest transmission oscillates in one step [rad]; the error of its frequency is then 0.1 %.
 _PHASE_PER_STEP = 0.15
 
 
@@ -55,7 +56,7 @@ class Machine:
     coupled: Float[Array, "nv nv"]
     workspace: pin.Data = field(repr=False, compare=False)
 
-    # Cached below: functions of the fields alone, asked for at every step.
+    # Cached, because every step needs these functions of the fields.
     @cached_property
     def nv(self) -> int:
         """Number of joints."""
@@ -68,13 +69,13 @@ class Machine:
 
     @cached_property
     def drives(self) -> tuple[int, ...]:
-        """Index of each joint's motor in ``x``: that of the joint, or one after all joints."""
+        """Index of each joint's motor in ``x``: the index of the joint, or one after all joints if it is elastic."""
         nv = self.robot.nv
         return tuple(nv + self.loose.index(j) if j in self.loose else j for j in range(nv))
 
     @cached_property
     def friction_places(self) -> FrictionPlaces:
-        """Places of dry friction: it acts on the motors."""
+        """Places of dry friction, which are the motors."""
         return friction_on_motors(np.array(self.drives), self.nv + len(self.loose))
 
     @cached_property
@@ -93,8 +94,8 @@ class State:
         v: Velocities, shape ``(nv + m,)``.
         a: Mean accelerations of the last step, shape ``(nv + m,)``.
         transmitted: Torque that the transmissions pass to the links, shape ``(nv,)``.
-        tree: Positions of the tree of a closed chain in the last step, near which the next positions are searched.
-            None before the first step and without a closed chain.
+        tree: Positions of the tree of a closed chain in the last step, from which the search for the next positions
+            starts. None before the first step and without a closed chain.
     """
 
     x: Float[Array, " n"]
@@ -109,7 +110,7 @@ def machine_of(
 ) -> Machine:
     """Machine with elastic transmissions and with additional inertias on the motors' side.
 
-    Several transmissions on one joint are in series: the sum of their gaps and the softest spring apply.
+    Several transmissions on one joint are combined: the sum of their gaps and the softest spring apply.
 
     Raises:
         ParameterError: If a motor on an elastic transmission has no inertia.
@@ -147,7 +148,7 @@ def longest_step(machine: Machine, q: Float[Array, " nv"]) -> float:
 def in_balance(
     machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"], base: BaseMotion | None = None
 ) -> State:
-    """State at link positions ``q`` and velocities ``v`` whose transmissions carry the load of unaccelerated links."""
+    """State at link positions ``q`` and velocities ``v``; transmissions carry the load of links at constant speed."""
     rows = list(machine.loose)
     links = Motion(np.zeros(1), q[None], v[None], np.zeros((1, len(q))), base=base)
     load = link_torque(machine.robot, links)[0]
@@ -168,16 +169,16 @@ def with_motors(machine: Machine, state: State, q: Float[Array, " nv"], v: Float
 def stepped(
     machine: Machine, state: State, t: float, h: float, torques: Torques, base: BaseMotion | None = None
 ) -> State:
-    """The state after one step of ``h`` seconds from time ``t``; ``base`` is the base's motion half a step ahead."""
+    """The state after one step of ``h`` seconds from time ``t``; ``base``: motion of the base half a step ahead."""
     robot, nv, drives = machine.robot, machine.nv, list(machine.drives)
     x, v = state.x + 0.5 * h * state.v, state.v + 0.5 * h * state.a
     inertia, bias, tree = _links(machine, x[:nv], v[:nv], state.tree, base)
     spring = _spring_torque(machine, x, v)
-    given, added = torques(t + 0.5 * h, x, v, state.transmitted)
+    delivered, added = torques(t + 0.5 * h, x, v, state.transmitted)
 
     force = np.zeros(len(x))
     force[:nv] = -bias
-    force[drives] += given + added
+    force[drives] += delivered + added
     force[list(machine.loose)] += spring
     force[nv:] -= spring
     viscous = np.zeros(len(x))
@@ -188,7 +189,7 @@ def stepped(
     dry = np.zeros(nv)
     apply_dry_friction(mobility, speed, machine.friction_places, dry, robot.coulomb_friction, h)
     a = (speed - state.v) / h
-    transmitted = given + added - machine.rotor * a[:nv] - robot.viscous_friction * speed[drives] + dry
+    transmitted = delivered + added - machine.rotor * a[:nv] - robot.viscous_friction * speed[drives] + dry
     transmitted[list(machine.loose)] = spring
     return State(x + 0.5 * h * speed, speed, a, transmitted, tree)
 
@@ -208,10 +209,10 @@ def _links(
         upper = pin.crba(robot.model, machine.workspace, configuration)
         mass = np.where(np.tri(nv, dtype=bool).T, upper, upper.T)
         bias = pin.nonLinearEffects(robot.model, machine.workspace, configuration, v)
-        at = None
+        tree_positions = None
     else:
         tree = tree_motion(robot, Motion(np.zeros(1), q[None], v[None], np.zeros((1, nv)), base=base), near=near)
-        mass, at = mass_matrix_of_tree(robot, tree)[0], tree.q[0]
+        mass, tree_positions = mass_matrix_of_tree(robot, tree)[0], tree.q[0]
         bias = body_torque_of_tree(robot, tree)[0] + passive_friction(robot, tree)[0]
     out = np.zeros((nv + len(rows), nv + len(rows)))
     out[:nv, :nv] = mass
@@ -221,7 +222,7 @@ def _links(
     motors = np.arange(nv, len(out))
     out[motors, motors] = rotor
     out[np.ix_(machine.drives, machine.drives)] += machine.coupled
-    return out, bias, at
+    return out, bias, tree_positions
 
 
 def _spring_torque(machine: Machine, x: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " m"]:

@@ -1,8 +1,8 @@
 """Compiled simulation steps of a tree of joints with one degree of freedom.
 
 Some joints may have an elastic transmission between motor and link. The integrator is the midpoint rule of
-`phantom_dyn.simulation.stepping`. A closed chain has ``nv`` active joints, which its passive joints follow. Laws of
-effects are called by their numbers, see `phantom_dyn.effects.compiled_laws`.
+`phantom_dyn.simulation.stepping`. A closed chain has ``nv`` active joints, from which the motion of its passive joints
+follows. Laws of effects are called by their numbers, see `phantom_dyn.effects.compiled_laws`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from phantom_dyn._kernels.jit import inlined_jit, jit
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias, move_root
 from phantom_dyn.array_types import Array
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Laws, Moving, Plan, Rows
-from phantom_dyn.simulation.compiled.channels import effect_torque, given_by_drive, place_in, read, tracking
+from phantom_dyn.simulation.compiled.channels import delivered_by_drive, effect_torque, place_in, read, tracking
 
 
 class Arm(NamedTuple):
@@ -25,7 +25,8 @@ class Arm(NamedTuple):
     Attributes:
         joint_constants: Constants of each joint of the tree, from `joint_rows`.
         joint_indices: Parent, kind and velocity index of each joint, from `joint_rows`.
-        root: Motion of the root from `at_root`; copied before it is changed to the motion in a plan.
+        root: Motion of the root from `at_root`, of a fixed base; `run_arm` copies it and writes the motion of a moving
+            base into the copy.
         added_inertia: Inertia that is added to that of the links (rotors, couplings), ``(n, n)``.
         rotor: Inertias of the rotors, ``(nv,)``.
         viscous: Viscous coefficients, ``(nv,)``.
@@ -33,10 +34,10 @@ class Arm(NamedTuple):
         drives: Index of each joint's motor in the state, ``(nv,)``.
         encoders: Index of the position that each joint's encoder measures, motor or link, ``(nv,)``.
         loose: Joints with an elastic transmission, ``(m,)``.
-        stiffness: Stiffness of their transmissions, ``(m,)``.
-        damping: Damping of their transmissions, ``(m,)``.
-        gap: Backlash of their transmissions, ``(m,)``.
-        chain: How the tree follows the active joints.
+        stiffness: Stiffness of their transmissions [N m/rad or N/m], ``(m,)``.
+        damping: Damping of their transmissions [N m s/rad or N s/m], ``(m,)``.
+        gap: Full width of their backlash [rad or m], ``(m,)``.
+        chain: Positions of all joints of the tree as a function of the active joints.
     """
 
     joint_constants: Array
@@ -57,60 +58,70 @@ class Arm(NamedTuple):
 
 @jit
 def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: Plan, rows: Rows) -> int:
-    """Record N samples and make the planned steps after each.
+    """Simulate: record each of the N samples, and make the planned steps after it.
+
+    Args:
+        arm: The machine.
+        laws: Laws of all effects; their states are updated.
+        control: Source of the commanded torque.
+        moving: State of the machine, which is updated.
+        plan: Times of samples and steps.
+        rows: Output: the recorded values.
 
     Returns:
-        The sample after which a speed exceeded ``plan.far`` or loops could not be closed; -1 if that did not happen.
+        The sample after which a speed exceeded ``plan.far`` or loops could not be closed; -1 if neither happened.
     """
     row = arm.root.copy()
-    drives, seen, mode = arm.drives, arm.encoders, control.mode
+    drives, encoders, mode = arm.drives, arm.encoders, control.mode
     x, v, a, transmitted, friction = moving.x, moving.v, moving.a, moving.transmitted, moving.friction
-    asked, given = moving.asked, moving.given
+    commanded, delivered = moving.commanded, moving.delivered
     torques, commands, readings, lines = laws
     t_codes, t_rows, t_others, t_shares = torques.codes, torques.rows, torques.others, torques.shares
     t_numbers, t_state = torques.numbers, torques.state
     c_codes, c_rows, c_numbers, c_state = commands.codes, commands.rows, commands.numbers, commands.state
     rings, ends = lines.rings, lines.ends
     n, nv = len(x), len(drives)
-    mobility, y, w, push, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    mobility, y, w, applied, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     reading, bias = np.zeros(nv), np.zeros(nv)
     places = FrictionPlaces(drives, np.zeros((0, n)), np.zeros((0, n + 1)))
     for k in range(len(plan.t)):
         h = plan.steps[k]
         if mode != GIVEN:
-            ask(control, readings, seen, x, v, plan.t[k], reading, asked)
+            write_command(control, readings, encoders, x, v, plan.t[k], reading, commanded)
         else:
-            read_all(readings, seen, x, reading)
-        record(rows, k, reading, asked, given, x, v, a)
+            read_all(readings, encoders, x, reading)
+        record(rows, k, reading, commanded, delivered, x, v, a)
         for step in range(plan.counts[k]):
+            # Positions and velocities half a step ahead, at which forces and inertia are evaluated.
             for i in range(n):
                 y[i], w[i] = x[i] + 0.5 * h * v[i], v[i] + 0.5 * h * a[i]
-                push[i] = 0.0
+                applied[i] = 0.0
             if mode == AT_STEPS:
-                ask(control, readings, seen, y, w, plan.t[k] + (step + 0.5) * h, reading, asked)
+                write_command(control, readings, encoders, y, w, plan.t[k] + (step + 0.5) * h, reading, commanded)
             move_root(row, plan.base, k, (step + 0.5) / plan.counts[k])
+            # `inertia` writes the mass matrix into the array that `invert` later overwrites by its inverse.
             inertia(arm, row, y, w, h, mobility, bias)
             for j in range(nv):
-                given[j] = asked[j]
+                delivered[j] = commanded[j]
             for i in range(len(c_codes)):
                 j = int(c_rows[i])
-                given[j] = given_by_drive(c_codes, c_numbers, c_state, rings, ends, i, h, given[j])
+                delivered[j] = delivered_by_drive(c_codes, c_numbers, c_state, rings, ends, i, h, delivered[j])
             for i in range(len(t_codes)):
                 j, at, other, share = int(t_rows[i]), int(drives[t_rows[i]]), int(drives[t_others[i]]), t_shares[i]
                 rate = w[at] + share * w[other]
                 torque = effect_torque(t_codes, t_numbers, t_state, i, y[at], rate, transmitted[j])
-                push[at] += torque
-                push[other] += share * torque
-            effects_passed(drives, push, transmitted)
+                applied[at] += torque
+                applied[other] += share * torque
+            effects_passed(drives, applied, transmitted)
             for j in range(nv):
-                push[j] -= bias[j]
-                push[drives[j]] += given[j] - arm.viscous[j] * v[drives[j]]
-            transmit(arm, y, w, push, transmitted)
+                applied[j] -= bias[j]
+                applied[drives[j]] += delivered[j] - arm.viscous[j] * v[drives[j]]
+            transmit(arm, y, w, applied, transmitted)
             invert(mobility)
-            accelerate(mobility, push, v, h, speed)
+            accelerate(mobility, applied, v, h, speed)
             apply_dry_friction(mobility, speed, places, friction, arm.coulomb, h)
             slow = advance(x, v, a, y, speed, h, plan.far)
-            drives_passed(arm, given, v, a, friction, transmitted)
+            drives_passed(arm, delivered, v, a, friction, transmitted)
             if not slow:
                 return k
             if step == 0:
@@ -120,30 +131,32 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
 
 
 @jit
-def ask(
-    control: Control, readings: Laws, seen: Array, x: Array, v: Array, t: float, reading: Array, out: Array
+def write_command(
+    control: Control, readings: Laws, encoders: Array, x: Array, v: Array, t: float, reading: Array, out: Array
 ) -> None:
-    """Write the torque that the tracking law commands at a state, and write the encoder readings to ``reading``."""
+    """Write encoder readings to ``reading``, and the torque that the tracking law commands to ``out``."""
     share = place_in(control.t, control.cursor, t)
-    for j in range(len(seen)):
-        at = int(seen[j])
+    for j in range(len(encoders)):
+        at = int(encoders[j])
         reading[j] = read(readings.codes, readings.rows, readings.numbers, j, x[at])
         out[j] = tracking(control.tables, control.limits[j], control.cursor[0], share, j, reading[j], v[at])
 
 
 @inlined_jit
-def read_all(readings: Laws, seen: Array, x: Array, reading: Array) -> None:
+def read_all(readings: Laws, encoders: Array, x: Array, reading: Array) -> None:
     """Write the readings of the encoders at positions ``x``."""
-    for j in range(len(seen)):
-        reading[j] = read(readings.codes, readings.rows, readings.numbers, j, x[int(seen[j])])
+    for j in range(len(encoders)):
+        reading[j] = read(readings.codes, readings.rows, readings.numbers, j, x[int(encoders[j])])
 
 
 @inlined_jit
-def record(rows: Rows, k: int, reading: Array, asked: Array, given: Array, x: Array, v: Array, a: Array) -> None:
-    """Write sample ``k``; before the first step, the torque that the drives gave is the commanded torque."""
+def record(
+    rows: Rows, k: int, reading: Array, commanded: Array, delivered: Array, x: Array, v: Array, a: Array
+) -> None:
+    """Write sample ``k``; before the first step, the commanded torque is written as the delivered torque."""
     for j in range(len(reading)):
-        rows.q[k, j], rows.asked[k, j] = reading[j], asked[j]
-        rows.given[k, j] = asked[j] if np.isnan(given[j]) else given[j]
+        rows.q[k, j], rows.commanded[k, j] = reading[j], commanded[j]
+        rows.delivered[k, j] = commanded[j] if np.isnan(delivered[j]) else delivered[j]
     for i in range(len(x)):
         rows.x[k, i], rows.v[k, i], rows.before[k, i], rows.after[k, i] = x[i], v[i], a[i], a[i]
 
@@ -160,8 +173,8 @@ def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bia
         y: Positions, ``(n,)``.
         w: Velocities, ``(n,)``.
         h: Length of the step [s].
-        mass: Receives the matrix, ``(n, n)``.
-        bias: Receives the link torque, ``(nv,)``.
+        mass: Output: the matrix, ``(n, n)``.
+        bias: Output: the link torque, ``(nv,)``.
     """
     n = len(y)
     for i in range(n):
@@ -180,19 +193,19 @@ def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bia
 
 
 @inlined_jit
-def transmit(arm: Arm, y: Array, w: Array, push: Array, transmitted: Array) -> None:
-    """Write the torques of elastic transmissions, and add them to the push on motors and links."""
+def transmit(arm: Arm, y: Array, w: Array, applied: Array, transmitted: Array) -> None:
+    """Write the torques of elastic transmissions, and add them to the torques ``applied`` on motors and links."""
     for i in range(len(arm.loose)):
         j, at = arm.loose[i], len(arm.drives) + i
         torque = spring_torque(y[at] - y[j], w[at] - w[j], arm.stiffness[i], arm.damping[i], arm.gap[i])
-        push[j] += torque
-        push[at] -= torque
+        applied[j] += torque
+        applied[at] -= torque
         transmitted[j] = torque
 
 
 @jit
 def spring_torque(apart: float, rate: float, stiffness: float, damping: float, gap: float) -> float:
-    """Torque of a transmission on its link: zero inside the backlash, and contact only pushes."""
+    """Torque of a transmission on its link; with backlash it is zero inside the gap, and the contact cannot pull."""
     if gap <= 0.0:
         return stiffness * apart + damping * rate
     if apart > 0.5 * gap:
@@ -203,38 +216,41 @@ def spring_torque(apart: float, rate: float, stiffness: float, damping: float, g
 
 
 @inlined_jit
-def effects_passed(drives: Array, push: Array, transmitted: Array) -> None:
-    """Write the effects' torque as the first part of the torque that rigid transmissions pass on."""
+def effects_passed(drives: Array, applied: Array, transmitted: Array) -> None:
+    """Write the torque of the effects as the first part of the torque that rigid transmissions pass."""
     for j in range(len(drives)):
         if drives[j] == j:
-            transmitted[j] = push[j]
+            transmitted[j] = applied[j]
 
 
 @inlined_jit
-def drives_passed(arm: Arm, given: Array, v: Array, a: Array, friction: Array, transmitted: Array) -> None:
-    """Add, for rigid transmissions, the drive torque minus that of rotor and modelled friction."""
-    for j in range(len(given)):
+def drives_passed(arm: Arm, delivered: Array, v: Array, a: Array, friction: Array, transmitted: Array) -> None:
+    """Add to the torque of rigid transmissions the drive torque minus the torque of rotor and modelled friction."""
+    for j in range(len(delivered)):
         if arm.drives[j] == j:
-            transmitted[j] += given[j] - arm.rotor[j] * a[j] - arm.viscous[j] * v[j] + friction[j]
+            transmitted[j] += delivered[j] - arm.rotor[j] * a[j] - arm.viscous[j] * v[j] + friction[j]
 
 
 @inlined_jit
-def accelerate(mobility: Array, push: Array, v: Array, h: float, speed: Array) -> None:
-    """Write the speeds after ``h`` seconds of a push, without dry friction."""
+def accelerate(mobility: Array, applied: Array, v: Array, h: float, speed: Array) -> None:
+    """Write the speeds after ``h`` seconds of the torques ``applied``, without dry friction."""
     for i in range(len(v)):
         speed[i] = v[i]
         for j in range(len(v)):
-            speed[i] += mobility[i, j] * h * push[j]
+            speed[i] += mobility[i, j] * h * applied[j]
 
 
 @inlined_jit
 def advance(x: Array, v: Array, a: Array, y: Array, speed: Array, h: float, far: float) -> bool:
-    """Write the state after a step from half-way positions ``y`` and new speeds; False if a speed exceeds ``far``."""
+    """Write the state after a step, from half-way positions ``y`` and new speeds.
+
+    Returns:
+        False if a speed exceeds ``far`` or is NaN.
+    """
     slow = True
     for i in range(len(x)):
         a[i] = (speed[i] - v[i]) / h
         v[i] = speed[i]
         x[i] = y[i] + 0.5 * h * v[i]
-        # The comparison is False for NaN too.
         slow = slow and abs(v[i]) < far
     return slow

@@ -22,8 +22,8 @@ class Laws(NamedTuple):
         rows: Joint of each law, ``(k,)``.
         others: A second joint of each law, whose weighted speed is added, ``(k,)``.
         shares: Weight of the second joint, ``(k,)``.
-        numbers: Parameters of each law, ``(k, 4)``.
-        state: Internal state of each law, ``(k, 3)``; updated in every step.
+        numbers: Parameters of each law, filled with zeros, ``(k, 4)``.
+        state: Internal state of each law, filled with zeros, ``(k, 3)``; updated in every step.
     """
 
     codes: Array
@@ -80,10 +80,10 @@ class Control(NamedTuple):
     Attributes:
         mode: ``GIVEN``, ``AT_SAMPLES`` or ``AT_STEPS``.
         t: Times of the tables [s], ``(n,)``.
-        tables: Feedforward, reference of position and velocity, gains of both, torque that is added after the limit,
-            ``(n, nv, 6)``.
+        tables: Feedforward torque, position reference, velocity reference, position gain, velocity gain, torque that is
+            added after the limit, ``(n, nv, 6)``.
         limits: Largest commanded torques, ``(nv,)``.
-        cursor: Current row of the tables, ``(1,)``; updated in every step.
+        cursor: Row of the tables before the current time, ``(1,)``; updated in every step.
     """
 
     mode: int
@@ -97,13 +97,13 @@ class Moving(NamedTuple):
     """State of the simulated robot; all arrays are updated in every step.
 
     Attributes:
-        x: Positions of joints and loose motors, ``(n,)``.
+        x: Positions of joints, then of motors on elastic transmissions, ``(n,)``.
         v: Velocities, ``(n,)``.
         a: Mean accelerations of the last step, ``(n,)``.
-        transmitted: Torque that the transmissions passed, ``(nv,)``.
+        transmitted: Torque that the transmissions passed in the last step, ``(nv,)``.
         friction: Torque of dry friction, ``(nv,)``.
-        asked: Commanded torque of the drives, ``(nv,)``.
-        given: Torque of the drives in the last step, NaN before the first, ``(nv,)``.
+        commanded: Commanded torque of the drives, ``(nv,)``.
+        delivered: Torque of the drives in the last step, NaN before the first, ``(nv,)``.
     """
 
     x: Array
@@ -111,8 +111,8 @@ class Moving(NamedTuple):
     a: Array
     transmitted: Array
     friction: Array
-    asked: Array
-    given: Array
+    commanded: Array
+    delivered: Array
 
 
 class Rows(NamedTuple):
@@ -120,17 +120,17 @@ class Rows(NamedTuple):
 
     Attributes:
         q: Readings of the encoders, ``(N, nv)``.
-        asked: Commanded torque of the drives, ``(N, nv)``.
-        given: Torque of the drives in the step before, ``(N, nv)``.
+        commanded: Commanded torque of the drives, ``(N, nv)``.
+        delivered: Torque of the drives in the step before, ``(N, nv)``.
         x: Positions, ``(N, n)``.
         v: Velocities, ``(N, n)``.
-        before: Accelerations of the step before, ``(N, n)``.
-        after: Accelerations of the step after, ``(N, n)``.
+        before: Accelerations in the step before the sample, ``(N, n)``.
+        after: Accelerations in the step after the sample, ``(N, n)``.
     """
 
     q: Array
-    asked: Array
-    given: Array
+    commanded: Array
+    delivered: Array
     x: Array
     v: Array
     before: Array
@@ -164,7 +164,7 @@ def lines_of(laws: list[Law], t: Array, counts: Array) -> Lines:
 def _most_steps(t: Array, counts: Array, delay: float) -> float:
     """The largest number of steps that begin within ``delay`` seconds."""
     done = np.concatenate([[0.0], np.cumsum(counts[: len(t) - 1], dtype=float)])
-    # The number is linear between samples, so it is largest for an interval that begins or ends at a sample.
+    # The number of steps is piecewise linear in time, so it is largest for an interval that begins or ends at a sample.
     ends = np.concatenate([t, t + delay])
     return float(np.max(np.interp(ends, t, done) - np.interp(ends - delay, t, done)))
 

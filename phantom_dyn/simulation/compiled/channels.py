@@ -21,7 +21,7 @@ def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
 
 @inlined_jit
 def place_in(times: Array, cursor: Array, t: float) -> float:
-    """Set ``cursor[0]`` to the table row before ``t``; return where ``t`` is between this row (0) and the next (1)."""
+    """Set ``cursor[0]`` to the table row before ``t``; return the share of the interval to the next row at ``t``."""
     k = cursor[0]
     while k + 2 < len(times) and t >= times[k + 1]:
         k += 1
@@ -34,20 +34,21 @@ def place_in(times: Array, cursor: Array, t: float) -> float:
 @inlined_jit
 def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float, v: float) -> float:
     """Torque that a tracking law commands from drive ``j``, see `phantom_dyn.simulation.control`."""
+    # Linear interpolation between rows k and n of each table.
     rest, n = 1.0 - share, k + 1
     forward = rest * tables[k, j, 0] + share * tables[n, j, 0]
     wanted, speed = rest * tables[k, j, 1] + share * tables[n, j, 1], rest * tables[k, j, 2] + share * tables[n, j, 2]
     kp, kd = rest * tables[k, j, 3] + share * tables[n, j, 3], rest * tables[k, j, 4] + share * tables[n, j, 4]
     added = rest * tables[k, j, 5] + share * tables[n, j, 5]
-    asked = forward + kp * (wanted - q) + kd * (speed - v)
-    return min(max(asked, -limit), limit) + added
+    commanded = forward + kp * (wanted - q) + kd * (speed - v)
+    return min(max(commanded, -limit), limit) + added
 
 
 @inlined_jit
-def given_by_drive(
-    codes: Array, numbers: Array, state: Array, rings: Array, ends: Array, i: int, h: float, asked: float
+def delivered_by_drive(
+    codes: Array, numbers: Array, state: Array, rings: Array, ends: Array, i: int, h: float, commanded: float
 ) -> float:
-    """Output of command law ``i`` for the input ``asked`` during ``h`` seconds; updates the law's state.
+    """Output of command law ``i`` for the input ``commanded`` during ``h`` seconds; updates the law's state.
 
     Args:
         codes: Code of each law, see `Laws`.
@@ -57,13 +58,13 @@ def given_by_drive(
         ends: Ends of each ring, see `Lines`; changed.
         i: Index of the law.
         h: Length of the step [s].
-        asked: Commanded torque before the law.
+        commanded: Commanded torque before the law.
     """
     if codes[i] == DELAY:
-        ends[i, 0], ends[i, 1], given = delay_law(rings[i], ends[i, 0], ends[i, 1], numbers[i, 0], h, asked)
-        return given
-    state[i, 0], given = command_of(codes[i], numbers[i, 0], state[i, 0], h, asked)
-    return given
+        ends[i, 0], ends[i, 1], delivered = delay_law(rings[i], ends[i, 0], ends[i, 1], numbers[i, 0], h, commanded)
+        return delivered
+    state[i, 0], delivered = command_of(codes[i], numbers[i, 0], state[i, 0], h, commanded)
+    return delivered
 
 
 @inlined_jit
