@@ -23,7 +23,7 @@ _DIFFERENCE = 1e-5
 
 
 def _require_finite(motion: Motion) -> None:
-    """Refuse motion that is not finite, which Pinocchio does not."""
+    """Raise a `LogError` for motion that is not finite, because Pinocchio accepts such motion."""
     for name in ("q", "v", "a"):
         finite = np.isfinite(getattr(motion, name))
         if not finite.all():
@@ -53,10 +53,12 @@ def _root_motion(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
 
 
 def _on_active_joints(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
+    """Torques on the tree, projected on the active joints."""
     return torque if robot.chain is None else project(tree.G, torque)
 
 
 def _friction(robot: Robot, motion: Motion, tree: TreeMotion) -> Float[Array, "N nv"]:
+    """Drive torque against the modelled friction of active and passive joints."""
     return active_friction(robot, motion.v) + passive_friction(robot, tree)
 
 
@@ -202,8 +204,8 @@ def rigid_body_regressor(
         robot: The robot.
         motion: N samples.
         columns: Columns to compute, ascending; by default all ``10 (njoints - 1)``.
-        out: C-contiguous array of zeros whose first columns receive the result; ``c`` is at least the number of
-        columns.
+        out: C-contiguous array of zeros, into whose first columns the result is written; ``c`` is at least the number
+            of columns.
 
     Returns:
         Regressor in SI units, shape ``(N, nv, p)`` with ``p`` the number of columns; or ``out``.

@@ -58,7 +58,7 @@ def frame_jacobian(
         robot: The robot; the columns are those of its active joints.
         q: Joint positions [rad or m], shape ``(N, nv)``.
         frame: Name of the frame.
-        axes: ``body`` for the frame's own axes, ``hybrid`` for those of the root frame.
+        axes: Axes of the twist: ``body`` for the frame's own axes, ``hybrid`` for those of the root frame.
 
     Raises:
         RobotError: If the robot has no such frame.

@@ -1,15 +1,15 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Motion of a floating base from its sensors, and its dynamics with the contact forces of its feet eliminated.
+r"""Motion of a floating base from its sensors, and dynamics of the robot without the unknown forces on its feet.
 
 An accelerometer measures the specific force, which is acceleration minus gravity. Recursive Newton-Euler needs only the
-specific force and the angular motion of the root, neither its position nor its velocity. An accelerometer at the place
-``p`` that measures :math:`f_s` gives :math:`f = f_s - \dot\omega \times p - \omega \times (\omega \times p)` at the
-origin of the root.
+specific force and the angular motion of the root, and neither position nor velocity of the root. If an accelerometer at
+the place ``p`` measures :math:`f_s`, the specific force at the origin of the root is
+:math:`f = f_s - \dot\omega \times p - \omega \times (\omega \times p)`.
 
 **Feet on the ground.** The base and the joints obey :math:`M a + h = S\tau + J^T f` with the forces :math:`f` at the
 points of contact. If the columns of :math:`N` span the null space of :math:`J`, then :math:`N^T J^T f = 0`, so that
-:math:`N^T (M a + h) = N^T S\tau` does not contain the forces. In all arrays the base comes first, force before moment,
-in the root's axes.
+:math:`N^T (M a + h) = N^T S\tau` does not contain the forces. In all arrays the six rows of the base come first, force
+before moment, in the root's axes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from phantom_dyn.motion import BaseMotion, Motion
 
 
 def place_on_base(robot: Robot, frame: str) -> pin.SE3:
-    """Pose of a sensor's frame in the frame of the root.
+    """Pose of a frame that is fixed to the base, in the frame of the root.
 
     Raises:
         RobotError: If the robot has no such frame, or a joint moves it.
@@ -82,7 +82,8 @@ def base_motion(
 def torque_jacobian_of_base(robot: Robot, motion: Motion) -> Float[Array, "N nv 9"]:
     """Derivatives of the joint torques by angular velocity, angular acceleration and specific force of the root.
 
-    The torque is quadratic in the angular velocity and linear in the others, so that differences are exact.
+    The torque is quadratic in the angular velocity, so that central differences are exact, and linear in the others, so
+    that one-sided differences are exact.
 
     Args:
         robot: The robot.
@@ -107,7 +108,7 @@ def wrench_and_torque(robot: Robot, motion: Motion) -> Float[Array, "N n"]:
 
     Args:
         robot: Robot with a floating base and without closed loops.
-        motion: Motion with that of the root.
+        motion: Motion of the joints, with the motion of the root.
     """
     base = motion.base
     assert base is not None
@@ -124,7 +125,7 @@ def wrench_and_torque(robot: Robot, motion: Motion) -> Float[Array, "N n"]:
 
 
 def contact_jacobian(robot: Robot, q: Float[Array, " nv"], frames: Sequence[str]) -> Float[Array, "f n"]:
-    """Velocities of the origins of frames per velocity of base and joints, in the root's axes."""
+    """Jacobian of the velocities of the origins of frames by velocities of base and joints, in the root's axes."""
     free = free_flyer(robot)
     data, at = free.createData(), _with_root_at_origin(robot, q[None, :])[0]
     pin.computeJointJacobians(free, data, at)
@@ -135,13 +136,13 @@ def contact_jacobian(robot: Robot, q: Float[Array, " nv"], frames: Sequence[str]
 def contact_null_space(
     robot: Robot, q: Float[Array, " nv"], frames: Sequence[str], rows: Bool[Array, " n"] | None = None
 ) -> Float[Array, "k m"]:
-    """Null space of the contact Jacobian: combinations of rows of base and joints that contact forces do not change.
+    """Null space of the contact Jacobian: combinations of the equations of motion that contain no contact force.
 
     Args:
         robot: Robot with a floating base.
         q: Joint positions [rad or m].
         frames: Frames whose origins touch something.
-        rows: Rows that may be combined; None for all.
+        rows: Equations (rows of base and joints) that may be combined; None for all.
     """
     slopes = contact_jacobian(robot, q, frames)
     return null_space(slopes if rows is None else slopes[:, rows])
@@ -157,5 +158,6 @@ def free_flyer(robot: Robot) -> pin.Model:
 
 
 def _with_root_at_origin(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
+    """Configurations of `free_flyer` with the root at the origin, not rotated."""
     level = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(q), 1))
     return np.hstack([level, robot.configuration(q)])

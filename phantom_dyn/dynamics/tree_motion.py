@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Motion of all joints of a closed chain from that of its active joints, and projection of torques on active joints.
+r"""Motion of all joints of a closed chain from the active joints, and projection of torques on the active joints.
 
-The tree is the chain with its loops cut. With :math:`v_t = G(q)\,v` and :math:`a_t = G\,a + d(q, v)`, virtual work
-gives :math:`\tau = G^T \tau_t` for every torque on the tree, so also :math:`W = G^T W_t` for a regressor and
-:math:`M = G^T M_t G` for a mass matrix.
+The tree is the chain with its loops cut; its positions, velocities and torques have the index :math:`t`. With
+:math:`v_t = G(q)\,v` and :math:`a_t = G\,a + d(q, v)`, virtual work gives :math:`\tau = G^T \tau_t` for every torque on
+the tree, so also :math:`W = G^T W_t` for a regressor and :math:`M = G^T M_t G` for a mass matrix.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def tree_motion(robot: Robot, motion: Motion, *, near: Float[Array, " nt"] | Non
         robot: The robot.
         motion: N samples of the active joints.
         near: Positions of the tree that close its loops, from which the search for the first sample starts; by default
-            the start of the chain. Simulations that ask state by state give those of the last state.
+            the stated start of the chain. Simulations, which need one state at a time, give those of the last state.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample.
@@ -66,12 +66,12 @@ def tree_motion(robot: Robot, motion: Motion, *, near: Float[Array, " nt"] | Non
 
 
 def apply(G: Float[Array, "N nt nv"], values: Float[Array, "N nv"]) -> Float[Array, "N nt"]:
-    """``G`` times a vector for each sample."""
+    """``G`` times a vector of the active joints, for each sample."""
     return np.einsum("nti,ni->nt", G, values) if _varies(G) else values @ G[0].T
 
 
 def project(G: Float[Array, "N nt nv"], values: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
-    """Torques on the active joints, ``G^T`` times torques (or columns of torques) on the tree, for each sample."""
+    """``G^T`` times torques (or columns of torques) on the tree, for each sample: the torques on the active joints."""
     if _varies(G):
         return np.einsum("nti,nt...->ni...", G, values, optimize=True)
     return values @ G[0] if values.ndim == 2 else G[0].T @ values
@@ -83,7 +83,7 @@ def _varies(G: Array) -> bool:
 
 
 def joint_velocity(robot: Robot, motion: Motion, joint: str) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
-    """Velocity of an active or passive joint, and the torque on the active joints per unit of torque on it.
+    """Velocity of an active or passive joint, and the torque on the active joints per unit of torque on this joint.
 
     Args:
         robot: The robot.
@@ -91,7 +91,7 @@ def joint_velocity(robot: Robot, motion: Motion, joint: str) -> tuple[Float[Arra
         joint: Name of a joint of the tree that is not held fixed.
 
     Returns:
-        Velocity [rad/s or m/s], and its row of ``G``: the torque on each active joint per unit of torque on this one.
+        Velocity [rad/s or m/s], shape ``(N,)``, and the row of ``G`` of this joint, shape ``(N, nv)``.
 
     Raises:
         RobotError: If the robot has no such joint.

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Finds a start at which the loops of a closed chain are closed, and checks that they determine all passive joints."""
+"""Finds positions that close the loops of a closed chain, and checks that the loops determine all passive joints."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ _HINT = "give start: {joint: position} near a position that closes the loop"
 
 
 def assembled(model: pin.Model, chain: ClosedChain, config: Path) -> ClosedChain:
-    """The chain with a start near the given one at which its loops are closed.
+    """The chain with a start at which its loops are closed, near the given start.
 
-    The active joints keep their positions if the passive joints alone can close the loops; otherwise all joints move.
+    The active joints keep their positions if the passive joints alone can close the loops; otherwise the positions of
+    all joints change.
 
     Args:
         model: The tree.
@@ -60,7 +61,7 @@ def _rank(slope: Float[Array, "m n"]) -> int:
 
 
 def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> None:
-    """Refuse a chain with more passive joints than its loops determine, or with fewer.
+    """Refuse a chain whose number of passive joints is not the number that its loops determine.
 
     Args:
         model: The tree.
@@ -68,7 +69,7 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
         config: Path of the configuration for messages.
 
     Raises:
-        RobotError: If the numbers do not fit, or the start is singular.
+        RobotError: If the numbers differ, or the start is singular.
     """
     at = constraints_of(model, chain.anchors)
     slope = error_and_jacobian(at, chain.start)[1] @ chain.linear_map

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Description of a closed chain: a tree, its active and passive joints, and the anchors that close its loops.
 
-An anchor keeps two frames together. This module computes, with Pinocchio, the error of the anchors, which is the
-displacement and, if the anchor fixes orientations, the rotation between its two frames; the Jacobian of the error; and
-the passive positions at which the norm of the error is smallest.
+An anchor keeps two frames together. Its error is the displacement between the two frames and, if the anchor fixes
+orientations, also the rotation. This module computes, with Pinocchio, the error of the anchors, the Jacobian of the
+error, and the passive positions at which the norm of the error is smallest.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Anchor:
 
 @dataclass(frozen=True)
 class ClosedChain(ReadOnlyArrays):
-    r"""Closed chain, whose joint positions are :math:`x = S\,(q, z) + o` with ``z`` such that all anchors are closed.
+    r"""Closed chain with joint positions :math:`x = S\,(q, z) + o`, where ``z`` closes all anchors.
 
     The tree has ``nt`` joints. Its ``nv`` active joints have the positions ``q``. The ``nz`` unknowns ``z`` are the
-    positions of passive joints that are no linear functions of others. A chain with linear loops only has no unknowns.
+    positions of passive joints that are not linear functions of others. A chain with only linear loops has no unknowns.
 
     Attributes:
         active: Indices of the active joints among the tree's velocities, ascending.
@@ -90,7 +90,7 @@ class Constraints:
 
     @property
     def slices(self) -> tuple[slice, ...]:
-        """Rows of each anchor."""
+        """Rows of the error that belong to each anchor."""
         ends = np.cumsum([6 if anchor.kind == "frame" else 3 for anchor in self.anchors])
         return tuple(slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True))
 
@@ -105,7 +105,12 @@ def constraints_of(model: pin.Model, anchors: tuple[Anchor, ...]) -> Constraints
 
 
 def error_and_jacobian(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Array, " m"], Float[Array, "m nt"]]:
-    """Error of each anchor, displacement [m] and rotation vector [rad] in the axes of its first frame, and Jacobian."""
+    """Errors of all anchors at positions ``x``, and their Jacobian.
+
+    Returns:
+        For each anchor the displacement [m] and, if it is a frame anchor, the rotation vector [rad], in the axes of its
+        first frame; then the derivative of these errors by ``x``.
+    """
     pin.computeJointJacobians(at.model, at.data, configurations(at.model, x[None])[0])
     errors, slopes = [], []
     for constraint, data in at.pairs:
@@ -118,7 +123,14 @@ def error_and_jacobian(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[A
 def nearest(
     chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
 ) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
-    """Unknowns with the smallest norm of the error (Levenberg-Marquardt), and error and Jacobian there."""
+    """Unknowns with the smallest norm of the error (Levenberg-Marquardt), and error and Jacobian at this point.
+
+    Args:
+        chain: The chain.
+        at: Constraints of its anchors.
+        q: Positions of the active joints.
+        z: Unknowns at which the search starts.
+    """
     S, nv = chain.linear_map, chain.nv
     fixed, damping = S[:, :nv] @ q + chain.offset, _DAMPING
 
@@ -129,7 +141,7 @@ def nearest(
     error, slope = evaluate(z)
     for _ in range(_MOST_STEPS):
         normal = slope.T @ slope
-        # The damping must not be zero if the Jacobian is zero.
+        # A lower bound, so that the damping is not zero if the Jacobian is zero.
         size = max(np.trace(normal), 1e-12)
         step = np.linalg.solve(normal + damping * size * np.eye(len(z)), -slope.T @ error)
         tried, tried_slope = evaluate(z + step)

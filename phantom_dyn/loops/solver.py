@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Computes the positions of all joints of a closed chain along a trajectory of the active joints, by Newton's method.
 
-Each sample starts from the one before. A step is accepted only if its result is near the linear prediction, so that the
-chain stays in the assembly mode of its start. `close_loops` of `phantom_dyn._kernels.loop_closing` is the compiled
-search; if it fails, this module says which loop fails and why.
+The search for each sample starts from the solution of the sample before. A step is accepted only if its result is near
+the linear prediction, so that the chain stays in the assembly mode of its start. `close_loops` of
+`phantom_dyn._kernels.loop_closing` is the compiled search; if it fails, this module finds which loop fails and why.
 """
 
 from __future__ import annotations
@@ -30,21 +30,22 @@ from phantom_dyn.loops.chain import (
 )
 
 CLOSED = 1e-6
-"""Largest distance [m, rad] between two frames that count as together: robot files have about six digits."""
+"""Largest distance [m, rad] between two frames that count as coincident: robot files have about six digits."""
 SINGULAR = 1e-5
-"""Ratio of smallest to largest singular value of the constraints' derivative by the unknowns below which the unknowns
-are not determined, because Newton's steps would be rounding errors."""
-# Newton's last step [rad or m]; it converges quadratically, so that the error is rounding.
+"""Ratio of smallest to largest singular value of the constraints' derivative by the unknowns, below which the chain
+counts as singular: Newton's steps would be rounding errors, so that the unknowns are not determined."""
+# Newton's method ends at a step below this [rad or m]. It converges quadratically, so that then only rounding errors
+# remain.
 _STEP = 1e-11
 # Largest number of iterations of Newton's method; from a distance of `REACH` it needs four or five.
 _ITERATIONS = 12
 REACH = 0.3
 """Longest step of a joint between two solutions [rad or m]."""
-# Largest correction of a predicted solution, over the length of the step: beyond it, the assembly mode may change.
+# Largest correction of a predicted solution, over the length of the step: a larger one may change the assembly mode.
 _LARGEST_CORRECTION = 0.5
-# Smallest part of the way to the next sample that is tried.
+# Smallest share of the distance to the next sample that is tried as one step.
 _SHORTEST = 1e-7
-# Number of kept solutions: those of a motion, of its two neighbours in a central difference, and one more.
+# Number of stored solutions: of a motion, of its two neighbours in a central difference, and of one more motion.
 _REMEMBERED = 4
 _LIMITS = Limits(
     closed=CLOSED,
@@ -59,7 +60,7 @@ _LIMITS = Limits(
 
 @dataclass(frozen=True)
 class _State:
-    """One solution: active and unknown positions, and derivatives as in `Closed`."""
+    """One solution: active and unknown positions, and the derivatives ``slopes`` and ``inverses`` of `Closed`."""
 
     q: Float[Array, " nv"]
     z: Float[Array, " nz"]
@@ -96,8 +97,8 @@ def solve(
         model: The tree.
         chain: The loops of the tree.
         q: Positions of the active joints [rad or m].
-        near: Positions of the tree that close its loops, from which the first sample is reached; by default the start
-            of the chain.
+        near: Positions of the tree that close its loops, from which the search for the first sample starts; by default
+            the start of the chain.
         arrays: Arrays of the tree for compiled loops.
 
     Raises:
@@ -121,7 +122,7 @@ def solve(
 
 
 def _require_finite(q: Float[Array, "N nv"]) -> None:
-    """Refuse positions that are not finite, which no step can reach."""
+    """Refuse positions that are not finite."""
     bad = np.argwhere(~np.isfinite(q))
     if len(bad):
         raise ChainError(
@@ -133,7 +134,7 @@ def _require_finite(q: Float[Array, "N nv"]) -> None:
 def _followed(
     chain: ClosedChain, at: Constraints, state: _State, q: Float[Array, "N nv"], tree: AnchoredTree
 ) -> tuple[Float[Array, "N nz"], Float[Array, "N nz nv"], Float[Array, "N nz m"]]:
-    """The arrays of `Closed` along a trajectory that starts near ``state``."""
+    """The arrays of `Closed` for a trajectory whose first sample is searched from ``state``."""
     rows = len(q) + 1
     z, slopes = np.empty((rows, *state.z.shape)), np.empty((rows, *state.slope.shape))
     inverses = np.empty((rows, *state.inverse.shape))
@@ -169,7 +170,7 @@ def loop_closure_of(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) ->
 def closed_each(
     model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], arrays: TreeArrays
 ) -> Float[Array, "N nz m"]:
-    """`Solution.inverse` for separate postures, each of which is reached from the start of the chain.
+    """`Solution.inverse` for separate postures, each of which is searched from the start of the chain.
 
     Args:
         model: The tree.
@@ -196,8 +197,8 @@ def closed_each(
 class RecentSolutions:
     """Cache of the latest solutions of one chain.
 
-    Torque, friction, regressor and mass matrix need the same solution. It depends on the positions only, so that the
-    cache changes no result.
+    Torque, friction, regressor and mass matrix need the same solution. A solution depends on the positions only, so
+    that the cache changes no result.
     """
 
     def __init__(self, model: pin.Model, chain: ClosedChain, arrays: TreeArrays):
@@ -215,7 +216,7 @@ class RecentSolutions:
                 return solution
         found = solve(self._model, self._chain, q, arrays=self._arrays)
         if self._chain.anchors:
-            # One assignment, because threads may share a robot.
+            # A single assignment is safe if threads share a robot.
             self._kept = (*self._kept[1 - _REMEMBERED :], (np.array(q), found))
         return found
 
@@ -282,7 +283,7 @@ def _inverse(slope: Float[Array, "m nz"]) -> Float[Array, "nz m"] | None:
 
 
 def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"], where: str) -> str:
-    """Sentence on a loop that cannot be closed: out of reach if its smallest distance is not zero, else singular."""
+    """Sentence on the loop that fails: it is open if its smallest distance is not zero, otherwise singular."""
     z, error, slope = nearest(chain, at, q, z)
     label, apart = widest_open_anchor(chain, at, error)
     if np.abs(error).max() > CLOSED:
@@ -300,13 +301,14 @@ def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[A
 def distance_from_singularity(inverse: Float[Array, "N nz m"]) -> Float[Array, " N"]:
     r"""Distance from a singularity of each sample, from 0 (singular) to 1, shape ``(N,)``; infinite without loops.
 
-    It is the smallest singular value of the constraints' derivative by the unknowns, with columns of unit length, which
-    measures how independently the passive joints move the frames that the loops keep together. For a four-bar linkage
-    with the transmission angle :math:`\mu` between coupler and rocker it is :math:`\sqrt{1 - |\cos\mu|}`.
+    The distance is the smallest singular value of the constraints' derivative by the unknowns, after its columns are
+    scaled to unit length. It measures how independently the passive joints move the frames that the loops keep
+    together. For a four-bar linkage with the transmission angle :math:`\mu` between coupler and rocker it is
+    :math:`\sqrt{1 - |\cos\mu|}`.
 
     Args:
-        inverse: Inverse of the constraints' derivative by the unknowns, see `Solution`; the distance is NaN where it
-        is.
+        inverse: Inverse of the constraints' derivative by the unknowns, see `Solution`; where it is NaN, the distance
+            is NaN.
     """
     if not inverse.shape[1]:
         return np.full(len(inverse), np.inf)
