@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Finds bodies that fixed or locked joints connect to a link, such as a hand, a camera or a tool."""
+"""Finds the bodies that fixed or locked joints attach to a moving link, such as a hand, a camera or a tool."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class Attached:
-    """A body on a fixed or locked joint, together with all bodies that such joints connect to it.
+    """A body on a fixed or locked joint, together with all bodies that further such joints attach to it.
 
     Attributes:
-        names: Names of the links with mass, from the link on this joint outwards.
+        names: Names of the links with mass, from this joint outwards.
         mass: Mass [kg].
         center: Centre of mass in the frame of the moving joint that carries the body [m].
         inertia: Inertia about the centre of mass, in the axes of the moving joint [kg m^2].
@@ -29,13 +29,13 @@ class Attached:
 
 
 def attached_bodies(model: pin.Model) -> tuple[tuple[Attached, ...], ...]:
-    """Bodies on fixed or locked joints of each moving body, each together with those that it carries.
+    """Attached bodies of each moving body, each together with the bodies that it carries.
 
     Args:
         model: Model with frames of the fixed joints.
 
     Returns:
-        A tuple for each joint in Pinocchio's order, that of the world first.
+        A tuple of bodies for each joint in Pinocchio's order, which begins with the world.
     """
     fixed: list[list[int]] = [[] for _ in range(model.njoints)]
     for k, frame in enumerate(model.frames):
@@ -45,8 +45,9 @@ def attached_bodies(model: pin.Model) -> tuple[tuple[Attached, ...], ...]:
 
 
 def _attached_to(model: pin.Model, fixed: list[int]) -> tuple[Attached, ...]:
-    """Bodies on one moving body, from the indices of its frames of fixed joints."""
+    """Attached bodies of one moving body, from the indices of its frames of fixed joints."""
     frames = model.frames
+    # By names of links, because a joint without own mass would repeat the body of the joint behind it.
     out: dict[tuple[str, ...], Attached] = {}
     for root in fixed:
         behind = [k for k in fixed if _hangs_on(model, k, root) and frames[k].inertia.mass > 0]

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Warnings of bodies to which a robot's file gives no mass, no inertia or a far too large inertia."""
+"""Warnings about bodies that have no mass, no inertia or a far too large inertia in the robot's file."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from phantom_dyn.errors import listed
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.model.robot_xml import RobotXml
 
-# Radius of gyration above which an inertia is taken for a placeholder: in metres, and in lengths of the robot.
+# Radius of gyration above which an inertia counts as a placeholder: in metres, and in lengths of the robot.
 _FAR_M, _FAR_LENGTHS = 1.0, 3.0
-# A ball with the same mass and inertia, of less than this density [kg/m^3], is thinner than a fifth of air. For such a
-# body, fewer lengths of the robot are enough, without the height at which its base is mounted.
+# A body is too thin if a ball with its mass and inertia has less than this density [kg/m^3], a fifth of that of air.
+# The limit for such a body is fewer lengths of the robot, without the height at which the base is mounted.
 _THIN, _THIN_LENGTHS = 0.25, 1.5
 
 
 def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
-    """Warnings of moving bodies without mass, or with an inertia that looks like a placeholder.
+    """Warnings about moving bodies without mass, or with an inertia that looks like a placeholder.
 
     Args:
         model: Model of the joints that are not held fixed, with the rotors.
@@ -37,13 +37,13 @@ def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, 
 
 
 def _link_names(model: pin.Model, joint: int) -> list[str]:
-    """Name of the link on a joint, without links that are fixed to it; empty if the file has none."""
+    """Name of the link on a joint, without the links that fixed joints attach to it; empty if the file has none."""
     own = model.getFrameId(model.names[joint], pin.FrameType.JOINT)
     return [one.name for one in model.frames if one.type == pin.FrameType.BODY and one.parentFrame == own]
 
 
 def _idle_links(model: pin.Model, idle: list[str], path: Path) -> tuple[str, ...]:
-    """A warning of joints that need no torque in the model."""
+    """A warning about joints that need no torque in the model; empty if there are none."""
     # The checks of recordings refuse a model without any mass.
     if not idle or len(idle) == model.njoints - 1:
         return ()
@@ -56,7 +56,7 @@ def _idle_links(model: pin.Model, idle: list[str], path: Path) -> tuple[str, ...
 
 
 def _without_inertia(model: pin.Model) -> list[str]:
-    """Joints of a tree that carry neither mass nor inertia, for example because a file lacks an <inertial>."""
+    """Joints of a tree that move neither mass nor inertia, for example because a file lacks an <inertial>."""
     bodies = [inertia.toDynamicParameters().any() for inertia in model.inertias]
     out = [joint for joint in range(1, model.njoints) if not any(bodies[k] for k in model.subtrees[joint])]
     return [model.names[joint] for joint in out if not model.armature[model.joints[joint].idx_v]]
@@ -73,12 +73,12 @@ def _joins_axes(model: pin.Model, joint: int) -> bool:
 
 
 def _weightless_links(model: pin.Model, facts: RobotXml, passed: set[str], path: Path) -> tuple[str, ...]:
-    """Warnings of links that have no mass together with all that is fixed to them.
+    """Warnings about links that have no mass, even together with all bodies that are fixed to them.
 
     Args:
         model: Model of the joints that are not held fixed.
         facts: Content of the file.
-        passed: Joints without a warning.
+        passed: Names of joints whose links need no warning.
         path: Path of the file.
     """
     if not any(inertia.toDynamicParameters().any() for inertia in model.inertias):
@@ -100,7 +100,7 @@ def _weightless_links(model: pin.Model, facts: RobotXml, passed: set[str], path:
 
 
 def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[str, ...]:
-    """A warning of bodies whose radius of gyration is far larger than the robot, which suggests a placeholder."""
+    """A warning about bodies whose radius of gyration is far larger than the robot, which suggests a placeholder."""
     lengths = [float(np.linalg.norm(place.translation)) for place in model.jointPlacements]
     lever = max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
     mounted = max(_FAR_M, _FAR_LENGTHS * (sum(lengths) + lever))

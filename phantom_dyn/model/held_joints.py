@@ -1,5 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Decides which joints of a robot file are held at a fixed position, and fixes them; following joints become loops."""
+"""Decides which joints of a robot file are held at a fixed position, and fixes them in the model.
+
+Joints that follow another joint become linear loops.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from phantom_dyn.model.from_mjcf.mjcf import drawn_configuration
 from phantom_dyn.model.robot_config import LinearLoop, RobotConfig
 from phantom_dyn.model.robot_xml import RobotXml
 
-# End of the names of renamed frames; names in a robot file contain no line break.
+# Suffix of renamed frames; it is unique because names in a robot file contain no line break.
 _SUFFIX = "\n"
 _BALLS = ("JointModelSpherical", "JointModelSphericalZYX")
 
@@ -20,7 +23,7 @@ def held_and_following(
 ) -> tuple[dict[str, float | None], list[LinearLoop]]:
     """Held joints with their positions (None for the drawn position), and a linear loop for each following joint.
 
-    A floating base is held, too, because its own sensors measure the motion that torques depend on.
+    The joint of a floating base is held, too: the motion of the base is not a joint motion, but measured by sensors.
 
     Args:
         model: Model with all joints of the file.
@@ -37,14 +40,15 @@ def held_and_following(
         elif (stated.base is not None and of_base) or (name in facts.play and name not in stated.joints):
             held[name] = None
     following = {name: f for name, f in facts.followers.items() if name not in in_loops and name not in held}
+    # Joints that follow a held joint are held, too, and so are joints that follow these.
     while True:
-        still = [name for name, f in following.items() if f.leader is None or f.leader in held]
-        if not still:
+        also_held = [name for name, f in following.items() if f.leader is None or f.leader in held]
+        if not also_held:
             break
-        for name in still:
+        for name in also_held:
             law = following.pop(name)
-            at = 0.0 if law.leader is None else held[law.leader]
-            held[name] = law.offset + law.factor * (at or 0.0)
+            leader_position = 0.0 if law.leader is None else held[law.leader]
+            held[name] = law.offset + law.factor * (leader_position or 0.0)
     loops = [
         LinearLoop(kind="linear", active=[law.leader], passive={name: f"{law.offset!r} + {law.factor!r}*{law.leader}"})
         for name, law in following.items()
@@ -74,7 +78,10 @@ def hold(model: pin.Model, held: dict[str, float | None]) -> tuple[pin.Model, tu
 
 
 def _reduced(model: pin.Model, held: list[int], q: np.ndarray) -> pin.Model:
-    """Pinocchio's reduced model; bodies with the name of a joint are renamed meanwhile: Pinocchio 4 fails on them."""
+    """Pinocchio's reduced model.
+
+    Bodies with the name of a joint have another name during the reduction, because Pinocchio 4 fails on such bodies.
+    """
     model = model.copy()
     joints = set(model.names)
     for frame in model.frames:
@@ -87,7 +94,7 @@ def _reduced(model: pin.Model, held: list[int], q: np.ndarray) -> pin.Model:
 
 
 def moving_bases(model: pin.Model) -> frozenset[str]:
-    """Joints of moving bases: joints on the world with several velocities; a ball joint if it carries all others."""
+    """Joints on the world with several velocities, which move a base; a ball joint only if it carries all others."""
     out = set()
     for k in range(1, model.njoints):
         carries_all = len(model.subtrees[k]) == model.njoints - 1

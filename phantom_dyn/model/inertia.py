@@ -14,16 +14,16 @@ STANDARD_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz
 STANDARD_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6)
 # Row and column of the six inertia entries in Pinocchio's order.
 _ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-# Shares of the largest principal inertia, and of the mass [m^2], up to which a negative inertia counts as rounding.
+# A negative inertia counts as rounding up to this share of the largest principal inertia, or of the mass [m^2].
 _NEGATIVE, _NEGATIVE_GYRATION = 1e-9, 1e-14
-# Relative excess up to which a broken triangle inequality counts as rounding.
+# Relative excess up to which a violation of the triangle inequality counts as rounding.
 _TRIANGLE = 1e-6
 # Name of the frame that carries the payload if robot.yaml names none.
 _TIP = "tip"
 
 
 def body_name(robot: Robot, joint_index: int) -> str:
-    """Name of the link on a joint; links that are fixed to it belong to the same body.
+    """Name of the link on a joint; the name of the joint if it has no link.
 
     Args:
         robot: The robot.
@@ -51,9 +51,9 @@ def parameter_units(robot: Robot) -> tuple[str, ...]:
 def impossible_because(mass: float, central_inertia: Float[Array, "3 3"]) -> str | None:
     """Reason why no body can have this mass and this inertia about its centre of mass; None if a body can.
 
-    A negative principal inertia of less than 1e-9 of the largest counts as rounding, because files have about ten
-    digits; so does that of a radius of gyration below 0.1 um, because exporters write rounding errors for zero. This
-    function does not check the triangle inequality, which files of many vendors break, see `breaks_triangle`.
+    A negative principal inertia counts as rounding up to 1e-9 of the largest one, because files have about ten digits,
+    and up to a radius of gyration of 0.1 um, because exporters write rounding errors instead of zero. The triangle
+    inequality is not checked here, because files of many vendors violate it, see `breaks_triangle`.
 
     Args:
         mass: Mass [kg].
@@ -140,9 +140,9 @@ def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "
 
 
 def has_known_centre(mass: float, std: float) -> bool:
-    """True if the 95 % interval of the mass is narrower than half of the mass, so that a centre of mass can be stated.
+    """True if the mass is known well enough to state a centre of mass: its 95 % interval is narrower than half of it.
 
-    Otherwise first moments are stated, which are not divided by the mass.
+    Otherwise first moments are stated, for which no division by the mass is needed.
 
     Args:
         mass: Mass [kg].
@@ -154,8 +154,8 @@ def has_known_centre(mass: float, std: float) -> bool:
 def payload_body(robot: Robot) -> int:
     """Pinocchio's index of the joint whose link carries the payload.
 
-    It is the link with the payload frame, or with the frame ``tip``, or the last link. On a tree with several ends, the
-    last link depends on the order in the file.
+    This is the link with the payload frame, otherwise the link with the frame ``tip``, otherwise the last link. On a
+    tree with several ends, the last link depends on the order in the file.
     """
     frame = robot.payload_frame or _TIP
     joint = robot.model.frames[robot.model.getFrameId(frame)].parentJoint if robot.model.existFrame(frame) else 0

@@ -1,6 +1,7 @@
 """Reads linear loops of robot.yaml, in which each passive joint is an expression of active joints: ``pi/2 - j5``.
 
-Expressions are sums of numbers and multiples of joints. They are read from Python's syntax tree, and never run.
+Expressions are sums of numbers and multiples of joints. They are parsed to Python's syntax tree, and never evaluated
+as Python code.
 """
 
 from __future__ import annotations
@@ -40,14 +41,14 @@ class LinearExpression:
 
 
 def following_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> dict[str, LinearExpression]:
-    """Passive joints, which follow others, each with its expression in joints that are not passive.
+    """Passive joints, each with its expression in joints that are not passive.
 
     Args:
         loops: Linear loops with their indices in the list ``loops``.
         config: Path of the configuration for messages.
 
     Raises:
-        RobotError: If an expression is not linear, or a joint follows twice or itself.
+        RobotError: If an expression is not linear, a joint has two expressions, or expressions lead in a circle.
     """
     stated: dict[str, LinearExpression] = {}
     for index, loop in loops:
@@ -70,7 +71,7 @@ def linear_expression(text: str, joints: Sequence[str]) -> LinearExpression:
         joints: Names of joints that may be used; ``pi`` is the number unless a joint has this name.
 
     Raises:
-        ValueError: If the text is anything else; the message is the end of a sentence.
+        ValueError: If the text is anything else; the message continues a sentence about the text.
     """
     if len(text) > _LONGEST:
         raise ValueError(f"it has more than {_LONGEST} letters")
@@ -108,7 +109,10 @@ def _resolved(name: str, stated: dict[str, LinearExpression], asked: tuple[str, 
 
 
 def _coded(text: str, joints: Sequence[str]) -> tuple[str, dict[str, str]]:
-    """The text with an identifier for each joint, whose name may contain dots, dashes or slashes; and the joints."""
+    """The text with an identifier in place of each joint name, and the joint name of each identifier.
+
+    Names of joints may contain dots, dashes or slashes, which would be read as operators.
+    """
     codes = {joint: f"_joint_{index}_" for index, joint in enumerate(joints)}
     if not codes:
         return text, {}
@@ -118,6 +122,7 @@ def _coded(text: str, joints: Sequence[str]) -> tuple[str, dict[str, str]]:
 
 
 def _read(node: ast.expr, names: dict[str, str]) -> LinearExpression:
+    """Expression of a node of the syntax tree; ``names`` are the joints by their identifiers."""
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool) and abs(value) <= _LARGEST:
             return LinearExpression(float(value))

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Loads a `Robot` from a URDF or MJCF file and its robot.yaml.
 
-MuJoCo reads MJCF, and Pinocchio reads URDF. Problems that Pinocchio's parser only prints or ignores become errors or
-warnings.
+MuJoCo reads MJCF, and Pinocchio reads URDF. Problems that Pinocchio's parser prints or ignores are raised as errors or
+returned as warnings.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def parsed_urdf(path: Path) -> pin.Model:
 
 @contextmanager
 def _captured_output() -> Iterator[list[str]]:
-    """Collect the output of C++ code, which bypasses `sys.stderr`, by redirecting the file descriptors."""
+    """Collect the lines that C++ code prints, by redirecting the file descriptors: C++ does not use `sys.stderr`."""
     lines: list[str] = []
     sys.stdout.flush()
     sys.stderr.flush()
@@ -197,6 +197,7 @@ def _require_frame(model: pin.Model, name: str, key: str, config: Path) -> None:
 
 
 def _check_payload_frame(model: pin.Model, stated: RobotConfig, config: Path) -> None:
+    """Refuse a payload frame that does not exist or does not move."""
     if stated.payload_frame is None:
         return
     _require_frame(model, stated.payload_frame, "payload_frame", config)
@@ -250,6 +251,7 @@ def _has_drive(stated: JointConfig) -> bool:
 def _warnings(
     facts: RobotXml, stated: RobotConfig, locked: tuple[str, ...], chain: ClosedChain | None, path: Path
 ) -> tuple[str, ...]:
+    """Sentences about ignored or impossible parts of the robot file and of robot.yaml."""
     impossible = [(body, impossible_because(body.mass, body.central_inertia)) for body in facts.bodies]
     broken = [body.name for body, why in impossible if why is None and breaks_triangle(body.central_inertia)]
     sentences = [*facts.warnings, *(stated.sentences if isinstance(stated, Ros2Config) else ())]
@@ -263,13 +265,13 @@ def _warnings(
             f"{path}: no rigid body has the inertia of {', '.join(broken)}, where one principal value exceeds "
             "the sum of the others; it is used as it is."
         )
-    still = [
+    held = [
         f"{name} ({_why_held(facts, name)})"
         for name in locked
         if (name in facts.followers or name in facts.play) and name not in stated.lock
     ]
-    if still:
-        sentences.append(f"{path}: held fixed: {', '.join(still)}.")
+    if held:
+        sentences.append(f"{path}: held fixed: {', '.join(held)}.")
     unused = [name for name in locked if name in stated.joints]
     if unused:
         sentences.append(f"The drives stated for {', '.join(unused)} are not used, as these joints are held fixed.")
@@ -281,6 +283,7 @@ def _warnings(
 
 
 def _why_held(facts: RobotXml, name: str) -> str:
+    """Reason in words why a joint that robot.yaml does not lock is held fixed."""
     if name in facts.play:
         joint, width = facts.play[name]
         return f"the play of {joint}, {width:.3g} wide; write it under joints in {CONFIG_NAME} if it is a joint"

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Data of a robot: a private Pinocchio model, its actuators, its loops, and how far the model is trusted."""
+"""Data of a robot: a private Pinocchio model, its actuators, its loops, and the uncertainty of the model."""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ class Controller:
 class Actuator:
     """Drive of one joint, in SI units; the rotor inertia and the torque limit are on the joint side of the gear.
 
-    Recorded references went through the filter of the time constant ``reference_lag`` [s] when a recording is read.
+    A drive may filter its references by a first-order low pass with the time constant ``reference_lag`` [s]; the
+    reader of a recording applies this filter to the recorded references.
     """
 
     rotor_inertia: float = 0.0
@@ -84,7 +85,7 @@ class Tolerance:
 
 @runtime_checkable
 class UserEffect(Protocol):
-    """What a robot needs of a user's effect; `phantom_dyn.effects.effect.Effect` describes the whole interface."""
+    """The part of a user's effect that a robot needs; the whole interface is `phantom_dyn.effects.effect.Effect`."""
 
     name: str
 
@@ -113,17 +114,17 @@ class Robot:
         reference_hold: ``zoh`` if ``q_ref[k]`` acts from ``t[k]`` to ``t[k+1]``; None if the recording decides.
         torque_source: Quantity in the torque columns of recordings.
         tolerance: Uncertainty of the model.
-        payload_frame: Frame that carries a payload; None stands for the frame ``tip``, or the last link without one.
+        payload_frame: Frame that carries a payload; None means the frame ``tip``, or the last link if there is none.
         warnings: Sentences about the robot file that the user should read.
         locked: Joints of the file that are held fixed and are no longer in the model.
-        chain: How the passive joints of a closed chain follow the active ones, or None.
+        chain: Positions of the passive joints as functions of the active ones; None without a closed chain.
         config: The ``robot.yaml`` that the user named; None if it is the one beside the robot file, or there is none.
         user_effects: The user's effects in addition to the catalogue, see `phantom_dyn.effects.user`.
-        carried: Standard parameters of the payload that an earlier diagnosis found, ``(10,)``, or None. A later
-            payload may be lighter by at most this.
-        soft_friction: For each joint, how the file's simulator softens Coulomb friction, or None; empty for a URDF.
+        carried: Standard parameters of the payload that an earlier diagnosis found, ``(10,)``, or None. A negative
+            payload may remove this mass in addition to that of the link.
+        soft_friction: For each joint, the soft Coulomb friction of the file's simulator, or None; empty for a URDF.
         gains_of_file: Joints whose controller comes from their actuator in the robot's file.
-        unknown_arrivals: Joints whose references reach the drive at an unknown time within a frame of the bus, see
+        unknown_arrivals: Joints whose references arrive in the drive at an unknown time within a frame of the bus, see
             `identification.data.drives.arrivals`.
         model_error: Root mean square error of the model's torque that an earlier diagnosis found [N m or N],
             ``(nv, 2)``: where the joint creeps or reverses, and elsewhere. None if unknown.
@@ -162,19 +163,18 @@ class Robot:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "prismatic", read_only(self.prismatic, bool))
 
-    # Cached: a function of the model alone, which never changes.
+    # The cached properties are functions of the model alone, which never changes.
     @cached_property
     def arrays(self) -> TreeArrays:
         """Arrays of the model for compiled loops."""
         return tree_arrays(self.model)
 
-    # Cached: a function of the model alone, which never changes.
     @cached_property
     def attached(self) -> tuple[tuple[Attached, ...], ...]:
-        """Parts on each body behind fixed or locked joints, by Pinocchio's index of the joint that moves the body."""
+        """Bodies that fixed or locked joints attach to each moving body, by Pinocchio's index of its joint."""
         return attached_bodies(self.model)
 
-    # Cached: its solutions depend on the positions alone, so no result depends on what was solved before.
+    # Stored solutions do not change any result, because a solution depends on the positions alone.
     @cached_property
     def solutions(self) -> RecentSolutions:
         """Solver for the loops of a closed chain, which keeps its last solutions.

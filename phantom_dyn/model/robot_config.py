@@ -40,7 +40,7 @@ class ControllerConfig(_Strict, frozen=True):
     """Position controller of a joint: ``pd`` has gains on the joint side, ``duty`` has shares of the supply voltage.
 
     Attributes:
-        kind: Which of the two it is.
+        kind: ``pd`` or ``duty``.
         kp: Gain on the position error [N m/rad or N/m], of ``pd``.
         kd: Gain on the velocity [N m s/rad or N s/m], of ``pd``.
         delay: Delay of the whole torque [s].
@@ -63,10 +63,10 @@ class ControllerConfig(_Strict, frozen=True):
 
 
 class JointConfig(_Strict, frozen=True):
-    """Drive of a joint; None where the file says nothing.
+    """Drive of a joint; None for values that the file does not state.
 
-    ``drive: unknown`` states that nobody knows the torque that moves the joint: its motion is used, its torque is not
-    judged.
+    ``drive: unknown`` states that the torque that moves the joint is unknown: the motion of the joint is used, and its
+    torque is not judged.
     """
 
     rotor_inertia: NonNegative | None = None
@@ -103,7 +103,7 @@ class _AnchorLoop(_Strict, frozen=True):
 
     Of the joints between the frames, those in ``active`` are driven and the others are passive. Without ``active``,
     those with ``actuated: false`` are passive. The loop is assembled near the positions in ``start``; a joint that is
-    not there starts at 0.
+    not in ``start`` starts at 0.
     """
 
     frame_a: Annotated[str, Meta(description="the name of a frame")]
@@ -125,10 +125,10 @@ class FrameLoop(_AnchorLoop, frozen=True, kw_only=True):
 
 
 class RobotConfig(_Strict, frozen=True):
-    """Content of a ``robot.yaml``. The names in it are not checked yet, because this needs the robot.
+    """Content of a ``robot.yaml``. Names of joints and frames are not checked here, because this needs the robot.
 
     With ``torque_hold: zoh`` a logged torque acts until the next sample; with ``instant`` it was read at its sample.
-    ``reference_hold`` states the same of logged references; None: the recording decides.
+    ``reference_hold`` states the same of logged references; with None the recording decides between the two.
     """
 
     gravity: Vector | None = None
@@ -144,7 +144,10 @@ class RobotConfig(_Strict, frozen=True):
 
 
 class _File(RobotConfig, frozen=True):
-    """`RobotConfig` with unchecked joints and loops: msgspec does not say in which joint it found a mistake."""
+    """`RobotConfig` with unchecked joints and loops.
+
+    They are checked one by one, because msgspec does not report in which joint or loop it found a mistake.
+    """
 
     joints: Table = {}  # pyright: ignore[reportIncompatibleVariableOverride]
     loops: Annotated[list[dict[str, Any]], Meta(description="a list of loops")] = []  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -193,6 +196,7 @@ def _check_controller(joint: JointConfig, stated: ControllerConfig, path: Path, 
 
 
 def _loop(raw: dict[str, Any], path: Path, prefix: str) -> LinearLoop | PointLoop | FrameLoop:
+    """One checked loop; ``prefix`` is its key in the file, for messages."""
     kinds = {"linear": LinearLoop, "point": PointLoop, "frame": FrameLoop}
     kind = raw.get("kind")
     if not isinstance(kind, str) or kind not in kinds:
@@ -243,7 +247,7 @@ def _alternatives(annotation: Any) -> tuple[Any, ...]:
 
 
 def wanted_value(struct: type[msgspec.Struct], keys: list[str]) -> str:
-    """Describe in words which values the key path ``keys`` of ``struct`` takes."""
+    """Words for the values that the key path ``keys`` of ``struct`` takes."""
     annotation: Any = struct
     for key in keys:
         if not (isinstance(annotation, type) and issubclass(annotation, msgspec.Struct)):

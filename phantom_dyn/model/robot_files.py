@@ -1,4 +1,4 @@
-"""Find the file of a robot by its path, its built-in name or ``example:NAME``."""
+"""Finds the file of a robot by its path, its built-in name or ``example:NAME``."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def find_robot(source: str | Path) -> Path:
 
 
 def _example_named(name: str, folder: Path | None) -> str | None:
-    """``example:NAME`` if ``name`` is a robot of example-robot-data: the user left out ``example:``."""
+    """``example:NAME`` if ``name`` is a robot of example-robot-data (the user forgot ``example:``); otherwise None."""
     try:
         find_example(name, folder)
     except RobotError:
@@ -118,6 +118,7 @@ def _example_named(name: str, folder: Path | None) -> str | None:
 
 
 def _unknown(path: Path, text: str, builtin: dict[str, Path]) -> str:
+    """Message for a robot that was not found, with the most similar known name."""
     siblings = sorted(str(f) for f in path.parent.glob("*") if f.suffix in _SUFFIXES)
     folder = examples_folder()
     stems = {f.stem: f"{_EXAMPLE}{f.stem}" for f in folder.rglob("*.urdf")} if folder else {}

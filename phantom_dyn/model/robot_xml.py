@@ -1,4 +1,4 @@
-"""Read from the XML of a robot file what Pinocchio ignores without a message."""
+"""Reads and checks parts of the XML of a robot file that Pinocchio ignores without a message."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 Element = ElementTree.Element
 
 LARGEST = 1e9
-"""Largest allowed number: larger than any of a robot in SI units, and its square does not overflow."""
+"""Largest allowed number: no quantity of a robot in SI units is larger, and its square does not overflow."""
 # Largest number of characters of a name: names are printed in sentences, tables and figures.
 _LONGEST_NAME = 200
 # Deepest allowed nesting of elements, because the parsers recurse.
@@ -50,7 +50,7 @@ class MjcfLoop:
         label: For messages, such as ``<connect> of coupler and rocker``.
         kind: ``point``, or ``frame`` for a weld that holds rotation too.
         frame_a, frame_b: Names of bodies or sites; ``universe`` is the world.
-        in_a, in_b: Pose in each frame of the point or frame that coincides: position [m], quaternion w x y z.
+        in_a, in_b: Pose of the common point or frame in each of these frames: position [m], quaternion w x y z.
     """
 
     label: str
@@ -74,7 +74,7 @@ class Follower:
 class Drive:
     """Properties of a joint's drive, on the joint side of the gear; None where the file does not state them.
 
-    ``reference_lag`` is the time constant [s] of a first-order filter through which the reference of the gains goes.
+    ``reference_lag`` is the time constant [s] of a first-order filter of the reference.
     """
 
     kp: float | None = None
@@ -88,7 +88,7 @@ class Drive:
 class SoftFriction:
     """Dry friction of MuJoCo, a soft constraint: ``clip(gain * M0 * (a + v / time), -T, T)`` against the motion.
 
-    ``M0`` is one over the entry of the joint in the inverse of the mass matrix, where all positions are zero.
+    ``M0`` is one over the diagonal entry of the joint in the inverse of the mass matrix, with all positions at zero.
 
     Attributes:
         time: Time [s] by which the friction changes sign before the velocity does.
@@ -117,8 +117,8 @@ class RobotXml:
         soft_friction: Dry friction of each joint in the file's simulator; empty for a URDF.
         drives: Drive of each joint with an actuator.
         base_joints: Joints between the world and a body that has several joints.
-        play: For each joint that models the play of another joint of its body: the other joint, and the range [rad or
-            m].
+        play: For each joint that models the play of another joint of its body: this other joint, and the width of the
+            play [rad or m].
     """
 
     name: str
@@ -229,7 +229,7 @@ def numbers(
     if text is None:
         return []
     try:
-        # Python accepts 1_000 and digits of other scripts; the parsers do not.
+        # Python accepts 1_000 and digits of other scripts, which the parsers of URDF and MJCF do not.
         values = [float(word) for word in text.split()] if text.isascii() and "_" not in text else []
     except ValueError:
         values = []

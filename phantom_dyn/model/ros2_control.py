@@ -1,4 +1,4 @@
-"""Read controller gains from a ros2_control file, the YAML of a controller manager."""
+"""Reads controller gains from a ros2_control file, the YAML of a controller manager."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LARGEST = 1e12
 
 
 class Ros2Config(RobotConfig, frozen=True):
-    """Controllers of a ros2_control file, and sentences about the parts of them that are ignored."""
+    """Controllers of a ros2_control file, and sentences about their ignored parts."""
 
     sentences: tuple[str, ...] = ()
 
@@ -63,8 +63,8 @@ def ros2_config(content: Mapping[str, Any], path: Path) -> Ros2Config:
             f"{path} is a file of ROS 2 parameters without gains of a controller that commands effort{only}: give one "
             "with gains: {<joint>: {p: ..., d: ...}}, or a robot.yaml."
         )
-    said = f"{path}: the integral parts of {', '.join(integral)} are left out: a gap may come from them."
-    return Ros2Config(joints=joints, sentences=(said,) if integral else ())
+    sentence = f"{path}: the integral parts of {', '.join(integral)} are left out: a gap may come from them."
+    return Ros2Config(joints=joints, sentences=(sentence,) if integral else ())
 
 
 def _gain(own: Mapping[str, Any], key: str, where: str) -> float:

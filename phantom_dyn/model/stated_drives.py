@@ -13,9 +13,9 @@ def actuator_of(stated: JointConfig, armature: float, from_file: Drive) -> Actua
     """The drive of a joint.
 
     Args:
-        stated: What ``robot.yaml`` states of the joint.
+        stated: Entry of the joint in ``robot.yaml``.
         armature: Rotor inertia in the URDF or MJCF [kg m^2 or kg].
-        from_file: What else the URDF or MJCF states about the drive.
+        from_file: Other properties of the drive in the URDF or MJCF.
     """
     controller = _controller(stated, stated.controller) if stated.controller else None
     if controller is None and from_file.kp is not None:
@@ -32,7 +32,7 @@ def actuator_of(stated: JointConfig, armature: float, from_file: Drive) -> Actua
         resistance=stated.resistance,
         voltage_limit=stated.voltage_limit,
         controller=controller,
-        # A delay that is stated of the reference stands for the filter of the file.
+        # A stated delay of the reference replaces the filter of the robot file.
         reference_lag=0.0 if controller is not None and controller.reference_delay else from_file.reference_lag,
     )
 

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Make a `ClosedChain` from the loops that robot.yaml or the robot file state.
+"""Makes a `ClosedChain` from the loops that robot.yaml or the robot file state.
 
-A joint is passive if a linear loop has an expression for it. Between the two frames of a point or frame loop, the
-joints that are not in its list ``active`` are passive; without this list, those without a drive (``actuated: false``;
-in MJCF also those without an actuator). Every other joint is active, with a drive or without.
+A joint is passive in two cases: a linear loop has an expression for it, or it is between the two frames of a point or
+frame loop and not in the list ``active`` of this loop. Without this list, the joints without a drive are passive
+(``actuated: false``; in MJCF also those without an actuator). Every other joint is active, with a drive or without.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def closed_chain(
         model: The tree, without the joints that are held fixed, with the friction of the joints.
         stated: Content of robot.yaml.
         config: The file, for messages.
-        carried: Loops of the robot file itself, by their labels. A loop is ignored if a linear loop already gives one
-            of its joints.
+        carried: Loops of the robot file itself, by their labels. Such a loop is ignored if a linear loop of robot.yaml
+            has an expression for one of its joints.
         without_drive: Joints without an actuator in the robot file.
 
     Raises:
@@ -101,7 +101,7 @@ def _unknown_joints(
     idle: set[str] | frozenset[str],
     config: Path,
 ) -> tuple[str, ...]:
-    """Passive joints that no expression gives, in the tree's order."""
+    """Passive joints without an expression, whose positions are solved for, in the tree's order."""
     unknown: set[str] = set()
     driven = {name for loop in loops.values() for name in (loop.active or ())}
     for label, loop in loops.items():

@@ -1,4 +1,4 @@
-"""Check a URDF file, and read its bodies and mimic joints."""
+"""Checks a URDF file, and reads its bodies and mimic joints."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
 
 
 def _require_tree(joints: list[Element], path: Path) -> None:
-    """Refuse links that are each other's parents in a circle: parsers would drop all of their joints."""
+    """Refuse links whose parents form a circle, because parsers would drop all of their joints."""
     above = {_link_of(joint, "child"): _link_of(joint, "parent") for joint in joints}
     for first in above:
         seen, link = [first], above[first]

@@ -27,7 +27,7 @@ def require_plain_file(path: Path, error: type[PhantomDynError], wanted: str) ->
     """Refuse a folder, pipe, socket or device in the place of a file, without opening it.
 
     Args:
-        path: The path that was given. A missing file passes: opening it raises the error.
+        path: The path that was given. A missing file is accepted here: opening it raises an error.
         error: Type of the error to raise.
         wanted: Kind of file that is wanted, with an article, for the message.
 

@@ -16,7 +16,7 @@ from phantom_dyn.model.files.strict_yaml import load_yaml
 
 LARGEST = 1e12
 """Largest number in SI units, far beyond any robot; its square does not overflow."""
-# Largest size of a settings file [bytes], which takes half a minute to read; real files have a hundredth of it.
+# Largest size of a settings file [bytes]. Such a file takes half a minute to read; real files have a hundredth of this.
 _LARGEST = 5_000_000
 
 
@@ -37,7 +37,7 @@ def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
 
 def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
-    """As `read_settings`, without a check of values, which may be null.
+    """The mapping in a YAML file, as `read_settings`, but values may be null, infinite or NaN.
 
     Raises:
         PhantomDynError: An error of type ``error``, if the file cannot be read, is broken, or is no mapping.
@@ -64,7 +64,7 @@ def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
 
 def describe(value: Any) -> str:
-    """A value for a message, with its kind if it is a text or a list, shortened if it is long."""
+    """Words for a value in a message: its kind if it is a text or a list, and the value, shortened if it is long."""
     if isinstance(value, str):
         return f"the text {shortened(value)!r}"
     if isinstance(value, bool):
@@ -73,6 +73,7 @@ def describe(value: Any) -> str:
 
 
 def _position(problem: yaml.YAMLError) -> str:
+    """Place of a YAML error in words; empty if it is not known."""
     if isinstance(problem, ReaderError):
         letter = problem.character if isinstance(problem.character, int) else ord(problem.character)
         return f" at character {problem.position + 1} (U+{letter:04X}, which no text holds)"
@@ -97,7 +98,7 @@ def _require_values(value: Any, key: str, path: Path, error: type[PhantomDynErro
 
 
 def mapping_at(value: Any, file: str, key: str, wanted: tuple[str, ...] | None) -> Mapping[str, Any]:
-    """The value, if it is a mapping with exactly the ``wanted`` keys; if these are None, with any keys that are text.
+    """The value, if it is a mapping with exactly the ``wanted`` keys; None allows any keys that are text.
 
     Raises:
         ParameterError: If the value is no mapping, or a key is missing or unknown.
@@ -116,6 +117,7 @@ def mapping_at(value: Any, file: str, key: str, wanted: tuple[str, ...] | None) 
 
 
 def _check_keys(value: Mapping[str, Any], file: str, key: str, wanted: tuple[str, ...]) -> None:
+    """Refuse a mapping with an unknown key, or without one of the ``wanted`` keys."""
     inside = f" in {key}" if key else ""
     for name in value:
         if name not in wanted:
@@ -150,7 +152,7 @@ def text_at(value: Any, file: str, key: str) -> str:
 
 
 def number_at(value: Any, file: str, key: str, *, unknown: bool = False, most: float = math.inf) -> float:
-    """The value, if it is a finite number whose size is at most ``most``; NaN for null if ``unknown`` is True.
+    """The value, if it is a finite number with a magnitude of at most ``most``; NaN for null if ``unknown`` is True.
 
     Raises:
         ParameterError: If the value is anything else.

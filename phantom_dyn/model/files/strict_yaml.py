@@ -1,8 +1,8 @@
 """Reads YAML with plain values only, and refuses short files that expand to a very large content.
 
-Other than for PyYAML, ``1e-3`` is a number and ``2024-01-31`` a text. Repeated keys, other tags, values that do not fit
-their tag, numbers that are too large for a float, deep nesting, and aliases that contain themselves or expand to very
-many values are refused.
+Unlike in PyYAML, ``1e-3`` is a number and ``2024-01-31`` a text. The following is refused: repeated keys, tags other
+than those of plain values, values that do not fit their tag, numbers that are too large for a float, deep nesting, and
+aliases that contain themselves or expand to very many values.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 
 import yaml
 
-# Deepest nesting of lists and mappings; files of this project need six, and Python allows a thousand calls.
+# Deepest nesting of lists and mappings; files of this project need six, and Python allows a thousand nested calls.
 _DEEPEST = 100
 _TOO_DEEP = f"lists and mappings nested more than {_DEEPEST} deep"
-# Largest number of values after aliases are expanded; files of robots have a hundredth of it.
+# Largest number of values after aliases are expanded; files of robots have a hundredth of this.
 _MOST_VALUES = 1_000_000
 _TAG = "tag:yaml.org,2002:"
 _NUMBERS = (_TAG + "int", _TAG + "float")
@@ -57,13 +57,13 @@ class _Loader(yaml.SafeLoader):
 
     def resolve(self, kind: type[yaml.Node], value: Any, implicit: Any) -> str:
         tag = super().resolve(kind, value, implicit)
-        # YAML 1.1 reads 1:30 as 90.
+        # In YAML 1.1, 1:30 is the number 90; here it stays a text.
         return _TAG + "str" if tag in _NUMBERS and ":" in value else tag
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             value = super().construct_object(node, deep)
-        # int(), float() and the table of true and false raise these errors.
+        # int(), float() and PyYAML's table of true and false raise these errors.
         except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             kind = node.tag.removeprefix(_TAG)
             raise _error_at(f"{_cut(node)} cannot be read as !!{kind}", node) from error
@@ -102,6 +102,7 @@ def _cut(node: yaml.Node) -> str:
 
 def _require_small(root: yaml.Node) -> None:
     """Refuse a node that contains itself, or that has very many values or levels after aliases are expanded."""
+    # Size and depth of each visited node by its id, because an alias repeats a node.
     known: dict[int, tuple[int, int]] = {}
     open_nodes: set[int] = set()
 
@@ -132,7 +133,7 @@ def _parts(node: yaml.Node) -> list[yaml.Node]:
 
 _Loader.yaml_constructors = {tag: make for tag, make in _Loader.yaml_constructors.items() if tag in _PLAIN}
 _Loader.yaml_constructors[None] = _Loader.no_such_tag
-# Dates stay text, because no key takes a date and PyYAML has its own message for impossible dates.
+# Dates stay text, because no key takes a date, and PyYAML's message for an impossible date is not clear.
 _Loader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag != _TAG + "timestamp"]
     for first, resolvers in _Loader.yaml_implicit_resolvers.items()
@@ -144,7 +145,7 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    # PyYAML does not quote rare line breaks, and reads them back as spaces or as several line breaks.
+    # Without quotes, PyYAML would read rare line breaks back as spaces or as several line breaks.
     return dumper.represent_scalar(_TAG + "str", text, style='"' if _RARE_BREAKS & set(text) else None)
 
 

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""Reads from a MJCF file what its tree of joints lacks: gravity, loops, following joints, drives, and warnings.
+"""Reads from a MJCF file what Pinocchio's tree does not contain: gravity, loops, following joints, drives, warnings.
 
-Everything is read from MuJoCo's compiled model, so that MuJoCo resolves classes, frames and units of angles.
+Everything is read from MuJoCo's compiled model, in which MuJoCo has resolved classes, frames and units of angles.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _NO_GRAVITY, _NO_EQUALITY = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY"
 
 
 def check_mjcf(root: Element, path: Path) -> None:
-    """Refuse names and numbers that MuJoCo accepts, or refuses without saying where; not of keyframes and contacts.
+    """Refuse wrong names and numbers of bodies and joints that MuJoCo accepts, or reports without their place.
 
     Raises:
         RobotError: If a name is repeated or empty, or a number is impossible.
@@ -105,38 +105,41 @@ def mjcf_facts(root: Element, sha256: str, path: Path, compiled: mujoco.MjModel)
 
 
 def _base_joints(compiled: mujoco.MjModel) -> frozenset[str]:
-    """Joints of bodies on the world with several joints, by which a file describes a base that slides and turns."""
+    """Joints of bodies that several joints connect to the world: a file describes a sliding and turning base so."""
     on_world = np.flatnonzero(compiled.body_weldid[compiled.body_parentid] == 0)
     bases = [body for body in on_world if compiled.body_jntnum[body] > 1]
     return frozenset(compiled.joint(k).name for k in range(compiled.njnt) if compiled.jnt_bodyid[k] in bases)
 
 
 def _switched_off(compiled: mujoco.MjModel, flag: str) -> bool:
+    """True if the file disables a feature of MuJoCo."""
     import mujoco
 
     return bool(compiled.opt.disableflags & int(getattr(mujoco.mjtDisableBit, flag)))
 
 
 def _gravity(compiled: mujoco.MjModel, path: Path) -> tuple[Array, tuple[str, ...]]:
-    """Gravity [m/s^2], reduced by the gravity compensation of the bodies (gravcomp), and a sentence on the latter."""
+    """Gravity [m/s^2], reduced by the gravity compensation of the bodies (gravcomp), and a sentence if there is any."""
     gravity = np.array(compiled.opt.gravity) * (not _switched_off(compiled, _NO_GRAVITY))
     moving = (compiled.body_weldid[1:] > 0) & (compiled.body_mass[1:] > 0)
-    lifted = compiled.body_gravcomp[1:][moving]
-    if not lifted.any() or not gravity.any():
+    compensation = compiled.body_gravcomp[1:][moving]
+    if not compensation.any() or not gravity.any():
         return gravity, ()
+    # Compensation by the drives is a part of their torque, so that gravity acts in full.
     by_drives = np.array(compiled.jnt_actgravcomp).astype(bool)
     if by_drives.all():
         return gravity, ()
-    if by_drives.any() or np.ptp(lifted) > 0:
+    if by_drives.any() or np.ptp(compensation) > 0:
         return gravity, (f"{path} states gravcomp of <body>, which the model leaves out: a gap may come from it.",)
-    said = f"{path} states gravcomp {lifted[0]:g} for every body: gravity is taken {1 - lifted[0]:g} times."
-    return gravity * (1 - lifted[0]), (said,)
+    share = compensation[0]
+    sentence = f"{path} states gravcomp {share:g} for every body: gravity is taken {1 - share:g} times."
+    return gravity * (1 - share), (sentence,)
 
 
 def _soft_frictions(compiled: mujoco.MjModel) -> dict[str, SoftFriction]:
     """Softness of MuJoCo's dry friction for each joint, from ``solreffriction`` and ``solimpfriction``.
 
-    The constraint has the reference acceleration ``-b v``, and its impedance ``d`` below one makes it soft. Source:
+    The constraint has the reference acceleration ``-b v``; it is soft because its impedance ``d`` is below one. Source:
     MuJoCo's documentation, "Computation" (constraint model) and "Modeling" (solver parameters).
     """
     out = {}
@@ -150,7 +153,7 @@ def _soft_frictions(compiled: mujoco.MjModel) -> dict[str, SoftFriction]:
 
 
 def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...]) -> dict[str, PointLoop | FrameLoop]:
-    """The loops by label, in the form of robot.yaml; their frames are added to the model.
+    """Add the frames of loops to the model, and return the loops by label, in the form of robot.yaml.
 
     Args:
         model: Model with all joints of the file, to which frames are added.

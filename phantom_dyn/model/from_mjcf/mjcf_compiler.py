@@ -2,7 +2,7 @@
 """Compiles a MJCF file with MuJoCo, which resolves defaults, frames, includes and inertias of geoms.
 
 Bodies and joints without a name get one. Elements that do not change the dynamics (pictures, sensors, keyframes, meshes
-that are only drawn) are removed before the file is compiled, so that their files may be missing.
+that are only drawn) are removed before the compilation, so that the files of such meshes and pictures may be missing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _MOST_COPIES = 1000
 # Largest size of an included file [bytes].
 _LARGEST_PART = 64 * 2**20
-# Largest number of files that include one another.
+# Largest depth of files that include other files.
 _DEEPEST = 20
 # Elements of soft bodies.
 _SOFT = ("composite", "flexcomp", "flex")
@@ -68,7 +68,7 @@ def _shaped(geom: Any) -> bool:
 
 
 def mjcf_with_shapes(path: Path) -> mujoco.MjModel:
-    """As `compiled_mjcf`, with all shapes, whose meshes must exist.
+    """MuJoCo's model of a file with all shapes; the files of all meshes must exist.
 
     Raises:
         RobotError: If MuJoCo refuses the file.
@@ -101,14 +101,14 @@ def whole_mjcf(path: Path) -> str:
 def unheard_warnings() -> Iterator[None]:
     """Suppress MuJoCo's warnings, which would appear in the terminal and in MUJOCO_LOG.TXT of the working folder.
 
-    They warn of simulations that run away, which their results show, too.
+    They warn of simulations that diverge, which is visible from their results anyway.
     """
     import mujoco
 
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:
-        # The compiler warns in Python of words that a later version will not accept.
+        # The compiler issues Python warnings about deprecated words.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
@@ -130,6 +130,7 @@ def _named(path: Path) -> mujoco.MjSpec:
 
 
 def _give_names(elements: Iterable[Any], what: str) -> None:
+    """Give each body or joint without a name a name that no other has."""
     elements = list(elements)
     taken = {element.name for element in elements}
     for element in [one for one in elements if not one.name]:
@@ -144,7 +145,7 @@ def _give_names(elements: Iterable[Any], what: str) -> None:
 
 
 def _weighs(spec: mujoco.MjSpec, geom: Any) -> bool:
-    """True if the inertia of a body includes that of a geom."""
+    """True if the inertia of its body includes the inertia of a geom."""
     import mujoco
 
     rule = spec.compiler.inertiafromgeom
@@ -154,11 +155,13 @@ def _weighs(spec: mujoco.MjSpec, geom: Any) -> bool:
     if rule == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO and stated:
         return False
     first, last = spec.compiler.inertiagrouprange
+    # The mass is NaN if the file does not state it; only NaN differs from itself.
     has_mass = geom.mass > 0 if geom.mass == geom.mass else geom.density > 0
     return bool(first <= geom.group <= last and has_mass and geom.parent.name != "world")
 
 
 def _never_moves(body: Any) -> bool:
+    """True if neither this body nor a body that carries it has a joint."""
     while body is not None and body.name != "world":
         if list(body.joints):
             return False
@@ -206,7 +209,7 @@ def _require_rigid(path: Path, root: Element) -> None:
 
 
 def _whole(path: Path, root: Element, above: tuple[Path, ...]) -> Iterator[Element]:
-    """Elements of a file and of the files that it includes."""
+    """Elements of a file and of the files that it includes; ``above`` are the files that include this one."""
     if path in above or len(above) > _DEEPEST:
         raise RobotError(f"{path} includes itself: take the <include> out.")
     for element in root.iter():

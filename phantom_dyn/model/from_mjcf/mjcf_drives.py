@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Properties of the drives from the actuators of a MJCF: gains of servos, largest torques, gears."""
+"""Reads properties of the drives from the actuators of a MJCF: gains of servos, largest torques, gears."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def tendon_joints(compiled: mujoco.MjModel, tendon: int) -> dict[str, float]:
 
 
 def drives_of(compiled: mujoco.MjModel) -> dict[str, Drive]:
-    """Properties of drives by joint, for joints with one actuator, or one position servo and others that damp it."""
+    """Drive of each joint with one actuator, or with one position servo and any number of velocity servos."""
     own: dict[str, list[Drive]] = {}
     for k in range(compiled.nu):
         if int(compiled.actuator_trntype[k]) in (_JOINT, _IN_PARENT):
@@ -54,9 +54,10 @@ def drives_of(compiled: mujoco.MjModel) -> dict[str, Drive]:
 
 
 def _together(drives: list[Drive]) -> Drive | None:
-    """The drive of a joint with several actuators; None unless all but one of them are velocity servos.
+    """The drive of a joint from its actuators; of several, one must be a position servo and the others velocity servos.
 
-    A position servo and a velocity servo, whose reference is zero, are one controller with two gains.
+    A position servo and a velocity servo with the reference zero are one controller with two gains. None for any other
+    combination.
     """
     if len(drives) == 1:
         return drives[0]
@@ -69,7 +70,7 @@ def _together(drives: list[Drive]) -> Drive | None:
 
 
 def _drive(compiled: mujoco.MjModel, k: int) -> Drive:
-    """Drive of one actuator; that of a velocity servo has ``kd`` and no ``kp``."""
+    """Drive of one actuator; a velocity servo has ``kd`` and no ``kp``."""
     gear, dynamics = float(compiled.actuator_gear[k, 0]), int(compiled.actuator_dyntype[k])
     plain = int(compiled.actuator_gaintype[k]) == _FIXED_GAIN and dynamics in (_NO_DYNAMICS, *_FILTERS)
     gain, bias = float(compiled.actuator_gainprm[k, 0]), np.array(compiled.actuator_biasprm[k, :3])

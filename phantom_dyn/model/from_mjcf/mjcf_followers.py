@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Finds joints of a MJCF that follow another joint by an equality of joints or tendons, and joints that model play."""
+"""Finds joints of a MJCF that an equality couples to another joint, and joints that model play."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 
 # Kinds of equalities, by MuJoCo's mjtEq.
 _OF_JOINTS, _OF_TENDONS = 2, 3
-# Largest range of a joint that models play, by MuJoCo's mjtJoint: of a slide [m] and of a hinge [rad].
+# Largest range of a joint that models play, by MuJoCo's mjtJoint: 2 is a slide [m], 3 a hinge [rad].
 _NARROW = {2: 0.02, 3: 0.25}
 # Largest sine of the angle between two axes that count as parallel.
 _PARALLEL = 1e-3
 
 
 def followers_of(compiled: mujoco.MjModel, driven: frozenset[str], path: Path) -> dict[str, Follower]:
-    """Joints that follow another one by an equality; of two joints, that without a drive follows.
+    """Joints that follow another joint by an equality of joints or tendons.
+
+    Of the two joints of an equality, the one without a drive follows the other.
 
     Args:
         compiled: MuJoCo's model.
@@ -74,7 +76,7 @@ def _joint_factors(compiled: mujoco.MjModel, kind: int, which: int) -> dict[str,
 def _linear_equality(
     compiled: mujoco.MjModel, sides: list[dict[str, float] | None], curve: list[float]
 ) -> tuple[dict[str, float], float] | None:
-    """Factors and constant of ``sum(factors q) = constant``; None if a side is no sum of joints."""
+    """Factor of each joint and constant of ``sum(factors q) = constant``; None if a side is no sum of joints."""
     first, second = sides
     if first is None or second is None:
         return None

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Makes Pinocchio's model from MuJoCo's compiled model: the same joints, masses, rotors, friction and placements.
 
-Several joints of one body become a series of joints with massless bodies between them. The position of a joint with
-``ref`` is ``ref`` in the drawn posture, as in MuJoCo.
+Several joints of one body become a series of joints with massless bodies between them. In the posture in which the file
+draws the robot, a joint with the attribute ``ref`` is at the position ``ref``, as in MuJoCo.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def tree_of_mjcf(compiled: mujoco.MjModel) -> pin.Model:
 
 
 def _add_joint(model: pin.Model, compiled: mujoco.MjModel, k: int, parent: int, place: pin.SE3) -> tuple[int, pin.SE3]:
-    """Add a joint; returns its index, and the pose of the body in its frame."""
+    """Add a joint, and return its index and the pose of the body in the frame of the joint."""
     kind, axis, position = int(compiled.jnt_type[k]), np.array(compiled.jnt_axis[k]), np.array(compiled.jnt_pos[k])
     address = int(compiled.jnt_qposadr[k])
     name = compiled.joint(k).name
@@ -107,6 +107,7 @@ def _set_drives(model: pin.Model, compiled: mujoco.MjModel) -> None:
 
 
 def _inertia(compiled: mujoco.MjModel, body: int) -> pin.Inertia:
+    """Inertia of a body in its own frame."""
     principal = pose_of(compiled.body_ipos[body], compiled.body_iquat[body])
     turn = principal.rotation
     inertia = turn @ np.diag(compiled.body_inertia[body]) @ turn.T
