@@ -1,7 +1,7 @@
 """Coulomb friction in one step of a simulation, by projected Gauss-Seidel sweeps over the joint velocities.
 
-A friction torque that stops its joint within the step may not exceed its limit; if it would, it opposes the motion with
-the limit. So a joint at rest stays exactly at rest.
+The friction torque of a joint is the one that stops the joint within the step, clipped to its limit. So a joint at rest
+stays exactly at rest as long as the limit suffices.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def apply_dry_friction(
 def start_search(
     mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
 ) -> None:
-    """Compute the responses to impulses on passive joints, and apply the torques of the first guess."""
+    """Write the responses to impulses on passive joints, and add the torques of the first guess to the velocities."""
     n, m = len(speed), len(places.motors)
     motors, passive, response = places.motors, places.passive, places.response
     for j in range(m):
@@ -98,12 +98,12 @@ def sweep_motors(
     largest = 0.0
     for j in range(len(places.motors)):
         if limits[j] > 0.0:
-            at = places.motors[j]
-            wanted = min(max(friction[j] - speed[at] / (mobility[at, at] * h), -limits[j]), limits[j])
+            motor = places.motors[j]
+            wanted = min(max(friction[j] - speed[motor] / (mobility[motor, motor] * h), -limits[j]), limits[j])
             change = wanted - friction[j]
             if change != 0.0:
                 for i in range(len(speed)):
-                    speed[i] += mobility[i, at] * (change * h)
+                    speed[i] += mobility[i, motor] * (change * h)
                 friction[j] = wanted
                 largest = max(largest, abs(change) / limits[j])
     return largest

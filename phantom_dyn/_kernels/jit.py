@@ -1,6 +1,6 @@
-"""Decorators that compile functions with numba at their first call and keep the machine code on disk.
+"""Decorators that compile functions with numba at their first call and store the machine code on disk.
 
-The first of these calls imports numba, because the import takes as long as a small command.
+Numba is imported at the first of these calls and not before, because the import takes as long as a small command.
 With `NUMBA_DISABLE_JIT=1` all functions are plain Python, for a debugger: the same results, far slower.
 """
 
@@ -89,6 +89,7 @@ class Inlined(Compiled):
 
 
 def _decorated(decorator: Callable[..., Any], function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Numba's dispatcher of a function, with machine code stored on disk if a folder for it can be written to."""
     # C never calls these functions, and a wrapper for C takes a tenth of a compilation.
     options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
     try:
@@ -99,11 +100,11 @@ def _decorated(decorator: Callable[..., Any], function: Callable[..., Any], opti
 
 
 def _with_fast_loading(dispatcher: Any) -> Any:
-    """The dispatcher, changed to load cached machine code without numba's registries of everything it can compile.
+    """The dispatcher, changed to load cached machine code without numba's registries of all that it can compile.
 
-    Loading the registries takes a tenth of the time of a small command. If a function has to be compiled after all,
-    numba loads them then. Cached code may refer to a type that a newer version of this package has renamed. It counts
-    as missing, because numba would fail to read it before it notices that the source has changed.
+    Loading the registries takes a tenth of the time of a small command. Numba loads them later if a function has to be
+    compiled after all. The second change is that cached code counts as missing if it refers to a type that a newer
+    version of this package has renamed: numba would fail to read it before it notices that the source has changed.
     """
     try:
         from numba.core.runtime.nrt import rtsys
@@ -140,26 +141,26 @@ def _warn_without_cache() -> None:
 
 
 def jit(function: F) -> F:
-    """A function compiled at its first call: free of the GIL, division as in NumPy, machine code kept on disk.
+    """A function compiled at its first call: without the GIL, division as in NumPy, machine code stored on disk.
 
     Arguments are scalars, arrays and other compiled functions. A first call takes about a second. Later processes load
-    the machine code that the first one has written to the disk, if it could.
+    the machine code from the disk.
     """
     return cast(F, Compiled(function, {}))
 
 
 def fused(function: F) -> F:
-    """As `jit`, but faster: one instruction may multiply and add, so that the last digit may differ."""
+    """A function compiled as by `jit`, but faster: one instruction may multiply and add, which changes last digits."""
     return cast(F, Compiled(function, {"fastmath": {"contract"}}))
 
 
 def inlined(function: F) -> F:
-    """As `fused`, and the function is inlined into the compiled functions that call it; for short functions."""
+    """A function compiled as by `fused` and inlined into the compiled functions that call it; for short functions."""
     return cast(F, Inlined(function, {"fastmath": {"contract"}}))
 
 
 def inlined_jit(function: F) -> F:
-    """As `jit`, and the function is inlined into the compiled functions that call it; for parts of long functions."""
+    """A function compiled as by `jit` and inlined into the compiled functions that call it; for parts of long ones."""
     return cast(F, Inlined(function, {}))
 
 
@@ -169,7 +170,8 @@ class Compilation:
 
     Attributes:
         functions: Number of compilations that have begun.
-        under_way: Number that are not finished; more than one if a function calls others that are not compiled yet.
+        under_way: Number of compilations that have begun and are not finished. It is larger than one while a function
+            is compiled that calls others that are not compiled yet.
     """
 
     functions: int = 0
@@ -189,7 +191,7 @@ def watched_compilation() -> Iterator[Compilation]:
     try:
         yield count
     finally:
-        # By identity: counts that are open together may be equal.
+        # Compared by identity, because several open counts may be equal.
         _watching[:] = [other for other in _watching if other is not count]
 
 

@@ -43,12 +43,12 @@ class Limits(NamedTuple):
     """Limits at which Newton's method and the steps from sample to sample stop.
 
     Attributes:
-        closed: Largest distance [m, rad] between two frames that count as together.
+        closed: Largest distance [m, rad] between two frames that count as coincident.
         singular: Ratio of smallest to largest singular value below which the unknowns are not determined.
         last_step: Newton's method ends when no unknown moves by more than this [rad or m].
         reach: Longest step of a joint between two solutions [rad or m].
-        correction: How far Newton's method may move a predicted solution, relative to the length of the step.
-        shortest: Smallest part of the way to the next sample that is tried.
+        correction: Largest change of a predicted solution by Newton's method, relative to the length of the step.
+        shortest: Smallest share of the distance to the next sample that is tried as one step.
         iterations: Largest number of iterations of Newton's method.
     """
 
@@ -76,7 +76,7 @@ class Closed(NamedTuple):
 
 
 class Anchored(Protocol):
-    """What is needed of a `phantom_dyn.loops.chain.Anchor`: two frames that stay together."""
+    """The part of `phantom_dyn.loops.chain.Anchor` that is needed here: two frames that stay together."""
 
     @property
     def kind(self) -> str:
@@ -112,14 +112,17 @@ def close_loops(
 ) -> int:
     """Write the unknowns of samples ``first`` to N, each found by steps on the straight line from the sample before.
 
+    A step is halved if it is too long, or if Newton's method fails or changes the linear prediction too much; after a
+    successful step its length is doubled.
+
     Args:
         tree: Joints and anchors.
         S: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
         offset: ``o`` of `ClosedChain`, ``(nt,)``.
         limits: When to stop.
         q: Active positions, ``(N, nv)``.
-        begin: Active positions of the known solution from which the first sample is reached, ``(nv,)``.
-        closed: Receives the solutions. Its row ``first - 1``, which is the last row if ``first`` is 0, holds the known
+        begin: Active positions of the known solution from which the first step starts, ``(nv,)``.
+        closed: Output: the solutions. Its row ``first - 1``, which is the last row if ``first`` is 0, holds the known
             solution.
         first: Index of the first sample to solve.
 
@@ -128,19 +131,20 @@ def close_loops(
     """
     z, slopes, inverses = closed
     N, nv, nz = len(q), q.shape[1], z.shape[1]
-    at, way, target, unknown, trial = begin.copy(), np.empty(nv), np.empty(nv), z[first - 1].copy(), np.empty(nz)
+    start, way, target, unknown, trial = begin.copy(), np.empty(nv), np.empty(nv), z[first - 1].copy(), np.empty(nz)
     slope, inverse = slopes[first - 1].copy(), inverses[first - 1].copy()
     next_slope, next_inverse = slope.copy(), inverse.copy()
     for k in range(first, N):
+        # Shares of the way to sample k: the part that is done, and the length of the next step.
         done, part = 0.0, 1.0
         for j in range(nv):
-            way[j] = q[k, j] - at[j]
+            way[j] = q[k, j] - start[j]
         while done < 1.0:
             part = min(part, 1.0 - done)
             longest = 0.0
             for j in range(nv):
                 longest = max(longest, abs(part * way[j]))
-                target[j] = q[k, j] if done + part >= 1.0 else at[j] + (done + part) * way[j]
+                target[j] = q[k, j] if done + part >= 1.0 else start[j] + (done + part) * way[j]
             for i in range(nz):
                 trial[i] = unknown[i]
                 for j in range(nv):
@@ -148,10 +152,10 @@ def close_loops(
                 longest = max(longest, abs(trial[i] - unknown[i]))
             found = False
             if longest <= limits.reach:
-                ahead = trial.copy()
+                predicted = trial.copy()
                 found = newton(tree, S, offset, target, trial, limits, next_slope, next_inverse)
                 for i in range(nz):
-                    found = found and abs(trial[i] - ahead[i]) <= limits.correction * longest + limits.last_step
+                    found = found and abs(trial[i] - predicted[i]) <= limits.correction * longest + limits.last_step
             if found:
                 unknown[:], slope[:], inverse[:] = trial, next_slope, next_inverse
                 done, part = done + part, 2 * part
@@ -159,7 +163,7 @@ def close_loops(
             part /= 2
             if part < limits.shortest and not longest >= limits.reach:
                 return k
-        at[:] = q[k]
+        start[:] = q[k]
         z[k], slopes[k], inverses[k] = unknown, slope, inverse
     return N
 
@@ -174,37 +178,37 @@ def drift_loop(tree: AnchoredTree, S: Array, x: Array, v: Array, inverses: Array
         x: Positions of the tree, ``(N, nt)``.
         v: Velocities of the tree, ``(N, nt)``.
         inverses: Unknown accelerations per acceleration of the constraint, ``(N, nz, m)``.
-        out: Receives the accelerations, ``(N, nt)``.
+        out: Output: the accelerations, ``(N, nt)``.
     """
     m, nz = inverses.shape[2], inverses.shape[1]
-    apart, still = np.empty(m), np.zeros((1, v.shape[1]))
+    relative, zero = np.empty(m), np.zeros((1, v.shape[1]))
     for k in range(len(x)):
-        anchor_acceleration(tree, x[k], v[k : k + 1], still, apart)
+        anchor_acceleration(tree, x[k], v[k : k + 1], zero, relative)
         for i in range(len(S)):
             out[k, i] = 0.0
         for j in range(nz):
-            pulled = 0.0
+            acceleration = 0.0
             for r in range(m):
-                pulled -= inverses[k, j, r] * apart[r]
+                acceleration -= inverses[k, j, r] * relative[r]
             for i in range(len(S)):
-                out[k, i] += S[i, j] * pulled
+                out[k, i] += S[i, j] * acceleration
 
 
 @fused
 def newton(
     tree: AnchoredTree, S: Array, offset: Array, q: Array, z: Array, limits: Limits, slope: Array, inverse: Array
 ) -> bool:
-    """Find the unknowns next to ``z`` that close the loops at active positions ``q``, by Newton's method.
+    """Find the unknowns near ``z`` that close the loops at active positions ``q``, by Newton's method.
 
     Args:
         tree: Joints and anchors.
         S: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
         offset: ``o`` of `ClosedChain`, ``(nt,)``.
         q: Active positions, ``(nv,)``.
-        z: First guess of the unknowns, ``(nz,)``; receives the solution.
+        z: First guess of the unknowns, ``(nz,)``; overwritten by the solution.
         limits: When to stop.
-        slope: Receives the derivative of the unknowns by the active positions, ``(nz, nv)``.
-        inverse: Receives the inverse of the derivative of the constraints by the unknowns, ``(nz, m)``.
+        slope: Output: the derivative of the unknowns by the active positions, ``(nz, nv)``.
+        inverse: Output: the inverse of the derivative of the constraints by the unknowns, ``(nz, m)``.
 
     Returns:
         False if no solution was found, or if the constraints are singular on the way.
@@ -226,21 +230,21 @@ def newton(
                     both[r, j] += on_tree[r, i] * S[i, j]
         if not pseudo_inverse(both[:, nv:], limits.singular, inverse):
             return False
-        still, together = True, True
+        converged, closed = True, True
         for j in range(nz):
             step = 0.0
             for r in range(m):
                 step -= inverse[j, r] * error[r]
-                together = together and abs(error[r]) <= limits.closed
+                closed = closed and abs(error[r]) <= limits.closed
             z[j] += step
-            still = still and abs(step) <= limits.last_step
-        if still:
+            converged = converged and abs(step) <= limits.last_step
+        if converged:
             for i in range(nz):
                 for j in range(nv):
                     slope[i, j] = 0.0
                     for r in range(m):
                         slope[i, j] -= inverse[i, r] * both[r, j]
-            return together
+            return closed
     return False
 
 
@@ -251,9 +255,9 @@ def anchor_error(tree: AnchoredTree, x: Array, error: Array, slope: Array) -> No
     Args:
         tree: Joints and anchors.
         x: Positions of the tree, ``(nt,)``.
-        error: Receives the distance, ``(m,)``: three components [m] of each anchor, then the three of the rotation
-            vector [rad] if the axes stay together.
-        slope: Receives the derivative of the distance by ``x``, ``(m, nt)``; exact where the axes are together.
+        error: Output: the distance, ``(m,)``: three components [m] of each anchor, then three components of the
+            rotation vector [rad] if the axes stay together.
+        slope: Output: the derivative of the distance by ``x``, ``(m, nt)``; exact if the axes are parallel.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree.kinematics
     joints, frames, n, nt = tree.joints, tree.frames, len(parents), len(x)
@@ -297,11 +301,11 @@ def anchor_acceleration(tree: AnchoredTree, x: Array, v: Array, still: Array, ou
     """Write how the second frame of each anchor accelerates relative to the first, if no joint accelerates.
 
     Args:
-        tree: Joints and anchors, which have to be closed.
+        tree: Joints and anchors; all anchors must be closed at ``x``.
         x: Positions of the tree, ``(nt,)``.
         v: Velocities of the tree, ``(1, nt)``.
         still: Zeros, ``(1, nt)``.
-        out: Receives the accelerations in the order of `anchor_error`, ``(m,)``.
+        out: Output: the accelerations in the order of `anchor_error`, ``(m,)``.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree.kinematics
     joints, frames, n, nt = tree.joints, tree.frames, len(parents), len(x)

@@ -1,6 +1,7 @@
-"""State of a closed chain from which compiled simulations compute how its tree follows the active joints.
+"""Motion of all joints of a closed chain from its active joints, for compiled simulations.
 
-Each joint of the tree has one degree of freedom.
+A state stores the latest solution of the loops, from which the next search starts. Each joint of the tree has one
+degree of freedom.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ class LoopClosureState(NamedTuple):
         start: Active positions at the start, ``(nv,)``.
         started: Solution at the start, arrays of one row.
         q: Active positions of the latest solution, ``(nv,)``.
-        wanted: Work array for the active positions of the next solution, ``(1, nv)``. If the loops could not be closed,
-            these positions stay there.
+        wanted: Work array for the active positions of the next solution, ``(1, nv)``. If the loops cannot be closed, it
+            shows the positions at which they fail.
         last: Work arrays of two rows: the next solution and the latest one.
         speed: Work array for the velocities of the tree, ``(1, nt)``.
         away: Work array for the accelerations of the tree while no active joint accelerates, ``(1, nt)``.
@@ -48,7 +49,7 @@ class LoopClosureState(NamedTuple):
 def initial_loop_closure(
     tree: AnchoredTree, linear_map: Array, limits: Limits, q: Array, started: Closed
 ) -> LoopClosureState:
-    """Loops at the start of their chain, with work arrays for the states that follow.
+    """Loops at the start of their chain, with work arrays for later states.
 
     Args:
         tree: Joints and anchors.
@@ -88,9 +89,9 @@ def write_tree_state(
         offset: Positions of the tree where active joints and unknowns are at zero, ``(nt,)``.
         q: Positions, of which the first ``nv`` are those of the active joints.
         v: Velocities, in the same order.
-        x: Receives the positions of the tree, ``(nt,)``.
-        u: Receives the velocities of the tree, ``(nt,)``.
-        away: Receives the accelerations of the tree while no active joint accelerates, ``(nt,)``.
+        x: Output: the positions of the tree, ``(nt,)``.
+        u: Output: the velocities of the tree, ``(nt,)``.
+        away: Output: the accelerations of the tree while no active joint accelerates, ``(nt,)``.
 
     Returns:
         False if the loops cannot be closed, or are singular.
@@ -106,7 +107,7 @@ def write_tree_state(
     S, z, slopes, inverses = loops.linear_map, loops.last.z, loops.last.slopes, loops.last.inverses
     for j in range(nv):
         loops.wanted[0, j] = q[j]
-    # With a position that is not a number, `close_loops` would halve its steps for ever.
+    # For a position that is NaN or infinite, `close_loops` would halve its steps without an end.
     if not np.isfinite(loops.wanted).all():
         return False
     if close_loops(loops.tree, S, offset, loops.limits, loops.wanted, loops.q, loops.last, 0) == 0:

@@ -1,8 +1,10 @@
 """Poses and motion of the joints of a tree at one sample, in the axes of the root, for compiled loops.
 
 Every function is inlined into the loop that calls it. Vectors are passed as three scalars, and arrays one by one: a
-loop that unpacks a tuple of arrays counts references to each of them, and takes half as long again. Numba does not
-notice that a loop has to be compiled again after a change in this file: delete the ``__pycache__`` of this folder then.
+loop that unpacks a tuple of arrays counts references to each of them, and takes 1.5 times as long.
+
+After a change in this file, delete the ``__pycache__`` of this folder: numba does not notice that the loops have to be
+compiled again.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ def place(
     """Write the poses of all joints at one configuration.
 
     Args:
-        parents: Parent of each joint, ``(n,)``; see `Kinematics` for all that describes the tree.
+        parents: Parent of each joint, ``(n,)``; see `TreeArrays` for this and the next arguments.
         kinds: Type of each joint.
         first_q: First entry of each joint in ``q``.
         first_v: First entry of each joint in ``v``.
@@ -43,10 +45,10 @@ def place(
         axes: Axis of each joint in its own frame, ``(n, 3)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         i: Row of ``q`` to use.
-        R: Receives the rotations, ``(n, 3, 3)``; must hold the root's in its first row, as ``o`` does.
-        o: Receives the origins [m], ``(n, 3)``.
-        lin: Receives the velocity of each joint's origin per unit of the joint's velocity, ``(nv, 3)``.
-        ang: Receives the angular velocity per unit of the joint's velocity, ``(nv, 3)``.
+        R: Output: the rotations, ``(n, 3, 3)``; the first row, that of the root, is an input.
+        o: Output: the origins [m], ``(n, 3)``; the first row is an input, too.
+        lin: Output: the velocity of each joint's origin per unit of the joint's velocity, ``(nv, 3)``.
+        ang: Output: the angular velocity per unit of the joint's velocity, ``(nv, 3)``.
     """
     for j in range(1, len(parents)):
         p, kind, k, d = parents[j], kinds[j], first_q[j], first_v[j]
@@ -98,11 +100,11 @@ def move(
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
         i: Row of ``v`` and ``a`` to use.
-        w: Receives angular velocities [rad/s], ``(n, 3)``; must hold the root's in its first row, as ``dw`` and ``acc``
-            do.
-        dw: Receives angular accelerations [rad/s2], ``(n, 3)``.
-        acc: Receives the accelerations of the origins [m/s2], ``(n, 3)``. An acceleration of the root of minus gravity
-            includes the weight of all bodies.
+        w: Output: angular velocities [rad/s], ``(n, 3)``. The first row, that of the root, is an input, also in ``dw``
+            and ``acc``.
+        dw: Output: angular accelerations [rad/s2], ``(n, 3)``.
+        acc: Output: the accelerations of the origins [m/s2], ``(n, 3)``. If the root accelerates by minus gravity, the
+            weight of all bodies is included.
     """
     for j in range(1, len(parents)):
         p, d = parents[j], first_v[j]

@@ -9,7 +9,7 @@ from phantom_dyn.array_types import Array
 
 # Largest number of sweeps of Jacobi rotations; about five are usual.
 _SWEEPS = 40
-# Cosine of the angle between two columns below which they count as orthogonal; it is as small as rounding.
+# Cosine of the angle between two columns below which they count as orthogonal; about the size of rounding errors.
 _ORTHOGONAL = 1e-15
 
 
@@ -20,7 +20,7 @@ def pseudo_inverse(matrix: Array, singular: float, inverse: Array) -> bool:
     Args:
         matrix: The matrix, ``(m, n)``.
         singular: Ratio of smallest to largest singular value below which the matrix counts as singular.
-        inverse: Receives the pseudo-inverse, ``(n, m)``.
+        inverse: Output: the pseudo-inverse, ``(n, m)``.
 
     Returns:
         False if the matrix is singular or has more columns than rows.
@@ -40,7 +40,7 @@ def pseudo_inverse(matrix: Array, singular: float, inverse: Array) -> bool:
     for i in range(n):
         for r in range(m):
             squares[i] += U[r, i] * U[r, i]
-    # Written so that a matrix with NaN counts as singular too.
+    # The negated comparison is true for NaN, too, so that a matrix with NaN counts as singular.
     if not np.sqrt(squares.min()) > singular * np.sqrt(squares.max()):
         return False
     for i in range(n):
@@ -53,7 +53,11 @@ def pseudo_inverse(matrix: Array, singular: float, inverse: Array) -> bool:
 
 @inlined
 def made_orthogonal(U: Array, V: Array, i: int, j: int) -> bool:
-    """Rotate columns ``i`` and ``j`` of ``U`` and ``V`` so that those of ``U`` are orthogonal; False if they were."""
+    """Rotate columns ``i`` and ``j`` of ``U`` and ``V`` so that those of ``U`` become orthogonal.
+
+    Returns:
+        False if they were orthogonal before, so that nothing was changed.
+    """
     a = b = both = 0.0
     for r in range(len(U)):
         a, b, both = a + U[r, i] * U[r, i], b + U[r, j] * U[r, j], both + U[r, i] * U[r, j]

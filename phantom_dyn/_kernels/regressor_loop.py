@@ -18,7 +18,7 @@ from phantom_dyn._kernels.tree_arrays import Kinematics
 from phantom_dyn.array_types import Array
 
 SCATTERED, NONE = -1, -2
-"""These values in place of a body's first column say that its columns are not contiguous, or that none is wanted."""
+"""Values in place of the first column of a body whose columns are not contiguous, or of which no column is wanted."""
 
 
 class BodyWorkspace(NamedTuple):
@@ -67,9 +67,9 @@ def regressor_loop(
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
         slope: ``G`` of a closed chain, ``(1 or N, nt, nv)``; ``(0, nt, nt)`` for a robot without loops.
-        places: One row for each body, ``(n - 1, 11)``: the first of its ten columns if they are contiguous, otherwise
-            `SCATTERED` or `NONE`; then the column of each of its ten parameters, ascending, or -1 if it is not wanted.
-        out: Receives the regressor, ``(N, nv, c)``; entries that are zero for every motion are not written.
+        places: Columns of ``out`` for each body, ``(n - 1, 11)``: the first of its ten columns if they are contiguous,
+            otherwise `SCATTERED` or `NONE`; then the column of each of its ten parameters, -1 for unwanted ones.
+        out: Output: the regressor, ``(N, nv, c)``; entries that are zero for every motion are not written.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
     R, o, w, dw, acc, lin, ang, _, _, _ = workspace
@@ -126,7 +126,7 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
         acc: Accelerations of the origins that `move` has written [m/s2], ``(n, 3)``.
         w: Angular velocities that `move` has written [rad/s], ``(n, 3)``.
         dw: Angular accelerations that `move` has written [rad/s2], ``(n, 3)``.
-        b: Receives the terms, ``(6, 10)``: force per parameter in the axes of the root (three rows), then moment per
+        b: Output: the terms, ``(6, 10)``: force per parameter in the axes of the root (three rows), then moment per
             parameter in the axes of the body (three rows).
     """
     x, y, z = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
@@ -149,9 +149,7 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
 def write_row(
     lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, line: Array, start: int
 ) -> None:
-    """Write the ten entries of one body in the row of one joint.
-
-    Velocities are those per unit of the joint's velocity.
+    """Write the ten entries of one body in the row of one joint. Velocities are per unit of the joint's velocity.
 
     Args:
         lx: Velocity of the body's origin along the root's x axis.
@@ -161,7 +159,7 @@ def write_row(
         sy: Angular velocity about its own y axis.
         sz: Angular velocity about its own z axis.
         b: Terms of the body, from `body_terms`.
-        line: Row of the regressor, which receives the entries.
+        line: Output: row of the regressor.
         start: Index of the first entry.
     """
     for c in range(10):

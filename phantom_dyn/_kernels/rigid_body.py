@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
 """Torque, regressor, mass matrix and frames of a Pinocchio model for N samples, by compiled loops.
 
-Arguments of the functions: ``arrays`` are `tree_arrays` of the model; gravity and armature are read from the model at
-every call. ``q`` are Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is the
-motion of the root, ``(N, 9)``, see `torque_loop`, or None for a fixed root. The specific force of a moving root
-replaces gravity.
+Arguments of the functions: ``arrays`` are the `tree_arrays` of the model; gravity and armature are read from the model
+at every call. ``q`` are Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is
+the motion of the root, ``(N, 9)``, see `torque_loop`, or None for a fixed root; the specific force of a moving root
+replaces gravity. All functions raise `LogError` for samples whose shapes do not fit the robot.
 """
 
 from __future__ import annotations
@@ -51,18 +51,18 @@ def regressor(
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
         root: Motion of the root, ``(N, 9)``, see `torque_loop`; None if it is fixed.
-        slope: Velocities of the tree per velocity of the active joints of a closed chain, ``G``, ``(N, nt, nv)``. With
-            it the regressor has rows for the active joints only.
+        slope: Velocities of the tree per velocity of the active joints of a closed chain, ``G``, ``(N, nt, nv)``; the
+            regressor then has rows for the active joints only. None for a robot without loops.
         columns: Columns to compute, ascending; by default all ten of each joint.
-        out: C-contiguous array whose first columns receive the result, ``(N, nv, c)`` with ``c`` at least the number of
-            columns. It must be zero, or hold the result of the same call for other samples.
+        out: C-contiguous array into whose first columns the result is written, ``(N, nv, c)`` with ``c`` at least the
+            number of columns. It must be zero, or hold the result of the same call for other samples.
 
     Returns:
         Shape ``(N, nv, number of columns)``, or ``out``.
 
     Raises:
-        LogError: If the shapes of the motion do not fit the robot; so do all functions of this module.
-        ParameterError: If a column does not exist, they do not ascend, or ``slope`` or ``out`` does not fit.
+        LogError: If the shapes of the motion do not fit the robot.
+        ParameterError: If a column does not exist, columns do not ascend, or ``slope`` or ``out`` has a wrong shape.
     """
     _require_motion(model, q, v, a, root=root)
     if slope is not None and slope.shape[:2] != v.shape:
@@ -82,6 +82,7 @@ def regressor(
     places = np.full(p, -1)
     places[chosen] = np.arange(len(chosen))
     G = np.empty((0, *v.shape[1:], rows)) if slope is None else slope
+    # A stride of zero means that all samples share one matrix in memory.
     G = G[:1] if len(G) and G.strides[0] == 0 else G
     samples = _rooted(root), ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
@@ -105,7 +106,7 @@ def _rooted(root: Array | None) -> Array:
 
 
 def _require_motion(model: pin.Model, q: Array, *rates: Array, root: Array | None = None) -> None:
-    """Refuse samples whose shapes do not fit: a compiled loop would read beyond their end."""
+    """Refuse samples whose shapes do not fit the robot, because a compiled loop would read beyond their end."""
     if root is not None and root.shape != (len(q), 9):
         raise LogError(f"The root's motion has shape {root.shape}: give nine numbers for each of {len(q)} samples.")
     if q.ndim != 2 or q.shape[1] != model.nq or any(rate.shape != (len(q), model.nv) for rate in rates):
@@ -235,7 +236,7 @@ def _frame(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: 
 
 
 def ready(array: Array, kind: type = np.float64) -> Array:
-    """The array, contiguous, read-only and of type ``kind``: any other kind would make numba compile the loop again."""
+    """The array, made contiguous, read-only and of type ``kind``; numba would compile the loop again for any other."""
     if array.dtype == kind and array.flags.c_contiguous and not array.flags.writeable:
         return array
     view = np.ascontiguousarray(array, dtype=kind).view()

@@ -42,7 +42,7 @@ class FramePoses(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Work arrays of a loop for one sample, made outside of it: compiling this would take as long as a short loop.
+    """Work arrays of a loop for one sample. They are made outside of the loop, because compiling this takes long.
 
     Attributes:
         R: Rotation of each joint in the root frame, the root first, ``(n, 3, 3)``.
@@ -52,7 +52,8 @@ class Workspace(NamedTuple):
         acc: Accelerations of the origins minus gravity, ``(n, 3)``.
         lin, ang: Velocity and angular velocity of a joint's origin per unit of the joint's velocity, ``(nt, 3)``.
         f, m: Forces and moments on the bodies, ``(n, 3)``.
-        whole: Ten inertial parameters of each joint's body together with all bodies after it, ``(n, 10)``.
+        whole: Ten inertial parameters of each composite body (the body of a joint and all bodies that it carries),
+            ``(n, 10)``.
     """
 
     R: Array
@@ -82,7 +83,7 @@ def workspace_of(tree: Kinematics, gravity: Array) -> Workspace:
 def set_root(root: Array, k: int, w: Array, dw: Array, acc: Array, first: int) -> None:
     """Write the motion of the root at sample ``k``, see `torque_loop`; nothing is written if the root is fixed.
 
-    Its angular velocity and acceleration are written from column ``first`` on.
+    Angular velocity and angular acceleration are written from column ``first`` on.
     """
     if len(root) > 0:
         for c in range(3):
@@ -104,7 +105,7 @@ def torque_loop(
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
-        out: Receives the torque [N m or N], ``(N, nv)``.
+        out: Output: the torque [N m or N], ``(N, nv)``.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
     R, o, w, dw, acc, lin, ang, f, m, _ = workspace
@@ -144,7 +145,7 @@ def torque_loop(
 
 @fused
 def mass_loop(tree: Kinematics, inertias: Array, workspace: Workspace, q: Array, out: Array) -> None:
-    """Write mass matrices without armature into ``out``, ``(N, nv, nv)``, which has to be zero: composite bodies.
+    """Write mass matrices without armature into ``out``, ``(N, nv, nv)``, which must be zero; by composite bodies.
 
     The other arguments are those of `torque_loop`.
     """
@@ -236,7 +237,7 @@ def carry(whole: Array, i: int, R: Array) -> None:
 
 @inlined
 def hand_over(whole: Array, i: int, p: int, x: float, y: float, z: float) -> None:
-    """Add the bodies that joint ``i`` carries to those of its parent ``p``; ``(x, y, z)`` leads from ``p`` to ``i``."""
+    """Add the parameters of composite body ``i`` to its parent ``p``; ``(x, y, z)`` leads from ``p`` to ``i``."""
     m, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
     whole[p, 0] += m
     whole[p, 1] += hx + m * x

@@ -3,8 +3,7 @@
 The bias torque is the torque at zero acceleration: gravity, centrifugal and Coriolis terms. All quantities are in the
 axes of the root and about its origin, so that those of several bodies can be added without transformations. One sweep
 from the root to the tips and one sweep back give both results. `phantom_dyn._kernels.rigid_body_loops` works about the
-origin of each joint instead, because it computes poses too. The two files share no code: each would compute quantities
-that only the other one needs.
+origin of each joint instead, because it computes poses too. Therefore the two files share no code.
 """
 
 from __future__ import annotations
@@ -19,16 +18,17 @@ from phantom_dyn._kernels.poses import cross, dot
 from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
 from phantom_dyn.array_types import Array
 
-# Where in the row of a joint's constants its origin, axis and body begin; rotations are first, 43 numbers in total.
+# Constants of a joint are a row of 43 numbers: from 0 rotations, from 27 origin, from 30 axis, from 33 parameters of
+# its body.
 _ORIGIN, _AXIS, BODY, _FIXED = 27, 30, 33, 43
-# Where velocity, acceleration and force begin in the row of a joint's state, which has 46 numbers: from 0 rotation, 9
-# origin, 12 axis as a twist (angular, linear), 18 velocity, 24 acceleration, 30 force (moment, force), 36 inertia of
-# all bodies that the joint carries.
+# The state of a joint is a row of 46 numbers: from 0 rotation, from 9 origin, from 12 axis as a twist (angular,
+# linear), from 18 velocity, from 24 acceleration, from 30 force (moment, force), from 36 inertia of all bodies that the
+# joint carries.
 _VELOCITY, _ACCELERATION, _FORCE, _MOVING = 18, 24, 30, 46
 
 
 def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
-    """Constants of each joint, ``(n, 43)``, and its parent, 1 if it is prismatic, and velocity index, ``(n, 3)``."""
+    """Constants of each joint, ``(n, 43)``; and parent, kind (1 if prismatic) and velocity index, ``(n, 3)``."""
     n = len(arrays.parents)
     numbers = np.zeros((n, _FIXED))
     numbers[:, :_ORIGIN] = arrays.rotations.reshape(n, 27)
@@ -40,7 +40,7 @@ def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
 
 
 def at_root(n: int, gravity: Array) -> Array:
-    """Rows for the state of each joint, ``(n, 46)``; the root is at rest and accelerates by minus gravity."""
+    """Rows for the states of all joints, ``(n, 46)``; the root is at rest, with an acceleration of minus gravity."""
     moving = np.zeros((n, _MOVING))
     moving[0, [0, 4, 8]] = 1.0
     moving[0, _ACCELERATION + 3 : _FORCE] = -gravity
@@ -65,7 +65,7 @@ def move_root(moving: Array, base: Array, k: int, share: float) -> None:
 
 
 class Chain(NamedTuple):
-    """How the joints of the tree follow the active joints; all arrays are empty for a robot without loops.
+    """Motion of all joints of the tree as a function of the active joints; arrays are empty for a robot without loops.
 
     Attributes:
         slope: Velocities of the tree per velocity of the active joints, ``G``, ``(nt, nv)``; overwritten at every state
@@ -108,8 +108,8 @@ def chain_of(
 def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Array, mass: Array, bias: Array) -> None:
     """Write the mass matrix (both triangles), and the torque that the links need at zero acceleration.
 
-    Both are linear in the ten parameters of every body, also for parameters that no body can have, which an estimator
-    may try.
+    Both are linear in the ten parameters of every body. This holds also for parameters that no body can have, because
+    an estimator may try them.
 
     Args:
         numbers: Constants of each joint, ``(n, 43)``, see `joint_rows`.
@@ -117,8 +117,8 @@ def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Arr
         moving: Rows of `at_root`; all but the first one are overwritten.
         q: Positions, in the order of the rows.
         v: Velocities.
-        mass: Receives the mass matrix without rotors in its first rows and columns.
-        bias: Receives the torque.
+        mass: Output: the mass matrix without rotors in its first rows and columns.
+        bias: Output: the torque.
     """
     n = len(places)
     for j in range(1, n):
@@ -150,7 +150,9 @@ def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Arr
 def chained_mass_and_bias(
     numbers: Array, places: Array, moving: Array, chain: Chain, q: Array, v: Array, mass: Array, bias: Array
 ) -> bool:
-    """As `mass_and_bias`, for the active joints of a closed chain; ``bias`` includes friction of the passive joints.
+    """Write mass matrix and bias torque for the active joints of a closed chain, as `mass_and_bias` for a tree.
+
+    The bias torque includes the friction of the passive joints.
 
     With :math:`v_t = G v` and :math:`a_t = G a + d`, the mass matrix is :math:`G^T M_t G` and the torque
     :math:`G^T (M_t d + b_t)`.
@@ -159,11 +161,11 @@ def chained_mass_and_bias(
         numbers: Constants of each joint, ``(n, 43)``, see `joint_rows`.
         places: Parent, kind and velocity index of each joint, ``(n, 3)``, see `joint_rows`.
         moving: Rows of `at_root`; all but the first one are overwritten.
-        chain: How the tree follows the active joints.
+        chain: Motion of the tree as a function of the active joints.
         q: Positions, those of the active joints first.
         v: Velocities in the same order.
-        mass: Receives the mass matrix in its first rows and columns.
-        bias: Receives the torque.
+        mass: Output: the mass matrix in its first rows and columns.
+        bias: Output: the torque.
 
     Returns:
         False if the loops cannot be closed at this state, or are singular there.
@@ -287,13 +289,13 @@ def invert(matrix: Array) -> bool:
     """Overwrite a symmetric matrix by its inverse (Gauss-Jordan without pivoting); False if not positive definite."""
     n = len(matrix)
     for k in range(n):
-        # This refuses NaN too.
+        # The negated comparison is true for NaN, too.
         if not matrix[k, k] > 0.0:
             return False
         share = 1.0 / matrix[k, k]
         for i in range(n):
             if i != k:
-                # The rows still need column k as it was: it is scaled after this loop.
+                # All rows need the old column k, which is scaled after this loop.
                 scaled = matrix[i, k] * share
                 for j in range(n):
                     if j != k:

@@ -31,7 +31,8 @@ class SlopeWorkspace(NamedTuple):
         v, a: Velocity and acceleration of each body, the root first, ``(n, 6)``.
         f: Force on all bodies that a joint carries, ``(n, 6)``.
         flow: Sums of ``m u`` and ``m u r^T`` over all bodies that a joint carries, ``(n, 12)``.
-        force: Three forces of the joint at hand, ``(3, 6)``.
+        force: Forces on the carried bodies of the current joint: their derivatives by its position and by its velocity,
+            then the force of a unit acceleration, ``(3, 6)``.
     """
 
     s: Array
@@ -76,7 +77,7 @@ def torque_slope_loop(
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nt)``.
         a: Accelerations, ``(N, nt)``.
-        out: Zeros, ``(2, nt, nt, N)``. Receives in ``[0, j, i, sample]`` the derivative of the torque of joint i by the
+        out: Zeros, ``(2, nt, nt, N)``. Output: in ``[0, j, i, sample]`` the derivative of the torque of joint i by the
             position of joint j, and in ``[1, j, i, sample]`` the derivative by its velocity.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
@@ -101,8 +102,7 @@ def torque_slope_loop(
                 twice[d, c] *= 0.5
                 speed[i, c] = speed[p, c] + s[d, c] * v[k, d]
                 gain[i, c] = gain[p, c] + s[d, c] * a[k, d] + once[d, c] * v[k, d]
-            # Parameters of the body about the origin of the root. The root has no body, so that its row is free for
-            # them.
+            # Parameters of the body about the origin of the root, computed in the row of the root, which has no body.
             for c in range(10):
                 whole[0, c], whole[i, c] = 0.0, inertias[i, c]
             carry(whole, i, R)
@@ -115,7 +115,7 @@ def torque_slope_loop(
             p, d = parents[i], first_v[i]
             push(whole, flow, i, once, twice, d, force, 0)
             push(whole, flow, i, s, once, d, force, 1)
-            # The force on the carried bodies moves with the joint, which the joints before it notice.
+            # The force on the carried bodies turns with the joint, which changes the torque of the joints before it.
             for c in range(6):
                 force[0, c], force[1, c] = 2.0 * force[0, c], 2.0 * force[1, c]
             add_force_crossed(s, d, f, i, force)
@@ -184,7 +184,7 @@ def inertia_times(whole: Array, i: int, motion: Array, d: int, out: Array, row: 
 
 @inlined
 def push(whole: Array, flow: Array, i: int, turning: Array, motion: Array, d: int, out: Array, row: int) -> None:
-    """Write to ``out[row]`` the force of `inertia_times` plus the forces ``m w x u``, with ``w`` of ``turning[d]``."""
+    """Write to ``out[row]`` the force of `inertia_times` plus forces ``m w x u``; ``turning[d]`` contains ``w``."""
     inertia_times(whole, i, motion, d, out, row)
     wx, wy, wz = turning[d, 3], turning[d, 4], turning[d, 5]
     x, y, z = cross(wx, wy, wz, flow[i, 0], flow[i, 1], flow[i, 2])

@@ -44,7 +44,7 @@ class Kinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class TreeArrays:
-    """A tree of ``n - 1`` joints; entry 0 is the root, entry j is Pinocchio's joint j. All arrays are read-only.
+    """A tree of ``n - 1`` joints, as read-only arrays; entry 0 is the root, entry j is Pinocchio's joint j.
 
     Attributes:
         parents: Parent of each joint, shape ``(n,)``.
@@ -95,9 +95,9 @@ def tree_arrays(model: pin.Model) -> TreeArrays:
     """
     count = model.njoints
     names = [joint.shortname() for joint in list(model.joints)[1:]]
-    strange = [name for name in names if name not in _KINDS]
-    if strange:
-        raise RobotError(f"A joint is a {strange[0]}: give a model of revolute, continuous and linear joints only.")
+    unknown = [name for name in names if name not in _KINDS]
+    if unknown:
+        raise RobotError(f"A joint is a {unknown[0]}: give a model of revolute, continuous and linear joints only.")
     kinds = [0, *(_KINDS[name] for name in names)]
     rotations, translations, axes = np.zeros((count, 3, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3))
     inertias, first_q, first_v = np.zeros((count, 10)), np.zeros(count, np.int64), np.zeros(count, np.int64)
