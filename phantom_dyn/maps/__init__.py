@@ -1,1 +1,1 @@
-"""Maps of what a hand feels at the tip over the workspace of a robot: mass, friction, stiffness, weight."""
+"""Maps of mass, friction, stiffness and weight that a hand feels at the tip of a robot, over its workspace."""

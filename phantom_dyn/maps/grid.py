@@ -1,4 +1,4 @@
-"""Grids over the position of the tip or over joints, read from a text such as ``x=START:STOP:COUNT,y=...``."""
+"""Grid of tip positions or joint positions for a map, read from a text such as ``x=START:STOP:COUNT,y=...``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phantom_dyn.errors import ParameterError, known_names
 TIP_AXES = ("x", "y", "z")
 MOST_POINTS = 20_000_000
 """Largest number of points of a grid: one 3 x 3 matrix for each of so many points takes 1.4 GB."""
-# Largest coordinate of a grid [m or rad], far beyond any robot; figures can still be drawn of it.
+# Largest coordinate of a grid [m or rad]: far beyond any robot, and still small enough for figures.
 _FARTHEST = 1e6
 
 
@@ -87,6 +87,7 @@ def _require_axis(name: str, joint_names: tuple[str, ...]) -> None:
 
 
 def _axis(name: str, span: str) -> Array:
+    """Coordinates along one axis, from the text ``START:STOP:COUNT``."""
     wanted = "wanted START:STOP:COUNT such as -0.1:0.1:41"
     parts = span.split(":")
     try:

@@ -1,4 +1,4 @@
-"""Inverse kinematics of maps: joint positions for tip positions, on the branch nearest to a given posture."""
+"""Inverse kinematics for maps: joint positions for tip positions, on the branch nearest to a given posture."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ CLOSE = 1e-9
 """Distance [m] between tip and point below which Newton's method has converged, far above rounding errors."""
 # Number of random configurations, and of starts of Newton's method for each point.
 _SAMPLES, _STARTS = 20000, 8
-# The same numbers for a chain that is closed numerically, of which each configuration takes about a millisecond.
+# The same numbers for a chain that is closed numerically: each configuration takes about a millisecond.
 _NUMERIC_SAMPLES, _NUMERIC_STARTS = 4000, 6
-# Number of random configurations with the nearest tips, from which the starts for a point are chosen.
+# Number of random configurations whose tips are nearest to a point, from which the starts for this point are chosen.
 _NEAR = 48
 # Largest number of steps of Newton's method.
 _STEPS = 25
@@ -65,7 +65,8 @@ def cloud_of(model: MapModel) -> Cloud | None:
         return None
     active = list(model.robot.tree_rows)
     low, high = model.lower[active], model.upper[active]
-    # One turn has all poses of a revolute joint; a prismatic joint without limits is drawn within a metre.
+    # Of a revolute joint one turn is drawn, which has all its poses; of a prismatic joint without limits a metre to
+    # both sides of the posture.
     span = np.where(model.robot.prismatic, 1.0, np.pi)
     narrow = np.isfinite(high - low) & (model.robot.prismatic | (high - low < 2 * np.pi))
     low, high = np.where(narrow, low, model.posture - span), np.where(narrow, high, model.posture + span)
@@ -74,7 +75,7 @@ def cloud_of(model: MapModel) -> Cloud | None:
     q = np.random.default_rng(0).uniform(low, high, (samples, model.nv))
     q = q[within_limits(model, q)]
     tip = tip_of(model, q)[0]
-    # If limits are wide, the loops of a closed chain cannot be closed in most postures.
+    # With wide limits, the loops of a closed chain cannot be closed in most postures; the tip of such a posture is NaN.
     closed = np.isfinite(tip).all(axis=1)
     return Cloud(q[closed], tip[closed])
 
@@ -120,7 +121,7 @@ def _near_posture(model: MapModel, q: Array) -> Array:
 
 
 def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> Array:
-    """Candidates ``(starts, N, nv)`` of Newton's method, each from a random configuration whose tip is near."""
+    """Results of Newton's method, ``(starts, N, nv)``, each from a random configuration whose tip is near the point."""
     # Imported here because the import takes longer than many maps that do not need it.
     from scipy.spatial import KDTree
 

@@ -1,7 +1,7 @@
-"""Figures of maps: curves, sections with lines of equal value, and sections in space; NaN stays white.
+"""Draws maps as figures: curves, sections with lines of equal value, and sections in space; NaN stays white.
 
-Scalars and vectors are shown with all components, and symmetric matrices with their diagonal. A matrix whose columns
-are joints is shown with the norms of its rows, which say what all joints together can do along x, y and z.
+Scalars and vectors are shown with all components, and symmetric matrices with their diagonal. Of a matrix whose columns
+are joints, the norms of the rows are shown, which are the effect of all joints together along x, y and z.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ _LEVELS = 12
 _MOST_POINTS = 45
 _COLORS = "viridis"
 _DPI = 200
-# Largest value of a panel, over that of the figure, below which the panel shows rounding errors and is left out.
+# A panel is left out if its largest value, over that of the figure, is below this: it shows only rounding errors.
 _ROUNDING = 1e-9
-# Ratio of largest to smallest value above which levels are logarithmic, and ratio of largest to smallest level.
+# Levels are logarithmic if the ratio of largest to smallest value is above the first number; the second number is the
+# ratio of largest to smallest level.
 _DECADE, _DECADES = 10.0, 1e4
-# Largest share of the points with the same colour; if there are more, their range is divided.
+# Largest share of the points with the same colour; if there are more, the range of this colour is divided.
 _ONE_COLOUR = 1 / 3
-# Width of the rim, as a share of a section: near its ends and points out of reach, no extreme value is marked.
+# Width of the rim, as a share of a section. No extreme value is marked in the rim, which is near the ends of the
+# section and near points out of reach.
 _RIM = 0.02
 # Relative difference up to which two values count as equal.
 _SAME = 1e-9
@@ -55,6 +57,8 @@ _LETTERS = 17
 
 @dataclass(frozen=True)
 class _Panel:
+    """One diagram of a figure."""
+
     title: str
     values: Array  # over the axes that vary
 
@@ -67,8 +71,8 @@ def figure(result: OperationalMap, name: str) -> Figure:
         name: Name of a quantity in it.
 
     Returns:
-        For one axis a curve, for two a section with lines of equal value, for three the middle sections in space and
-        that across the first axis, for more the middle section of the last two axes.
+        For one axis a curve; for two axes a section with lines of equal value; for three axes the three middle sections
+        in space and the section in the middle of the first axis; for more axes the middle section of the last two.
     """
     axes, panels = _panels(result, name)
     space = 2 if len(axes) == 3 else 1
@@ -119,7 +123,7 @@ def _panels(result: OperationalMap, name: str) -> tuple[list[int], list[_Panel]]
 
 
 def _beyond_rounding(panels: list[_Panel]) -> list[_Panel]:
-    """Panels without those that show rounding errors only; the first one if all do."""
+    """Panels without those that show only rounding errors; the first panel if all do."""
     sizes = [float(np.nanmax(np.abs(panel.values))) if np.isfinite(panel.values).any() else 0.0 for panel in panels]
     kept = [panel for panel, size in zip(panels, sizes, strict=True) if size > _ROUNDING * max(sizes)]
     return kept or panels[:1]
@@ -147,8 +151,8 @@ def _scale(values: Array, logarithmic: bool) -> Normalize:
         return Normalize(0, 1)
     if logarithmic:
         return LogNorm(max(finite.min(), finite.max() / _DECADES), finite.max())
-    # Near a singularity masses grow without bound, which must not use all colours. The limits are those of outliers in
-    # a box plot: three interquartile ranges beyond the quartiles.
+    # Near a singularity masses grow without bound; without limits these values would take nearly all colours. The
+    # limits are those of outliers in a box plot: three interquartile ranges beyond the quartiles.
     quarter, three = np.percentile(finite, [25, 75])
     beyond = 3 * (three - quarter)
     low, high = max(finite.min(), quarter - beyond), min(finite.max(), three + beyond)
@@ -159,6 +163,7 @@ def _scale(values: Array, logarithmic: bool) -> Normalize:
 
 
 def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: OperationalMap, logarithmic: bool) -> None:
+    """Draw a panel as a number, a curve or a section."""
     grid = result.grid
     ax.set_title(panel.title, fontsize=9)
     if not axes:
@@ -214,7 +219,7 @@ def _extend(below: bool, above: bool) -> Literal["neither", "min", "max", "both"
 
 
 def _levels(scale: Normalize, values: Array) -> Array:
-    """Values at which lines are drawn: round numbers that cover the range, and more where many points are between."""
+    """Values at which lines are drawn: round numbers that cover the range, and more between levels with many points."""
     low, high = float(scale.vmin or 0.0), float(scale.vmax or 0.0)
     if isinstance(scale, LogNorm):
         ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0), numticks=99).tick_values(low, high))
@@ -273,7 +278,7 @@ def _mark(ax: Axes, across: Array, up: Array, values: Array) -> None:
 
 
 def _mark_largest(ax: Axes, across: Array, up: Array, values: Array, word: str, sign: Literal[1, -1]) -> None:
-    """Mark the largest of ``sign * values`` off the rim; nothing if the values grow towards the rim everywhere."""
+    """Mark the largest of ``sign * values`` outside of the rim; nothing if the values grow up to the rim everywhere."""
     signed = sign * values
     inner, around = _off_the_rim(signed)
     largest = float(np.nanmax(np.where(inner, signed, np.nan))) if inner.any() else math.nan
@@ -288,7 +293,7 @@ def _mark_largest(ax: Axes, across: Array, up: Array, values: Array, word: str, 
 
 
 def _off_the_rim(values: Array) -> tuple[Array, Array]:
-    """True for points off the rim, and the largest value around each point, within the width of the rim."""
+    """Mask of the points outside of the rim, and the largest value around each point, within the width of the rim."""
     margin = max(1, round(_RIM * max(values.shape)))
     padded = np.pad(np.where(np.isfinite(values), values, -np.inf), margin, constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * margin + 1, 2 * margin + 1))
@@ -328,6 +333,7 @@ def _thinned(values: Array) -> tuple[Array, Array]:
 
 
 def _caption(result: OperationalMap, name: str, axes: Sequence[int]) -> list[str]:
+    """Lines of the caption: robot, section, blank points, chosen branch."""
     model, grid = result.model, result.grid
     fixed = [
         f"{axis} = {values[len(values) // 2]:.4g}"

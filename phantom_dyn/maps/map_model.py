@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""What a map needs of a robot: tip, limits, stiffness and posture, and its dynamics for a block of samples.
+"""Data of a robot for a map: tip, limits, stiffness and posture, and its dynamics for a block of samples.
 
-For built-in devices this module adds what their robot files lack: inverse kinematics in closed form, published
-stiffness and the usual posture.
+A map shows what a hand feels at the tip (mass, friction, stiffness) over the workspace. For built-in devices this
+module adds what their robot files do not contain: inverse kinematics in closed form, published stiffness and the usual
+posture.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from phantom_dyn.loops.solver import REACH
 from phantom_dyn.model.robot import Robot, tree_position_limits
 from phantom_dyn.motion import Motion, linear_joints
 
-# Distance beyond a joint limit [rad or m] up to which a position counts as within, for rounding errors.
+# Distance beyond a joint limit [rad or m] up to which a position counts as within the limit, because of rounding.
 _SLACK = 1e-9
 # Number of latest solutions from which the search for a single sample of a closed chain may start.
 _ENDS = 4
@@ -38,9 +39,10 @@ class MapModel:
         tip: Index of this frame in the model.
         lower: Lowest position of each tree joint [rad or m], ``-inf`` without a limit, shape ``(nt,)``.
         upper: Highest position of each tree joint, ``inf`` without a limit, shape ``(nt,)``.
-        stiffness: Stiffness of the active joints [N m/rad], shape ``(nv,)``, or None.
+        stiffness: Stiffness of the active joints [N m/rad], shape ``(nv,)``; None if unknown.
         stiffness_note: Source of the stiffness, for captions.
-        posture: Configuration that selects the branch; positions of joints that are no axis of the grid, ``(nv,)``.
+        posture: Configuration near which a branch of the inverse kinematics is chosen, ``(nv,)``; it is also the
+            position of joints that are not an axis of the grid.
         branches: Inverse kinematics in closed form: candidates ``(B, N, nv)`` for tip positions ``(N, 3)``, or None.
     """
 
@@ -81,13 +83,15 @@ def tree_at(model: MapModel, q: Float[Array, "N nv"]) -> TreeMotion:
 
 
 def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> TreeMotion:
-    """The tree of a chain at rest; samples that cannot be closed are found by halving, and are NaN.
+    """The tree of a chain at rest; samples at which loops cannot be closed are NaN.
+
+    If the solver fails for some sample of the block, each half of the block is solved by itself.
 
     Args:
         robot: A chain that is closed numerically.
         q: Active positions.
-        ends: Last tree positions of all parts so far, to which this call adds its own; the search for a single sample
-            starts at the nearest of them.
+        ends: Last tree positions of all solved parts, to which this call adds its own; the search for a single sample
+            starts at the nearest of these positions.
     """
     try:
         tree = _at_rest(robot, q, _nearest(robot, q, ends))
@@ -115,9 +119,11 @@ def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt
 
 def _nearest(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> Float[Array, " nt"] | None:
     """Start of the search for a single sample: the nearest recent solution, if one step of the solver can reach it."""
+    if len(q) != 1 or not ends:
+        return None
     near = ends[-_ENDS:]
-    apart = [float(np.abs(x[list(robot.tree_rows)] - q[0]).max()) for x in near] if len(q) == 1 else []
-    return near[int(np.argmin(apart))] if apart and min(apart) <= REACH else None
+    distances = [float(np.abs(x[list(robot.tree_rows)] - q[0]).max()) for x in near]
+    return near[int(np.argmin(distances))] if min(distances) <= REACH else None
 
 
 def _at_rest(robot: Robot, q: Float[Array, "N nv"], near: Float[Array, " nt"] | None) -> TreeMotion:
@@ -132,7 +138,7 @@ def within_limits(model: MapModel, q: Float[Array, "N nv"]) -> np.ndarray:
     for joint, values in enumerate(tree_at(model, q).q.T):
         low, high = model.lower[joint] - _SLACK, model.upper[joint] + _SLACK
         if joint not in robot.tree_rows and not linear[joint] and np.isfinite(low):
-            # The expression of a passive angle may be a whole turn off.
+            # The computed angle of a passive joint may differ by whole turns.
             values = low + np.mod(values - low, 2 * np.pi)
         inside &= (values >= low) & (values <= high)  # False for NaN
     return inside

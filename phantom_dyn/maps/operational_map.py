@@ -1,4 +1,4 @@
-"""Computes a map: quantities at every point of a grid, in one or several processes; and the map as xarray dataset."""
+"""Computes a map (quantities at every point of a grid) in one or several processes, and converts it to xarray."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 BLOCK = 8192
 """Number of points computed at once; their arrays need some tens of megabytes."""
 SLOW_BLOCK = 1024
-"""Number of points computed at once if a numerical search, which takes far longer, is needed for each."""
+"""Number of points computed at once if each of them needs a numerical search, which takes far longer."""
 LARGEST_CHUNK = 16
 """Largest number of blocks that one call of a worker computes; their result needs some tens of megabytes."""
 FEW_BLOCKS = 8
@@ -159,6 +159,8 @@ def dataset(result: OperationalMap) -> xarray.Dataset:
 
 @dataclass(frozen=True)
 class _Job:
+    """Arguments of a map that all blocks share."""
+
     model: MapModel
     grid: Grid
     names: tuple[str, ...]
@@ -167,6 +169,8 @@ class _Job:
 
 @dataclass(frozen=True)
 class _Block:
+    """Quantities of the points ``start`` to ``stop``, and numbers of points out of reach and of singular points."""
+
     start: int
     stop: int
     values: dict[str, Array] = field(repr=False)
@@ -175,7 +179,7 @@ class _Block:
 
 
 def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
-    """Blocks as they are finished; if there are few, this process computes them alone."""
+    """Blocks of the map, in the order in which they are finished; few blocks are computed by this process alone."""
     size = job.grid.size
     slow = job.cloud is not None or job.model.closed_numerically
     block = min(BLOCK, SLOW_BLOCK) if slow else BLOCK
@@ -195,6 +199,7 @@ def _chunk(job: _Job, spans: list[tuple[int, int]]) -> list[_Block]:
 
 
 def _block(job: _Job, start: int, stop: int) -> _Block:
+    """Quantities of the points ``start`` to ``stop``."""
     model = job.model
     q = _joint_positions(job, start, stop)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))

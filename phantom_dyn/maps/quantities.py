@@ -3,10 +3,12 @@ r"""Quantities that a hand feels at the tip: mass, friction, stiffness and weigh
 With the translational Jacobian J of the tip, an inverse A of J maps a velocity of the tip to joint velocities. Then
 :math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, and the
 weight is :math:`A^T g`. The largest singular value of :math:`F_{cop}` is the largest force of Coulomb friction that a
-hand may feel. With three active joints A is the inverse of J, and these equations are (18) of the source. With more
-joints A is the inverse with the least kinetic energy for masses, friction and weight, so that
-:math:`M_{op} = (J M^{-1} J^T)^{-1}`, and with the least elastic energy for the stiffness. With fewer joints A is the
-pseudo-inverse, and all quantities are zero in a direction in which the tip cannot move.
+hand may feel.
+
+With three active joints A is the inverse of J, and these equations are (18) of the source. With more joints A is the
+generalised inverse with the least kinetic energy for masses, friction and weight, so that
+:math:`M_{op} = (J M^{-1} J^T)^{-1}`, and the one with the least elastic energy for the stiffness. With fewer joints A
+is the pseudo-inverse, and all quantities are zero in a direction in which the tip cannot move.
 
 References:
     A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, section VII: (18), (19).
@@ -25,8 +27,8 @@ from phantom_dyn.errors import ParameterError, known_names
 from phantom_dyn.maps.map_model import JointSpace, MapModel, joint_space, projected_friction
 
 SINGULAR = 1e-6
-"""Ratio of smallest to largest singular value of J below which a point counts as singular: M_op then loses twelve
-digits."""
+"""Ratio of smallest to largest singular value of J, below which a point counts as singular: at this ratio, rounding
+errors of M_op are twelve digits larger."""
 _WITHOUT_INERTIA = {"manipulability"}
 
 
@@ -117,6 +119,7 @@ def felt_at(model: MapModel, q: Array, names: tuple[str, ...]) -> tuple[dict[str
 
 
 def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> dict[str, Array]:
+    """Quantities that need an inverse of J, at the samples ``rows``, which are not singular."""
     assert space.M is not None
     assert space.weight is not None
     J, M = space.J[rows], space.M[rows]

@@ -1,4 +1,4 @@
-"""Make simple solids as triangle meshes, and simplify meshes to a number of faces."""
+"""Makes simple solids as triangle meshes, and simplifies meshes to a number of faces."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from phantom_dyn.array_types import Array, Float, Int
 
 SIDES = 14
 """Number of corners of a circle."""
-# Number of faces that a small part keeps, so that its shape stays visible.
+# Number of faces that even a small part gets, so that its shape stays visible.
 _LEAST_FACES = 24
 # Largest number of cells along the longest side of a mesh.
 _MOST_CELLS = 300.0
-# Halvings of the range of cell sizes: the number of faces is then right to one per cent.
+# Number of bisection steps for the cell size; the number of faces is then accurate to one per cent.
 _HALVINGS = 12
 # Odd factors of a hash of three numbers.
 _HASH_FACTORS = (0x1E3779B97F4A7C15, 0x3F58476D1CE4E5B9, 0x14D049BB133111EB)
-# Share of the largest singular value below which the planes do not fix a corner in a direction.
+# Smallest singular value, over the largest, with which the planes determine the position of a corner in a direction.
 _SMALLEST_SINGULAR_VALUE = 1e-3
 
 
@@ -85,8 +85,8 @@ def reduced(mesh: Mesh, faces: int) -> Mesh:
     """Simplify the mesh to at most ``faces`` triangles.
 
     All corners in one cell of a grid become one point, the nearest to the planes of their faces. The size of the cells
-    follows from the number of faces. Collapsing edges would need a closed, connected mesh, which visual meshes often
-    are not.
+    is found by bisection from the number of faces. The usual method of collapsing edges would need a closed, connected
+    mesh, which visual meshes often are not.
 
     References:
         P. Lindstrom, Out-of-core simplification of large polygonal models, SIGGRAPH 2000: cells with quadrics.
@@ -109,17 +109,23 @@ def reduced(mesh: Mesh, faces: int) -> Mesh:
 
 
 def face_budgets(areas: list[float], counts: list[int], faces: int) -> list[int]:
-    """Distribute ``faces`` over parts in proportion to the root of their area; no part gets more than it has."""
+    """Number of faces for each part, in proportion to the square root of its area; no part gets more than it has.
+
+    Args:
+        areas: Area of each part.
+        counts: Number of faces that each part has.
+        faces: Number of faces of all parts together.
+    """
     own, weight = np.array(counts, dtype=int), np.sqrt(np.array(areas, dtype=float)) + 1e-12
     given = np.minimum(own, min(_LEAST_FACES, faces // max(len(own), 1)))
     for _ in own:
-        # The other parts get what a small part does not need.
+        # Faces that small parts do not need are distributed again over the other parts.
         incomplete = given < own
-        left = faces - int(given.sum())
-        if left <= 0 or not incomplete.any():
+        undistributed = faces - int(given.sum())
+        if undistributed <= 0 or not incomplete.any():
             break
         share = np.where(incomplete, weight, 0.0)
-        given = np.minimum(own, given + np.floor(left * share / share.sum()).astype(int))
+        given = np.minimum(own, given + np.floor(undistributed * share / share.sum()).astype(int))
     return given.tolist()
 
 
@@ -157,7 +163,7 @@ def _frame(axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
 
 
 def _clustered(mesh: Mesh, cell: float) -> tuple[Int[Array, " P"], Int[Array, "F 3"]]:
-    """Cell of each corner, and the triangles between three different cells without repetition."""
+    """Cell of each corner, and each triangle between three different cells once."""
     grid = np.floor((mesh.points - mesh.points.min(axis=0)) / cell).astype(np.int64)
     wide = int(grid.max()) + 1
     cells = np.unique(_triple_number(grid, wide), return_inverse=True)[1].reshape(-1)
@@ -169,13 +175,13 @@ def _clustered(mesh: Mesh, cell: float) -> tuple[Int[Array, " P"], Int[Array, "F
 
 
 def _remaining_faces(points: Float[Array, "3 P"], corners: Int[Array, "3 F"], cell: float) -> int:
-    """Number of triangles that `_clustered` leaves; no coordinate of ``points`` [m] is negative."""
+    """Number of triangles that `_clustered` would return; no coordinate of ``points`` [m] is negative."""
     x, y, z = np.floor(points / cell).astype(np.int64)
     wide = int(points.max() / cell) + 1
     a, b, c = ((x * wide + y) * wide + z)[corners]
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     middle = a + b + c - low - high
-    # One hash for three cells sorts many times as fast. Two triangles practically never have the same hash.
+    # Sorting one hash is many times as fast as sorting three cells. Two triangles practically never have the same hash.
     number = low * _HASH_FACTORS[0] + middle * _HASH_FACTORS[1] + high * _HASH_FACTORS[2]
     number = np.sort(number[(low < middle) & (middle < high)])
     return int(np.count_nonzero(np.diff(number))) + min(len(number), 1)
@@ -187,17 +193,18 @@ def _triple_number(triples: Int[Array, "N 3"], base: int) -> Int[Array, " N"]:
 
 
 def _corners(mesh: Mesh, cells: Int[Array, " P"], cell: float) -> Float[Array, "C 3"]:
-    """For each cell, the point that minimizes the area-weighted sum of squared distances to the planes of its faces."""
+    """Point of each cell with the smallest area-weighted sum of squared distances to the planes of its faces."""
     count = int(cells.max()) + 1
     inside = np.bincount(cells, minlength=count)
     mean = np.column_stack([np.bincount(cells, mesh.points[:, k], count) / inside for k in range(3)])
     normals, corners = _normals(mesh), mesh.faces.T
-    at = cells[corners.ravel()]
+    cell_of_corner = cells[corners.ravel()]
     distance = np.einsum("ij,kij->ki", normals, mesh.points[corners] - mean[cells[corners]])
 
     def summed(values: Float[Array, "3 F"]) -> Float[Array, " C"]:
-        return np.bincount(at, values.ravel(), count)
+        return np.bincount(cell_of_corner, values.ravel(), count)
 
+    # Normal equations ``left shift = right`` of each cell.
     left, right = np.empty((count, 3, 3)), np.empty((count, 3))
     for j in range(3):
         right[:, j] = summed(normals[:, j] * distance)

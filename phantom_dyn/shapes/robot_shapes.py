@@ -2,9 +2,9 @@
 """The shape of a robot as triangles: its simplified visual meshes, or capsules along its links.
 
 Visual shapes are read from a URDF with yourdfpy and trimesh, from an MJCF with MuJoCo and coal. Loading and simplifying
-meshes takes a second, so the result is written to the user's cache. The name of the file there is a hash of the robot's
-file, its meshes, this code and the libraries that read meshes, so a cached file is never out of date. If it cannot be
-read, the shapes are computed again.
+meshes takes a second, so the result is written to the user's cache. The name of a cached file is a hash of the robot's
+file, its meshes, this code and the versions of the libraries that read meshes, so that it is never out of date. If it
+cannot be read, the shapes are computed again.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 # Values of MuJoCo's mjtGeom.
 _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = 2, 3, 4, 5, 6, 7
-# MuJoCo's viewer shows the groups from 0 to this one when it starts.
+# Last group of geoms that MuJoCo's viewer shows when it starts.
 _LAST_VISIBLE_GROUP = 2
 
 
@@ -95,19 +95,20 @@ def _mesh(compiled: mujoco.MjModel, mesh: int) -> coal.CollisionGeometry:
     return out
 
 
-# For each shape: the joint of the file's model that moves it, its pose in that joint's frame, and its triangles.
+# For each shape: the joint of the file's model that moves the shape, its pose in the frame of this joint, triangles.
 _Shapes = list[tuple[int, pin.SE3, Mesh]]
 
 
 def visuals(robot: Robot) -> list[tuple[int, Mesh]]:
-    """Visual shapes of the robot's file: the index of the joint that moves each, and triangles in that joint's frame.
+    """Visual shapes of the robot's file, each with the index of its joint; triangles are in the frame of this joint.
 
-    The list is empty if the file has no visual shapes, or one mesh cannot be read: half a robot would mislead.
+    The list is empty if the file has no visual shapes. It is also empty if one mesh cannot be read, because a picture
+    of half a robot would mislead.
     """
     try:
         path = find_robot(robot.source)
         full, shapes = _of_urdf(path) if path.suffix == ".urdf" else _of_mjcf(path)
-    except Exception:  # mesh readers raise all kinds of errors, and a diagnosis must not fail because of a picture
+    except Exception:  # mesh readers raise many types of errors, and a diagnosis must not fail because of a picture
         return []
     names = list(robot.model.names)
     out = []
@@ -136,7 +137,8 @@ def _of_urdf(path: Path) -> tuple[pin.Model, _Shapes]:
         if not len(shape.faces):
             raise RobotError(f"{path.name}: the mesh of {link} holds no triangles.")
         mesh = Mesh(np.array(shape.vertices, dtype=float), np.array(shape.faces, dtype=int))
-        # Parts of a link are joined first: each part would keep a least number of faces, and there may be dozens.
+        # Parts of a link are joined, because a link may have dozens of parts, each of which would keep a smallest
+        # number of faces.
         parts.setdefault(link, []).append(moved(mesh, place[:3, :3], place[:3, 3]))
     frames = {link: full.frames[full.getFrameId(link, pin.BODY)] for link in parts}
     return full, [(frames[link].parentJoint, frames[link].placement, joined(one)) for link, one in parts.items()]
@@ -146,21 +148,21 @@ def mesh_finder(file: Path) -> Callable[[str], str]:
     """A function that returns the path of a mesh file for its name in a URDF, see `package_folders`."""
 
     def found(fname: str) -> str:
-        scheme, there, rest = fname.partition("://")
-        if there and scheme in ("package", "model"):
+        scheme, separator, rest = fname.partition("://")
+        if separator and scheme in ("package", "model"):
             tried = [folder / rest for folder in package_folders(file)]
         else:
-            tried = [file.parent / (rest if there else fname)]
-        here = next((path for path in tried if path.is_file()), None)
-        if here is None:
+            tried = [file.parent / (rest if separator else fname)]
+        existing = next((path for path in tried if path.is_file()), None)
+        if existing is None:
             raise RobotError(f"{file.name}: the mesh {fname} is not there.")
-        return str(here)
+        return str(existing)
 
     return found
 
 
 def package_folders(file: Path) -> list[Path]:
-    """Folders in which ``package://`` is looked up: those above the file, and those that ROS's variables name."""
+    """Folders in which ``package://`` is looked up: those above the file, and those in the variables of ROS."""
     named = [
         Path(folder) / below
         for variable, below in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"))
@@ -228,8 +230,8 @@ class Shapes:
 def robot_shapes(robot: Robot, faces: int = FACES) -> Shapes:
     """Visual shapes of the robot's file with at most ``faces`` triangles in all, or capsules if it has none.
 
-    If one mesh is missing or cannot be read, the whole robot has capsules: half a robot would mislead. Simplified
-    meshes are written to the cache.
+    If one mesh is missing or cannot be read, the whole robot is drawn with capsules, because a picture of half a robot
+    would mislead. Simplified meshes are written to the cache.
     """
     place = place_of(robot, faces)
     links = kept(place)
@@ -254,7 +256,7 @@ def _reduced_shapes(robot: Robot, faces: int) -> Shapes:
 
 
 def capsules(model: pin.Model) -> tuple[Mesh, ...]:
-    """Capsules from each joint to its child joints; from a last joint, to its tip or beyond its centre of mass."""
+    """Capsules from each joint to its child joints; from the last joint, to its tip or beyond its centre of mass."""
     ends = [_ends(model, joint) for joint in range(model.njoints)]
     reach = np.zeros(model.njoints)
     for joint in range(1, model.njoints):
@@ -300,7 +302,7 @@ def _ends(model: pin.Model, joint: int) -> list[Float[Array, "3"]]:
         return [np.array(model.jointPlacements[k].translation) for k in children]
     frames = [np.array(f.placement.translation) for f in model.frames if f.parentJoint == joint]
     far = max(frames, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
-    # Many files have no frame beyond the last joint: the centre of mass then shows where the link extends.
+    # Many files have no frame beyond the last joint. Then the link ends at twice the distance of its centre of mass.
     centre = 2 * np.array(model.inertias[joint].lever)
     return [far if np.linalg.norm(far) >= np.linalg.norm(centre) else centre]
 
@@ -308,7 +310,7 @@ def _ends(model: pin.Model, joint: int) -> list[Float[Array, "3"]]:
 def place_of(robot: Robot, faces: int) -> Path | None:
     """Path of the cached shapes of a robot with at most ``faces`` triangles, whether the file exists or not.
 
-    None if not all files are known that the shapes depend on: the robot is not a URDF, or a mesh is missing.
+    None if the shapes may depend on unknown files: the robot is not a URDF, or a mesh is missing or of another format.
     """
     from importlib.metadata import version
 
@@ -332,7 +334,7 @@ def place_of(robot: Robot, faces: int) -> Path | None:
 
 
 def kept(place: Path | None) -> tuple[Mesh, ...] | None:
-    """Read the meshes that `keep` wrote; None if there are none, or they cannot be read."""
+    """Meshes from the cache, where `keep` has written them; None if there are none, or they cannot be read."""
     if place is None:
         return None
     try:
@@ -356,7 +358,7 @@ def keep(place: Path | None, meshes: Sequence[Mesh]) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
-        # The rename makes sure that another process never reads half a file.
+        # A file that is written under another name and renamed is never read half written by another process.
         temporary.replace(place)
         for old in sorted(place.parent.iterdir(), key=lambda one: one.stat().st_mtime)[:-KEPT]:
             old.unlink()
