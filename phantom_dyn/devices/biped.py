@@ -1,4 +1,4 @@
-r"""Joint coordinates of a biped of six links, as in a book chapter of which only a fragment is known.
+r"""Joint coordinates of a biped of six links, from a book chapter of which only a fragment is available.
 
 The fragment projects the links with equations (1) and (2), computes joint coordinates with (3) and turns the robot with
 (4) to (6).
@@ -6,20 +6,21 @@ The fragment projects the links with equations (1) and (2), computes joint coord
 Points 0 to 6 are ankle, knee and hip of the supporting leg, then hip, knee and ankle of the swinging leg, then the end
 of its foot. x is forward, y to the left, z up. Sagittal angles :math:`\theta_1 \ldots \theta_6` add up along the chain
 and start from the horizontal: an upright supporting leg has :math:`\theta_1 = \pi/2`. The chain goes up the supporting
-leg and down the other one, so that :math:`\theta_3` (upper body) plus :math:`\theta_4` reverse its direction.
+leg and down the other one; the sum of :math:`\theta_3` (upper body) and :math:`\theta_4` reverses its direction.
 One coronal angle :math:`\beta`, positive to the left, leans both legs, so that pelvis and feet stay level and the upper
 body upright. A turn :math:`\psi` is about +z: a turn to the right is negative. Samples come first in every array.
 
-What the fragment leaves out or states wrongly; a test covers each point:
+Omissions and errors of the fragment; a test covers each point:
 
-- It gives no link lengths, and its Greek letters are lost; the names here are ours.
-- (2) is lost. Here it is :math:`l^c_i = l_i S_{1..i}`, with which (3) is the coronal view of (1).
-- (3) has lost its subscripts. They are reconstructed here so that the result agrees with a rigid chain where the
-  projection is exact. The foot does not lean, so it is not projected: :math:`l^s_6 = l_6`, :math:`y_6 = y_5`.
+- It gives no link lengths, and its Greek letters are missing; the names here are ours.
+- (2) is missing. Here it is :math:`l^c_i = l_i S_{1..i}`, with which (3) is the coronal view of (1).
+- (3) has no subscripts. They are reconstructed here so that the result agrees with a rigid chain where the projection
+  is exact. The foot does not lean, so it is not projected: :math:`l^s_6 = l_6`, :math:`y_6 = y_5`.
 - Point 3 lies beside point 2 by the pelvis :math:`l_7`, on the side of the swinging leg: minus y if the left leg
   supports.
 - **The projection is not a rotation.** (1) shortens a link by :math:`\cos \beta` along x as well as along z, but
-  leaning about x moves nothing along x. The error of one link is :math:`l |\cos \phi| (1 - \cos \beta)`, along x only,
+  a rotation about x changes no coordinate along x. The error of one link is
+  :math:`l |\cos \phi| (1 - \cos \beta)`, along x only,
   where :math:`\phi` is its sagittal angle from the horizontal. An upright link has no error. `true_joint_coordinates`
   rotates the links; `projection_error` is the difference.
 
@@ -42,7 +43,7 @@ Side = Literal["left", "right"]
 Angles = Float[Array, "N 6"]
 Points = Float[Array, "N 7 3"]
 
-# Which links lean in the coronal view: upper body and foot do not.
+# True for links that lean in the coronal view: all but upper body and foot.
 _LEANS = np.array([True, True, False, True, True, False])
 
 
@@ -188,13 +189,14 @@ def turned_on_swing(points: Points, psi: Float[Array, " N"]) -> Points:
 
 
 def _chain(lengths: BipedLengths, links: Float[Array, "N 6 3"], support: Side, ankle: Array | None) -> Points:
-    """Points from link vectors; the pelvis replaces the upper body, because no point lies at its end."""
+    """Points from link vectors; the pelvis replaces the upper body, because no point is at the end of the latter."""
     steps = np.concatenate([np.zeros_like(links[:, :1]), links], axis=1)
     steps[:, 3] = [0.0, -lengths.pelvis if support == "left" else lengths.pelvis, 0.0]
     return np.cumsum(steps, axis=1) + (np.zeros(3) if ankle is None else ankle)
 
 
 def _turned(points: Points, psi: Float[Array, " N"], *, centre: int) -> Points:
+    """Points of which those after ``centre`` are rotated about the vertical through it."""
     cosine, sine = np.cos(psi)[:, None], np.sin(psi)[:, None]
     x, y = np.moveaxis(points[:, centre:, :2] - points[:, centre : centre + 1, :2], -1, 0)
     turned = points.copy()

@@ -7,9 +7,9 @@ friction are close. With a pretension P [N] of the cable of a joint,
 .. math:: \Gamma_c(P) = r\,P, \qquad \Gamma_s(P) = \kappa\, r\,P, \quad \kappa \ge 1.
 
 The ratio r is a length, the effective radius of friction: Coulomb torque per newton of pretension. The source publishes
-no pretensions, so r is not known for its Coulomb torques. `rescaled` needs no r: it says how friction changes when the
-cable is tightened or slackens. `identification.experiments.cable_pretension` finds r from tests, and tests whether
-friction is proportional to the pretension or only linear in it.
+no pretensions, so r is not known for its Coulomb torques. `rescaled` needs no r: it computes how friction changes when
+the cable is tightened or slackens. `identification.experiments.cable_pretension` estimates r from tests, and tests
+whether friction is proportional to the pretension or only linear in it.
 
 References:
     Section V.B of [CEA]_ (`phantom_dyn.devices.cea`).
@@ -58,12 +58,12 @@ class CableFriction:
 
 
 def rescaled(coulomb: float, *, pretension: float, new_pretension: float) -> float:
-    """Coulomb torque [N m] at another pretension, to which it is proportional.
+    """Coulomb torque [N m] at a new pretension; the torque is proportional to the pretension.
 
     Args:
-        coulomb: Coulomb torque at the first pretension [N m].
-        pretension: Pretension at which this torque was found [N].
-        new_pretension: The other pretension [N].
+        coulomb: Coulomb torque at the old pretension [N m].
+        pretension: The old pretension [N].
+        new_pretension: The new pretension [N].
 
     Raises:
         ParameterError: If torque or a pretension is not above 0.

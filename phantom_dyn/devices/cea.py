@@ -2,19 +2,19 @@ r"""Upper branch of the CEA LIST haptic interface: published numbers, frames, ki
 
 The branch has a shoulder (q1), an arm (q2) and a forearm that a parallelogram drives (q5); a second parallelogram keeps
 the support of the handle parallel to the shoulder. The frames are those of a modified Denavit-Hartenberg table
-(Khalil): frame 0 lies at the crossing of the axes of q1 and q2, with z0 along the axis of q1, and from frame a(j) to
-frame j :math:`T_j = Rot_x(\alpha_j)\,Trans_x(d_j)\,Rot_z(\theta_j)`, as all r, gamma and b are zero. The tip is the
-origin of frame 4. The loop is cut at joint 7: frame 7 on link 6 and frame 8 on link 3, which is no joint, have to
-coincide.
+(Khalil): the origin of frame 0 is the intersection of the axes of q1 and q2, z0 is along the axis of q1, and the pose
+of frame j in frame a(j) is :math:`T_j = Rot_x(\alpha_j)\,Trans_x(d_j)\,Rot_z(\theta_j)`, as all r, gamma and b are
+zero. The tip is the origin of frame 4. The loop is cut at joint 7: frame 7, fixed to link 6, and frame 8, fixed to
+link 3, have to coincide.
 
-Where the source is wrong or gives no number; a test covers each point:
+Errors and omissions of the source; a test covers each point:
 
 - Table 1 prints :math:`d_8 = -d_6`, with which the loop stays open by :math:`2 d_6`. It closes with :math:`+d_6`.
 - The link lengths d3, d4, d6 are not given: see `LinkLengths`.
 - The direction of gravity in frame 0 is not given: see `GRAVITY`.
 - Table 2 and the electric stiffness are printed in N m/rad, which is impossible: see `STIFFNESS_UNITS`.
-- The source says that all parameters of link 4 regroup with link 1. The radial first moment MY4 does not; it is missing
-  in the list of section V.D.
+- The source says that all parameters of link 4 regroup with link 1. The radial first moment MY4 does not regroup; it is
+  missing in the list of section V.D.
 - The last row of Table 3 is printed ``FV5t3`` and is ``FC5t3``; axes "2 and 3" of the text are 2 and 5.
 
 References:
@@ -66,7 +66,7 @@ LENGTHS = LinkLengths()
 
 @dataclass(frozen=True)
 class Published:
-    """A number of the source: value, relative standard deviation [%] and unit."""
+    """A published number: value, relative standard deviation [%] and unit."""
 
     value: float
     deviation: float
@@ -74,7 +74,7 @@ class Published:
 
     @property
     def std(self) -> float:
-        """Standard deviation in the unit of the value, from the relative one of (7)."""
+        """Standard deviation in the unit of the value, from the relative standard deviation (7)."""
         return abs(self.value) * self.deviation / 100
 
 
@@ -226,7 +226,7 @@ def tip_jacobian(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Floa
 class Row:
     """One row of Table 1: joint, preceding frame, twist [rad] and length [m].
 
-    ``turns`` is False for frame 8, which is fixed on link 3 (sigma = 2 in the table).
+    ``turns`` is False for frame 8, which is fixed to link 3 (sigma = 2 in the table).
     """
 
     joint: int

@@ -15,8 +15,8 @@ two misprints: the noise in (4) is :math:`E(\rho \rho^T) = \sigma^2 I`, and (5) 
 
 At the tip (18) gives :math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}` and
 :math:`F_{cop} = J^{-T} F_c`. Lengths are arguments here, because the source gives neither lengths nor posture;
-`phantom_dyn.maps` makes maps of the robot file. `nearest_posture` finds a posture with the published ranges, about
-which ``examples/cea_figures.py`` draws figures like 8 and 9, but not the same ones.
+`phantom_dyn.maps` makes maps of the robot file. `nearest_posture` finds a posture whose values are in the published
+ranges. About this posture, ``examples/cea_figures.py`` draws figures similar to figures 8 and 9 of the source.
 """
 
 from __future__ import annotations
@@ -185,14 +185,14 @@ def nearest_posture(*, lengths: LinkLengths = LENGTHS) -> tuple[Float[Array, " 3
     in_front = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5) > 0
     q = np.stack([np.zeros_like(q2), q2, q5], axis=1)[in_front]
     found = felt(q, lengths=lengths)
-    off = _outside(found.coulomb, *COULOMB_RANGE_N) + _outside(found.stiffness, *STIFFNESS_RANGE).sum(axis=1)
-    off += _outside(found.mass, 0.0, MASS_RANGE_KG[1])
-    # The last term is so small that it decides only among postures within all ranges.
-    k = int(np.nanargmin(off - 1e-6 * np.log(found.mass)))
+    distance = _outside(found.coulomb, *COULOMB_RANGE_N) + _outside(found.stiffness, *STIFFNESS_RANGE).sum(axis=1)
+    distance += _outside(found.mass, 0.0, MASS_RANGE_KG[1])
+    # The last term is so small that it decides only between postures within all ranges.
+    k = int(np.nanargmin(distance - 1e-6 * np.log(found.mass)))
     return q[k], Felt(found.mass[k : k + 1], found.coulomb[k : k + 1], found.stiffness[k : k + 1])
 
 
 def _outside(values: Array, low: float, high: float) -> Array:
-    """Squared distance of logarithms of values from those of a range; zero inside."""
+    """Squared distance of the logarithm of each value from the logarithms of a range; zero inside the range."""
     below = np.log(low / values).clip(min=0) if low > 0 else 0.0
     return below**2 + np.log(values / high).clip(min=0) ** 2

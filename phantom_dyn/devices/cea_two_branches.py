@@ -1,28 +1,28 @@
-r"""URDF and robot.yaml of the device of six degrees of freedom that has two CEA branches, a platform and a handle.
+r"""URDF and robot.yaml of a haptic device of six degrees of freedom: two CEA branches, a platform and a handle.
 
-The source (section IV) says of the whole device: two branches of three degrees of freedom are joined by a platform that
-carries a motorized handle, with seven motors in total, and extra links of constant orientation between branches and
-platform (the `support` of each branch). It identifies the upper branch only and leaves the whole to future work.
+The source (section IV) describes the whole device: a platform joins two branches of three degrees of freedom and
+carries a motorized handle. There are seven motors in total, and extra links of constant orientation between branches
+and platform (the `support` of each branch). The source identifies only the upper branch.
 **Lengths and masses of platform and handle, and the place of the lower branch, are not published: they are inputs.**
 
-Both branches are the built-in `cea_branch`, with parallel axes of their first joints; the lower one lies below the
-upper one by the length of the platform. The platform hangs from the upper support by a universal joint and meets the
-lower one in a point. So the device has :math:`3 + 2 + 3 - 3 = 5` degrees of freedom, and the rotation of the handle
-about the axis of the platform is the sixth. One of the seven motors is redundant: the others determine the angle of the
-lower shoulder.
+Both branches are the built-in `cea_branch`, with parallel axes of their first joints; the lower branch is below the
+upper one by the length of the platform. A universal joint connects the platform to the upper support, and a ball joint
+(a point that both share) to the lower one. So the device has :math:`3 + 2 + 3 - 3 = 5` degrees of freedom, and the
+rotation of the handle about the axis of the platform is the sixth. One of the seven motors is redundant: the others
+determine the angle of the lower shoulder.
 
-**Rods.** The source leaves the rods out of its model (section V.D) and says what they would add. A second rod runs
-beside the arm from a point E of the shoulder to a piece CDG at the elbow. A third rod runs beside the forearm from this
-piece to the support of the handle. The piece keeps the direction of the shoulder, as the support does. "If the arm and
-the second rod have the same translational velocity" all parameters of the rod regroup with the arm, "else MYR2 can be
-identified": one parameter per rod.
+**Rods.** The source leaves the rods out of its model (section V.D) and states which parameters they would add. A second
+rod runs beside the arm from a point E of the shoulder to a piece CDG at the elbow. A third rod runs beside the forearm
+from this piece to the support of the handle. The piece keeps the direction of the shoulder, as the support does. "If
+the arm and the second rod have the same translational velocity" all parameters of the rod regroup with the arm, "else
+MYR2 can be identified": one parameter per rod.
 
 **When a rod adds a parameter.** The source says that the offset of E and E' is along X1. Then the foot of the rod moves
-with q1, and the rod's first moment across the rod, MY, has a column of its own; the first moment along the rod, MX,
-regroups with those of the arm and the piece. Without rods the branch has 21 inertial base parameters (axis 1
-horizontal). The piece adds its radial first moment, and each rod adds one parameter. A rod with an offset along another
-axis, or without an offset, adds none. These numbers are counted on the regressor of the closed chain; lengths and
-masses are inputs, as the source gives none.
+with q1, and the first moment across the rod, MY, is a base parameter; the first moment along the rod, MX, regroups with
+those of the arm and the piece. Without rods the branch has 21 inertial base parameters (axis 1 horizontal). The piece
+adds its radial first moment, and each rod adds one parameter. A rod with an offset along another axis, or without an
+offset, adds none. These numbers are ranks of the regressor of the closed chain; lengths and masses are inputs, as the
+source gives none.
 
 References:
     Sections IV and V.D, and figures 1 and 2 of [CEA]_ (`phantom_dyn.devices.cea`).
@@ -85,7 +85,7 @@ class Platform:
 
 
 PLATFORM = Platform()
-"""The default: round numbers."""
+"""Default platform and handle, with round numbers."""
 
 
 def two_branches_urdf(platform: Platform = PLATFORM) -> str:
@@ -286,7 +286,7 @@ def add_joint(
     ET.SubElement(joint, "child", link=links[1])
     ET.SubElement(joint, "origin", xyz=_words(origin), rpy=_words(turn))
     if axis is not None:
-        # A URDF needs limits; these are so wide that nothing reaches them, as none are published.
+        # A URDF needs limits. None are published, so these are so wide that no motion reaches them.
         ET.SubElement(joint, "axis", xyz=_words(axis))
         ET.SubElement(joint, "limit", lower=repr(-math.pi), upper=repr(math.pi), effort="10", velocity="10")
 

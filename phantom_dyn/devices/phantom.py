@@ -7,10 +7,10 @@ the tip in the zero configuration, in which the upper arm (``l1``) lies along +z
 The parallelogram cannot fold over, so that one assembly is possible: ``abs(theta3 - theta2) < pi / 2`` and
 ``l1 cos(theta2) + l2 sin(theta3) > 0``. The inverse kinematics returns this assembly.
 
-The dynamics are :math:`M(q)\,a + C(q, v)\,v + N(q) = \tau` as published. Three misprints, which a derivation from the
-Lagrangian shows, are corrected: the mass and inertia "e" are those of C, the denominator of C11 holds for its whole
-first line, and **C32 has a minus sign**, with which C is the Christoffel matrix and ``dM/dt - 2 C`` is skew. Friction
-is not modelled.
+The dynamics are :math:`M(q)\,a + C(q, v)\,v + N(q) = \tau` as published, without friction. Three misprints, which a
+derivation from the Lagrangian shows, are corrected: the mass and inertia "e" are those of C, the denominator of C11
+belongs to the whole first line, and **C32 has a minus sign**, with which C is the Christoffel matrix and
+``dM/dt - 2 C`` is skew-symmetric.
 
 References:
     M. C. Çavuşoğlu, D. Feygin, F. Tendick, *A Critical Study of the Mechanical and Electrical Properties of the PHANToM
@@ -82,9 +82,9 @@ class PhantomParameters:
 
 
 # Numbers of the appendix, in which the moment "I_begg" is I_bezz. The moments of BE and DF give the mass matrix of
-# section 3 only if they are about the joint centre. They include the rotor, because no rigid body has them (I_xx
-# exceeds I_yy + I_zz). The rotor's own moment is not printed: 1.08e-6 kg m2 is the usual value of a Maxon RE25 motor,
-# and bodies can have the rest if it lies between 0.3263e-6 and 1.1095e-6.
+# section 3 only if they are about the joint centre. They must include the rotor, because no rigid body without a rotor
+# has them (I_xx exceeds I_yy + I_zz). The moment of the rotor alone is not printed: 1.08e-6 kg m2 is the usual value of
+# a Maxon RE25 motor. With values from 0.3263e-6 to 1.1095e-6, rigid bodies can have the remaining moments.
 PHANTOM_1_5 = PhantomParameters(
     l1=0.215,
     l2=0.170,
@@ -145,7 +145,7 @@ def inverse_kinematics(p: Float[Array, "N 3"], parameters: PhantomParameters = P
 
 
 def body_jacobian(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5) -> Float[Array, "N 6 3"]:
-    """Jacobian to the tip's twist in the forearm's own axes: rows v [m/rad], then w, shape ``(N, 6, 3)``."""
+    """Jacobian of the tip's twist in the forearm's own axes: rows v [m/rad], then w, shape ``(N, 6, 3)``."""
     l1, l2 = parameters.l1, parameters.l2
     theta2, theta3 = q[:, 1], q[:, 2]
     J = np.zeros((len(q), 6, 3))
@@ -160,7 +160,7 @@ def body_jacobian(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTO
 
 
 def hybrid_jacobian(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5) -> Float[Array, "N 6 3"]:
-    """Jacobian to the tip's twist in the device's axes: rows v, then w, shape ``(N, 6, 3)``."""
+    """Jacobian of the tip's twist in the device's axes: rows v, then w, shape ``(N, 6, 3)``."""
     rotation = tip_rotation(q)
     body = body_jacobian(q, parameters)
     return np.concatenate([rotation @ body[:, :3], rotation @ body[:, 3:]], axis=1)
@@ -169,7 +169,7 @@ def hybrid_jacobian(q: Float[Array, "N 3"], parameters: PhantomParameters = PHAN
 def wrench_torque(
     q: Float[Array, "N 3"], wrench: Float[Array, "N 6"], parameters: PhantomParameters = PHANTOM_1_5
 ) -> Float[Array, "N 3"]:
-    """Motor torque that holds a wrench at the tip.
+    """Motor torque with which the tip exerts a wrench.
 
     Args:
         q: Joint angles [rad], shape ``(N, 3)``.

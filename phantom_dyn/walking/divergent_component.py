@@ -1,10 +1,11 @@
-r"""Closed-form motion of the linear inverted pendulum whose zero moment point ramps and then holds.
+r"""Closed-form motion of the linear inverted pendulum, whose zero moment point moves linearly and then stays.
 
 Let :math:`p` be the zero moment point, :math:`z` the height of the centre of mass, and :math:`\omega = \sqrt{g/z}`. The
-pendulum :math:`\ddot x = \omega^2 (x - p)` has two parts. Its divergent component :math:`\xi = x + \dot x / \omega`
-(the capture point) moves away from p, :math:`\dot \xi = \omega (\xi - p)`. The centre of mass follows it,
-:math:`\dot x = \omega (\xi - x)`. A walking plan chooses :math:`p` so that :math:`\xi` stays bounded. All equations are
-linear in points on the ground, so the same scalar weights apply to x and y.
+pendulum :math:`\ddot x = \omega^2 (x - p)` consists of two first-order systems. Its divergent component
+:math:`\xi = x + \dot x / \omega` (the capture point) moves away from p, :math:`\dot \xi = \omega (\xi - p)`. The centre
+of mass follows the divergent component, :math:`\dot x = \omega (\xi - x)`. A walking plan chooses :math:`p` so that
+:math:`\xi` stays bounded. All equations are linear in points on the ground, so the same scalar weights apply to x and
+y.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ class Profile:
 def forward_weights(profile: Profile, omega: float) -> tuple[float, float, float]:
     r"""Weights E, F0, F1 of :math:`\xi(T) = E \xi(0) + F_0 p_0 + F_1 p_1` for a ramp from p0 to p1; their sum is 1."""
     k = 1.0 / (omega * profile.ramp)
-    grown = np.exp(omega * profile.ramp)
-    held = np.exp(omega * (profile.duration - profile.ramp))
-    first = held * (k * (grown - 1.0) - grown)
-    last = (1.0 - held) + held * (1.0 - k * (grown - 1.0))
-    return float(held * grown), float(first), float(last)
+    # Growth of the divergent component during the ramp, and after it.
+    in_ramp = np.exp(omega * profile.ramp)
+    after = np.exp(omega * (profile.duration - profile.ramp))
+    first = after * (k * (in_ramp - 1.0) - in_ramp)
+    last = (1.0 - after) + after * (1.0 - k * (in_ramp - 1.0))
+    return float(after * in_ramp), float(first), float(last)
 
 
 def entry(points: Float[Array, "n 2"], profiles: tuple[Profile, ...], omega: float) -> tuple[float, Float[Array, " 2"]]:
@@ -66,7 +68,7 @@ def holding_point(
         xi: Divergent component at the start of the phase [m].
         start: Zero moment point at the start of the phase [m].
         profile: Timing of the phase.
-        onward: Result of `entry` for the phases after it.
+        onward: Result of `entry` for the phases after this one.
         omega: :math:`\omega` [1/s].
     """
     grow, first, last = forward_weights(profile, omega)
@@ -76,7 +78,15 @@ def holding_point(
 
 @dataclass(frozen=True)
 class PendulumState:
-    """Horizontal motion of a pendulum in metres and seconds; ``dcm`` is the divergent component, ``com`` the mass."""
+    """Horizontal motion of a pendulum in metres and seconds.
+
+    Attributes:
+        zmp: Zero moment point.
+        dcm: Divergent component.
+        com: Centre of mass.
+        velocity: Velocity of the centre of mass.
+        acceleration: Acceleration of the centre of mass.
+    """
 
     zmp: Float[Array, "N 2"]
     dcm: Float[Array, "N 2"]
@@ -107,10 +117,10 @@ def pendulum(
     slope = (hold - start) / profile.ramp
     ramp = _linear(np.minimum(t, profile.ramp), start, slope, xi, com, omega)
     end = _linear(np.array([profile.ramp]), start, slope, xi, com, omega)
-    still = _linear(np.maximum(t - profile.ramp, 0.0), hold, 0 * slope, end.dcm[0], end.com[0], omega)
+    after_ramp = _linear(np.maximum(t - profile.ramp, 0.0), hold, 0 * slope, end.dcm[0], end.com[0], omega)
     late = (t > profile.ramp)[:, None]
     names = ("zmp", "dcm", "com", "velocity", "acceleration")
-    return PendulumState(*(np.where(late, getattr(still, name), getattr(ramp, name)) for name in names))
+    return PendulumState(*(np.where(late, getattr(after_ramp, name), getattr(ramp, name)) for name in names))
 
 
 def _linear(t: Array, p: Array, slope: Array, xi: Array, com: Array, omega: float) -> PendulumState:

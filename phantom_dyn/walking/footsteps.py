@@ -25,7 +25,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Joystick(ReadOnlyArrays):
-    """Settings of a joystick over time: each applies until the next; before the first the robot stands still.
+    """Settings of a joystick over time. Each applies until the next one; before the first one the robot stands still.
 
     Attributes:
         t: Times of changes [s], increasing, shape ``(K,)``.
@@ -140,7 +140,7 @@ def stepped(stance: Stance, swing: Side, command: Command, gait: Gait) -> Stance
     """Stance after a step with the foot ``swing`` under a command.
 
     Raises:
-        ParameterError: If the command asks for a longer step or a larger turn than the gait has.
+        ParameterError: If the command requires a longer step or a larger turn than the gait allows.
     """
     advance, turn = command.speed * gait.step_time, command.turn * gait.step_time
     for change, value, limit, unit in (
@@ -175,7 +175,7 @@ def _with_foot(stance: Stance, side: Side, foot: Footstep, body: Footstep) -> St
 
 
 def _beside(body: Footstep, side: Side, gait: Gait) -> Footstep:
-    """Place of a foot on one side of the body, half way between both feet, or of the body on that side of a foot."""
+    """Place at half the foot distance to one side of ``body``; for the place of the body, ``body`` may be a foot."""
     aside = gait.foot_distance / 2 * (1 if side == "left" else -1)
     return Footstep(
         float(body.x - aside * np.sin(body.heading)), float(body.y + aside * np.cos(body.heading)), body.heading

@@ -1,8 +1,8 @@
-"""Plan a walk in phases, and compute the motion of the pendulum and of both feet.
+"""Plans a walk in phases, and computes the motion of the pendulum and of both feet.
 
-The plan is causal: each step follows from the joystick's setting at the previous landing, and the plan assumes that
-this setting stays. If it changes, the zero moment point leaves the middle of the sole for one step, by up to two
-centimetres (from full forward to full backward).
+The plan is causal: each step follows from the joystick's setting at the previous landing, and the plan assumes that the
+setting does not change later. If it changes, the zero moment point is off the middle of the sole for one step, by up to
+two centimetres (for a change from full forward to full backward).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class FootMotion(ReadOnlyArrays):
-    """Motion of a sole: x, y, z of its middle [m] and heading [rad]; ``contact`` is True on the ground."""
+    """Motion of a sole: x, y, z of its middle [m] and its heading [rad]; ``contact`` is True on the ground."""
 
     position: Float[Array, "N 4"]
     velocity: Float[Array, "N 4"]
@@ -72,7 +72,7 @@ class FootMotion(ReadOnlyArrays):
 
 
 def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> tuple[Phase, ...]:
-    """Phases that cover ``duration`` [s] from standing at the origin.
+    """Phases of a walk of ``duration`` [s] that starts with both feet at the origin.
 
     Args:
         joystick: Commands of the user over time.
@@ -142,7 +142,8 @@ def _walk_until_stop(
         dcm, com = _end(phases[-1], omega)
         time, point, stance = phases[-1].end, hold, landing
 
-    # From rest, the zero moment point first moves to the foot that lifts next, so the body moves to the other foot.
+    # At rest, the zero moment point first moves to the foot that lifts next, which accelerates the body to the other
+    # foot.
     add(step, stance, None, _onward(stance, swing, joystick.at(time), gait, omega))
     while True:
         command = joystick.at(time)
@@ -174,6 +175,7 @@ def _onward(stance: Stance, swing: Side, command: Command, gait: Gait, omega: fl
 
 
 def _rest(time: float, duration: float, stance: Stance, com: Array) -> Phase:
+    """A phase at rest, with the zero moment point between the feet."""
     middle = stance.middle
     return Phase(time, Profile(duration, duration), (middle, middle), middle, com, stance, stance, None)
 

@@ -1,4 +1,4 @@
-r"""Walk up or down stairs with the plan for level ground, and compute the stability margin for soles at two heights.
+r"""Plans a walk up or down stairs with the plan for level ground, and its stability margin for soles at two heights.
 
 The centre of mass moves in a plane :math:`z = k x + h`, and the zero moment point p in the plane :math:`z = k x` of the
 footholds, where k is the rise divided by the tread. The moment balance of a point mass is
@@ -7,7 +7,7 @@ footholds, where k is the rise divided by the tread. The moment balance of a poi
 
 The products cancel, and :math:`\ddot x = \frac{g}{h} (x - p)` remains, as on level ground with the same :math:`\omega`.
 So the plan of `phantom_dyn.walking.pattern` applies unchanged, from both feet on one tread to both feet on another. It
-applies straight ahead only, because a turn leaves the slope.
+applies only to a walk straight ahead, because after a turn the footholds are not in the plane of the slope.
 
 In double support the soles are at two heights. Their contact points are then projected along the contact force, see
 `phantom_dyn.walking.zmp.support_polygon_along`.
@@ -38,7 +38,7 @@ from phantom_dyn.walking.zmp import contact_wrench, support_polygon_along, zmp_o
 _SIDES: tuple[Side, Side] = ("left", "right")
 # Time on both feet before the first step [s].
 _START = 0.2
-# Shares of a swing in which a sole rises, and in which it moves forward, when it goes up: it must clear the edge.
+# Shares of a swing upstairs in which a sole rises, and in which it moves forward: it rises first, to clear the edge.
 _UP, _FORWARD = (0.0, 0.6), (0.25, 1.0)
 
 
@@ -191,7 +191,7 @@ def climb(
 
 
 def _raised(foot: FootMotion, side: Side, phases: tuple[Phase, ...], stairs: Stairs, t: Array) -> FootMotion:
-    """Motion of a sole on stairs from its motion on level ground: first up, then forward; downstairs first forward."""
+    """Motion of a sole on stairs from its motion on level ground: upstairs first up, downstairs first forward."""
     position, velocity, acceleration = foot.position.copy(), foot.velocity.copy(), foot.acceleration.copy()
     for phase in phases:
         within = (t >= phase.start) & (t < phase.end)

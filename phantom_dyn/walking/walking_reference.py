@@ -1,4 +1,4 @@
-"""Compute a walk from joystick commands, its stability margin, and a haptic signal of this margin."""
+"""Computes a walk from joystick commands, its stability margin, and a haptic signal of this margin."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ class WalkingReference(ReadOnlyArrays):
 def haptic_signal(margin: Float[Array, " N"], *, silent_above: float) -> Float[Array, " N"]:
     """Amplitude of the joystick's motor: 0 for a large margin, and linear up to 1 where the robot starts to tip.
 
-    The incomplete source has a motor that tells the user how stable the walk is, but no equation for it; this equation
-    is a choice of this project.
+    In the incomplete source a motor signals to the user how stable the walk is, but there is no equation for the
+    signal; this equation is a choice of this project.
 
     Args:
         margin: Distance of the zero moment point to the edge of its polygon [m], shape ``(N,)``.
@@ -83,8 +83,8 @@ def walk(
 
     The joystick is read at each landing, so a stop takes two steps at most: the current step, and a step that puts the
     feet side by side. The centre of mass is a linear inverted pendulum whose divergent component is planned in closed
-    form. Inverse kinematics gives the joints. The zero moment point is that of the whole robot. The walk is only a
-    reference: where its margin is negative the robot would tip, and no controller corrects this.
+    form. Inverse kinematics gives the joints. The zero moment point is that of the whole robot. The walk is a reference
+    without a controller: where its margin is negative, the robot would tip.
 
     Args:
         walker: The biped.
@@ -94,7 +94,7 @@ def walk(
         rate: Sample rate [Hz].
 
     Raises:
-        ParameterError: If the joystick asks for more than the gait has, or a leg cannot follow.
+        ParameterError: If the joystick commands more than the gait allows, or a leg cannot follow.
     """
     if not (duration > 0 and rate > 0 and duration * rate >= 1):
         raise ParameterError(f"A walk of {duration:g} s at {rate:g} Hz has no sample: give a longer one.")

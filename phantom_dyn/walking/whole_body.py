@@ -22,7 +22,7 @@ from phantom_dyn.walking.walker import Walker
 TOLERANCE = 1e-10
 """Residual [m and rad] at which Newton's method stops; its effect on the zero moment point is negligible."""
 MAX_STEPS = 30
-"""Largest number of Newton steps; from the solution at the previous sample it takes three or four."""
+"""Largest number of Newton steps; from the solution at the previous sample three or four are enough."""
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
@@ -71,16 +71,16 @@ def whole_body_motion(walker: Walker, com: ComMotion, left: FootMotion, right: F
     columns = list(walker.leg_columns)
     samples = len(com.position)
     q, v, a = np.zeros((samples, model.nq)), np.zeros((samples, model.nv)), np.zeros((samples, model.nv))
-    now = np.array(walker.posture)
+    configuration = np.array(walker.posture)
     for k in range(samples):
         base = _rotation((left.position[k, 3] + right.position[k, 3]) / 2)
         soles = [_sole(left.position[k]), _sole(right.position[k])]
-        now = _solve(walker, data, now, com.position[k], base, soles, k)
-        jacobian = _jacobian(model, data, now)[:, columns]
-        q[k] = now
+        configuration = _solve(walker, data, configuration, com.position[k], base, soles, k)
+        jacobian = _jacobian(model, data, configuration)[:, columns]
+        q[k] = configuration
         v[k, columns] = np.linalg.solve(jacobian, _rates(com.velocity[k], left.velocity[k], right.velocity[k]))
         wanted = _rates(com.acceleration[k], left.acceleration[k], right.acceleration[k])
-        a[k, columns] = np.linalg.solve(jacobian, wanted - _drift(model, data, now, v[k]))
+        a[k, columns] = np.linalg.solve(jacobian, wanted - _drift(model, data, configuration, v[k]))
     _check_limits(model, q)
     return WholeBodyMotion(q, v, a)
 
@@ -88,6 +88,7 @@ def whole_body_motion(walker: Walker, com: ComMotion, left: FootMotion, right: F
 def _solve(
     walker: Walker, data: pin.Data, q: Array, com: Array, base: Array, soles: list[pin.SE3], sample: int
 ) -> Array:
+    """Configuration near ``q`` that satisfies all conditions, by Newton's method."""
     model, columns = walker.model, list(walker.leg_columns)
     residual = _residual(model, data, q, com, base, soles)
     for _ in range(MAX_STEPS):
@@ -104,7 +105,7 @@ def _solve(
 
 
 def _residual(model: pin.Model, data: pin.Data, q: Array, com: Array, base: Array, soles: list[pin.SE3]) -> Array:
-    """Remaining error of centre of mass, base and soles, shape ``(18,)``, with rotation vectors in world axes."""
+    """Errors of centre of mass, base and soles, shape ``(18,)``; rotations as rotation vectors in world axes."""
     pin.framesForwardKinematics(model, data, q)
     parts = [com - pin.centerOfMass(model, data, q), pin.log3(base @ data.oMi[1].rotation.T)]
     for name, wanted in zip(("left_sole", "right_sole"), soles, strict=True):
@@ -153,6 +154,7 @@ def _sole(pose: Array) -> pin.SE3:
 
 
 def _check_limits(model: pin.Model, q: Array) -> None:
+    """Refuse a motion beyond the limits of a joint."""
     outside = (q < model.lowerPositionLimit - 1e-9) | (q > model.upperPositionLimit + 1e-9)
     outside[:, :7] = False
     if outside.any():

@@ -9,8 +9,8 @@ about its own centre of mass, in right-handed axes, with :math:`z` upwards from 
     y_{zmp} = \frac{\sum m (\ddot z + g) y - \sum m \ddot y z + \sum \dot L_x}{\sum m (\ddot z + g)}
 
 The sign of :math:`\dot L_x` is plus. [Huang]_ prints minus in both equations, which is right only for other axes. With
-right-handed axes a minus moves the point by up to a metre in fast motion. Leaving :math:`\dot L` out (point masses)
-gives almost the same error. A test checks both.
+right-handed axes a minus changes the point by up to a metre in fast motion. Equations without :math:`\dot L` (point
+masses) have almost the same error. A test checks both.
 
 References:
     .. [Huang] Q. Huang et al., Planning walking patterns for a biped robot, IEEE Trans. Robotics and Automation 17(3),
@@ -60,7 +60,7 @@ def support_polygon(contacts: Float[Array, "C 2"]) -> SupportPolygon:
         contacts: Contact points of all feet [m], shape ``(C, 2)``, in any order.
 
     Raises:
-        ParameterError: If fewer than three points are given, one is not finite, or all lie on one line.
+        ParameterError: If fewer than three points are given, one is not finite, or all are on one line.
     """
     if len(contacts) < 3:
         raise ParameterError(f"A support polygon was asked for of {len(contacts)} contact points: give three or more.")
@@ -80,9 +80,9 @@ def support_polygon_along(contacts: Float[Array, "C 3"], force: Float[Array, " 3
 
     A force f through the point :math:`\sum \lambda_i c_i`, :math:`\lambda_i \ge 0`, :math:`\sum \lambda_i = 1`, is
     the sum of parallel forces :math:`\lambda_i f` at the contacts c_i. If the zero moment point of f on z = 0 is inside
-    this polygon, and f is inside the friction cone, these contact forces produce the motion. Another height than z = 0
-    would move the point and the polygon equally, so it does not change the margin. For soles at one height, the margin
-    is that in their plane.
+    this polygon, and f is inside the friction cone, these contact forces produce the motion. A projection to another
+    height than z = 0 would shift the point and the polygon equally, which does not change the margin. For soles at one
+    height, the margin is the usual one in their plane.
 
     Args:
         contacts: Contact points [m], shape ``(C, 3)``.
@@ -205,6 +205,7 @@ def _body_motion(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, A
 
 
 def _vertical_gravity(model: pin.Model) -> float:
+    """Gravity [m/s^2], after a check that the base floats and gravity is vertical."""
     if model.njoints < 2 or model.joints[1].nv != 6:
         raise RobotError("The zero moment point needs a robot on a floating base: give a model with a free-flyer.")
     x, y, z = model.gravity.linear
@@ -216,7 +217,7 @@ def _vertical_gravity(model: pin.Model) -> float:
 
 
 def _upward(force: Float[Array, " N"]) -> Float[Array, " N"]:
-    """The force, after a check that all of it is above zero."""
+    """The force, after a check that it is above zero in every sample."""
     lifted = np.flatnonzero(force <= 0)
     if lifted.size:
         raise ParameterError(
