@@ -6,5 +6,5 @@
 - `sensing`: encoders, velocity estimators, and simulation of sampled loops.
 - `experiments`: relay, white noise and swept sine, and a fit of the two-mass model to a response.
 - `cheap`: simulation of a cheap device on a good one.
-- `figures`: figures of all of these.
+- `figures`: figures of the results of these packages.
 """

@@ -1,15 +1,16 @@
-"""Parameters of a cheap axis of a haptic device (virtual mass, play, friction, cogging, limit), and of the good device.
+"""Parameters of a cheap axis of a haptic device, and of the good device on which the cheap one is simulated.
 
-The numbers are those of Table 2 of Brouwer and MacLean, Simulating Cheap Hardware. The paper says that its simulation
-was stable with all of them together. The printed table swaps the columns for friction (millirad for a translation,
-micrometres for a rotation); here each number belongs to the axis that has its unit. The table does not give the
-friction in slip, the period of the cogging, the level of clipping or the unit of the damping. The first three are
-arguments here. The damping is critical, which the text calls ideal: 7.75 N s/m at 0.1 kg and 150 N/m. The printed
-damping is 0.05, which is possible in no unit: in N s/m the damping ratio would be 0.006, in N s/mm 6.5. The rotary
-inertia is printed as "1 mkgmm" and taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as in translation.
+The defects of a cheap axis are a virtual mass, play, friction, cogging and a force limit. The numbers are those of
+Table 2 of Brouwer and MacLean, Simulating Cheap Hardware. The paper says that its simulation was stable with all
+defects together. The printed table swaps the columns for friction (millirad for a translation, micrometres for a
+rotation); here each number belongs to the axis that has its unit. The table does not give the friction in slip, the
+period of the cogging, the level of clipping or the unit of the damping. The first three are arguments here. The damping
+is critical, which the text calls ideal: 7.75 N s/m at 0.1 kg and 150 N/m. The printed damping is 0.05, which is
+possible in no unit: in N s/m the damping ratio would be 0.006, in N s/mm 6.5. The rotary inertia is printed as
+"1 mkgmm" and taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as in translation.
 
 The good device is the Laparoscopic Surgical Workstation of Immersion (Table 1 of the same paper), with travel, encoder
-and motor of each axis. The tip's twist has an encoder and no motor.
+and motor of each axis. The twist of the tip has an encoder and no motor.
 """
 
 from __future__ import annotations
@@ -60,9 +61,9 @@ class StickingFriction:
 
     Attributes:
         torque: Friction in slip [N or N m].
-        displacement: Displacement at which it breaks loose [m or rad].
-        stick_velocity: Speed below which it sticks [m/s or rad/s].
-        static_ratio: Friction at which it breaks loose over friction in slip.
+        displacement: Displacement at which the axis breaks loose [m or rad].
+        stick_velocity: Speed below which the axis sticks [m/s or rad/s].
+        static_ratio: Friction at which the axis breaks loose, over friction in slip.
     """
 
     torque: float
@@ -82,7 +83,7 @@ class StickingFriction:
 
 @dataclass(frozen=True)
 class CoggingTorque:
-    """Sum of waves ``amplitude sin(order x + phase)``, as the effect ``cogging``; all tuples have equal length.
+    """Sum of waves ``amplitude sin(order x + phase)``, as in the effect ``cogging``; all tuples have equal length.
 
     Attributes:
         order: Waves per revolution, or wave numbers [rad/m] on a translation.

@@ -7,24 +7,24 @@ Each motor has one model of one degree of freedom, as in Figure 7 of Brouwer and
 - cogging at the probe's position (`phantom_dyn.effects.drive.cogging`), and friction that sticks, from the probe's
   position and velocity (`phantom_dyn.effects.friction.presliding_friction`), are added directly, not through the
   coupling;
-- these forces are passed on while the probe presses a wall of the gap, and blocked while it is between the walls;
+- these forces reach the hand while the probe presses a wall of the gap, and are zero while it is between the walls;
 - the averaged force of the virtual mass is added last.
 
 The sampling rate may change from sample to sample: the published one varied between 500 and 2000 Hz. An average over 25
 samples delays the inertia by 24, 12 or 6 ms at 500, 1000 or 2000 Hz. At these rates an encoder of 8 um gives speeds in
 steps of 4, 8 and 16 mm/s, but the stick velocity is 5 mm/s: without a filter of the velocity, friction would not stick.
 
-**Inertia** that the good device lacks is a virtual mass. A force computed as this mass times an estimated acceleration
-would make the loop unstable. So the motion of the mass is integrated, a spring and a damper couple it to the probe, the
-probe's velocity is low-passed, and the hand feels a mean over the last samples (section II A of the paper). With a
-stiff coupling the force is that of the effect ``rotor_inertia``, :math:`-M\ddot x`.
+**Inertia** in addition to that of the good device is a virtual mass. A force computed as this mass times an estimated
+acceleration would make the loop unstable. So the motion of the mass is integrated, and a spring and a damper couple the
+mass to the probe. The velocity of the probe is low-passed, and the hand feels a mean over the last samples (section II
+A of the paper). With a stiff coupling the force is that of the effect ``rotor_inertia``, :math:`-M\ddot x`.
 
 **Play** of full width ``gap`` lies between the probe and the virtual mass. Beyond half the gap the coupling is attached
 to the wall of the gap, (1) of the paper. Inside the gap, viscous friction acts between probe and mass, with a fifth of
 the coupling's damping. (2) prints the spring's force as ``K (x_vm - x_hi)``, which contradicts (1) and would jump by
 half the gap times the stiffness at contact (0.3 N for 600 N/m and 1 mm): here it is ``K (p_vc - x_hi)``. (2) prints the
-damping in the gap as that of the probe alone; in the text and here it acts between probe and mass. Other forces are
-passed on in contact only. The effect `phantom_dyn.effects.transmission.backlash` differs: its link moves freely in the
+damping in the gap as that of the probe alone; in the text and here it acts between probe and mass. Other forces reach
+the hand in contact only. The effect `phantom_dyn.effects.transmission.backlash` differs: its link moves freely in the
 gap, without friction.
 """
 
@@ -69,7 +69,7 @@ class AxisNumbers(NamedTuple):
         limit: Force at which the motor is clipped.
         slip: Friction in slip, 0 for none.
         displacement: Displacement at which friction breaks loose.
-        ratio: Friction at which it breaks loose over friction in slip.
+        ratio: Friction at which the axis breaks loose, over friction in slip.
         stick_velocity: Speed below which friction sticks.
         cutoff_hz: Cut-off of the filter of the probe's velocity [Hz].
         orders: Orders of the waves of cogging, shape ``(w,)``.
@@ -147,12 +147,13 @@ def run_axis(axis: AxisNumbers, state: Array, steps: Array, positions: Array, co
             x_mass, v_mass = state[MASS_X], state[MASS_V]
             if not np.isnan(last):
                 side = side_of(last - x_mass, gap)
-                held, drag = (stiffness, damping) if side != 0.0 else (0.0, GAP_DAMPING * damping)
+                spring, drag = (stiffness, damping) if side != 0.0 else (0.0, GAP_DAMPING * damping)
                 middle = 0.5 * (last + x) - 0.5 * side * gap
-                state[MASS_X], state[MASS_V] = mass_step(x_mass, v_mass, dt, mass, middle, held, drag, speed)
+                state[MASS_X], state[MASS_V] = mass_step(x_mass, v_mass, dt, mass, middle, spring, drag, speed)
             apart = x - state[MASS_X]
             side = side_of(apart, gap)
-            # A difference of positions is the velocity half a step ago, so the mass's is taken there too.
+            # The velocity of the probe, a difference of positions, is that of half a step ago. So the velocity of the
+            # mass is taken at the same time.
             rate = speed - 0.5 * (v_mass + state[MASS_V])
             coupling = coupling_force(apart, rate, side, gap, stiffness, damping)
         else:
@@ -202,7 +203,7 @@ def mass_step(
 
 @jit
 def side_of(apart: float, gap: float) -> float:
-    """Wall of the gap that the probe presses: 1 or -1, or 0 inside the gap; ``apart`` is its distance from the mass."""
+    """Wall of the gap that the probe presses (1 or -1, 0 inside the gap); ``apart`` is probe minus mass position."""
     if apart >= 0.5 * gap:
         return 1.0
     return -1.0 if apart <= -0.5 * gap else 0.0
@@ -254,7 +255,7 @@ class Rendered:
 def run_cycle(
     axis: CheapAxis, state: Float[Array, " s"], dt: float, x: float, force: float
 ) -> tuple[Float[Array, " s"], float]:
-    """Run one cycle of a controller: its next state, and the force on the hand.
+    """Run one cycle of a controller, and return its next state and the force on the hand.
 
     Args:
         axis: The cheap axis.
@@ -326,6 +327,7 @@ def rendered_axes(
 
 
 def _require_rate(axis: CheapAxis, longest: float) -> None:
+    """Refuse time steps that are too long for the filter of the velocity."""
     if np.isfinite(axis.cutoff_hz) and not longest < 0.5 / axis.cutoff_hz:
         raise ParameterError(
             f"Samples are up to {1e3 * longest:.3g} ms apart and the velocity is filtered at {axis.cutoff_hz:g} "

@@ -1,4 +1,4 @@
-r"""One axis of a haptic device that a hand holds: a rigid mass, or a motor and a body with a cable between them.
+r"""Models of one axis of a haptic device: a rigid mass, or a motor and a body with a cable between them; and the hand.
 
 The two-mass model is (18) of the chapter: motor :math:`m_r` and body :math:`m_d` have dampers to ground, and a spring
 :math:`k_c` and a damper :math:`b_c` between them. The encoder measures the motor, so that stability depends on the
@@ -111,7 +111,7 @@ class TwoMassAxis:
         """:math:`G_r = p_d / p`, motor position over motor force."""
         mr, md, br, bd = self.motor_mass, self.body_mass, self.motor_damping, self.body_damping
         k, b, kg = self.cable_stiffness, self.cable_damping, self.ground_stiffness
-        # In the product form p_r p_d minus coupling, terms cancel up to rounding; this expanded form leaves them out.
+        # In the form p_r p_d - (k + b s)^2 terms would cancel with rounding errors; this expanded form avoids them.
         denominator = np.array(
             [
                 mr * md,
@@ -125,7 +125,7 @@ class TwoMassAxis:
 
     @property
     def state_space(self) -> StateSpace:
-        """States: positions of motor and body, and their velocities over the resonance, which have similar sizes."""
+        """States: positions of motor and body, and their velocities divided by the resonance, for similar sizes."""
         mr, md, k, b = self.motor_mass, self.body_mass, self.cable_stiffness, self.cable_damping
         w = self.free_frequency
         A = np.zeros((4, 4))
@@ -153,7 +153,7 @@ class TwoMassAxis:
 
     @property
     def rigid(self) -> RigidAxis:
-        """The device with a rigid cable: sums of masses and dampings."""
+        """The device with a rigid cable: the sums of both masses and of both dampings."""
         return RigidAxis(
             self.motor_mass + self.body_mass, self.motor_damping + self.body_damping, self.ground_stiffness
         )
@@ -165,7 +165,7 @@ class TwoMassAxis:
 
     @property
     def blocked_frequency(self) -> float:
-        """Anti-resonance [rad/s]: the body swings on the cable while the motor stands still."""
+        """Anti-resonance [rad/s]: the body swings on the cable while the motor is at rest."""
         return math.sqrt((self.cable_stiffness + self.ground_stiffness) / self.body_mass)
 
     @property
@@ -173,8 +173,8 @@ class TwoMassAxis:
         r"""Distance Q [dB] of the resonant peak from 0 dB, (23), for a lightly damped cable.
 
         :math:`20 \log_{10}\{\omega_n [b_c ((m_r + m_d)/m_d)^2 + b_r + b_d (m_r/m_d)^2]\}`. The chapter says that the
-        vibration matters if Q is "similar or larger" than the gain margin of the linear condition; as a distance to
-        0 dB it must be similar or *smaller*.
+        vibration affects stability if Q is "similar or larger" than the gain margin of the linear condition; because Q
+        is a distance to 0 dB, it must be similar or *smaller*.
         """
         ratio = self.motor_mass / self.body_mass
         damping = self.cable_damping * (1 + ratio) ** 2 + self.motor_damping + self.body_damping * ratio**2
@@ -213,7 +213,7 @@ class Operator:
 
 
 def masses_from_resonance(total: float, stiffness: float, resonance: float) -> tuple[float, float]:
-    """The lighter and the heavier of two masses with a given sum, from their resonance on a spring, (22).
+    """Two masses, the lighter first, from their sum and their resonance on a spring between them, (22).
 
     Args:
         total: Sum of both [kg or kg m2].
@@ -230,9 +230,10 @@ def masses_from_resonance(total: float, stiffness: float, resonance: float) -> t
             f"No two masses of {total:g} together swing on a spring of {stiffness:g} at {resonance:g} rad/s: "
             f"give a resonance of {2 * math.sqrt(stiffness / total):g} rad/s or more."
         )
+    # Solutions of m^2 - total m + reduced total = 0; the smaller one in a form without cancellation.
     half = 0.5 * total
-    apart = math.sqrt(half**2 - reduced * total)
-    return reduced * total / (half + apart), half + apart
+    half_difference = math.sqrt(half**2 - reduced * total)
+    return reduced * total / (half + half_difference), half + half_difference
 
 
 YOKOKOHJI_YOSHIKAWA = Operator(2.0, 2.0, 10.0)

@@ -1,4 +1,4 @@
-r"""Exact discretisation of a device behind a zero-order hold and any delay.
+r"""Exact discretisation of a haptic device behind a zero-order hold and any delay.
 
 The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :math:`(k + 1)T + t_d`. With
 :math:`t_d = dT + \tau`, :math:`0 \le \tau < T`, the state at the samples follows
@@ -8,8 +8,8 @@ The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :m
 without approximation. :math:`\Phi(h) = e^{A h}` and :math:`\Gamma(h) = \int_0^h e^{A s} B\, ds` come from one
 exponential of the matrix :math:`[A, B; 0, 0]`. The delay need not be a multiple of the period.
 
-Simulations of robots cannot use these matrices, because their torque is not held over a whole period and their dynamics
-are not linear; they use a queue of past commands (`phantom_dyn.effects.drive.input_delay`).
+Simulations of robots cannot use these matrices, because the torque is not constant over a whole period and the dynamics
+are not linear. They use a queue of past commands instead (`phantom_dyn.effects.drive.input_delay`).
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class SampledAxis(ReadOnlyArrays):
 
     Attributes:
         period: Sampling period T [s].
-        delay: Delay of the loop in addition to the hold [s].
+        delay: Delay of the loop in addition to that of the hold [s].
         steps: Number of whole periods in the delay.
         transition: Transition matrix of the state over a period, shape ``(n, n)``.
         newer: Weight of the newer input, shape ``(n,)``.
         older: Weight of the older input, shape ``(n,)``; zero if the delay is a multiple of the period.
         output: Row from state to position, shape ``(n,)``.
-        direct_now: Feed-through of the newer input; zero unless the delay is a multiple of the period.
-        direct_before: Feed-through of the older input.
+        direct_now: Feed-through of the newer input; zero if the delay is not a multiple of the period.
+        direct_before: Feed-through of the older input; zero if the delay is a multiple of the period.
     """
 
     period: float
@@ -94,11 +94,12 @@ class SampledAxis(ReadOnlyArrays):
             controller: ``A``, ``B``, ``C``, ``D`` of ``x[k+1] = A x[k] + B y[k]``, ``-u[k] = C x[k] + D y[k]``.
         """
         A, B, C, D = controller
-        n, kept = len(self.output), self.steps + 1
-        own = n + kept
+        n, past_forces = len(self.output), self.steps + 1
+        own = n + past_forces
         size = own + len(B)
 
         def forces(back: int) -> Array:
+            """Row that selects the force of ``back`` periods ago from the state."""
             row = np.zeros(size)
             row[n + back - 1] = 1.0
             return row
@@ -119,7 +120,7 @@ class SampledAxis(ReadOnlyArrays):
         out[:n] += np.outer(self.newer, force if self.steps == 0 else forces(self.steps))
         out[:n] += np.outer(self.older, forces(self.steps + 1))
         out[n] = force
-        for back in range(1, kept):
+        for back in range(1, past_forces):
             out[n + back] = forces(back)
         out[own:, own:] = A
         out[own:] += np.outer(B, position)
@@ -131,7 +132,7 @@ class SampledAxis(ReadOnlyArrays):
 
 
 def split_delay(period: float, delay: float) -> tuple[int, float]:
-    """Whole periods in a delay, and the rest of it [s].
+    """Number of whole periods in a delay, and the remaining delay [s].
 
     Raises:
         ParameterError: If the period is not positive, or the delay is negative.
@@ -160,6 +161,7 @@ def discretise(axis: Axis, *, period: float, delay: float = 0.0) -> SampledAxis:
     steps, rest = split_delay(period, delay)
     system = axis.state_space
     transition, newer, older = delayed_input(system.A, system.B, period, rest)
-    # The position is read just before a new force arrives: with a rest of the delay the older force still acts then.
+    # The position is read just before a new force begins to act. If the delay is not a multiple of the period, the
+    # older force acts at this time.
     now, before = (0.0, system.D) if rest > 0 else (system.D, 0.0)
     return SampledAxis(period, delay, steps, transition, newer, older, system.C, now, before)

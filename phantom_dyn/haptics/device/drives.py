@@ -2,8 +2,8 @@ r"""Drives of a haptic device: heat of a motor that holds a torque, and cogging 
 
 **Heat.** Cavusoglu, Feygin and Tendick (2002, section 4.1.1): if the current is switched between 0 and its maximum with
 a duty cycle D, the heat is :math:`I_{max}^2 D R`. A linear amplifier with the same mean current gives :math:`(I_{max}
-D)^2 R`, so that the ratio of the two is :math:`1 / D`. This assumes that the current follows the switch at once. In
-fact the inductance of the winding smooths the current. `switched_current` includes the inductance: the ratio falls from
+D)^2 R`, so that the ratio of the two is :math:`1 / D`. This assumes that the current follows the switch without delay,
+but the inductance of the winding smooths the current. `switched_current` includes the inductance: the ratio falls from
 1/D to 1 as the time constant of the winding becomes longer than the period of the pulses.
 
 **Cogging.** Cavusoglu, Feygin and Tendick (2002, section 4.1.1): "when these brushes switch, the resistance of the
@@ -16,8 +16,7 @@ A commutator of n bars, n odd, connects n equal coils to a ring. If each brush t
 divided evenly. The resistance then falls by the factor :math:`n / (n + 1)`, :math:`2n` times per revolution. Under a
 constant voltage the torque is therefore higher by :math:`1/n` while a brush touches two bars. The change is
 proportional to the command, unlike cogging by magnets (`phantom_dyn.effects.drive.cogging`). At high speed the
-inductance of the winding
-smooths the change: :math:`L\,di/dt = U - k\,\omega - R(\theta)\,i`.
+inductance of the winding smooths the change: :math:`L\,di/dt = U - k\,\omega - R(\theta)\,i`.
 """
 
 from __future__ import annotations
@@ -72,7 +71,7 @@ class SwitchedCurrent:
 
     @property
     def ratio(self) -> float:
-        """Heat under pulses over that of the linear amplifier."""
+        """Heat under pulses over the heat with a linear amplifier."""
         return self.heat / self.heat_linear
 
 
@@ -92,13 +91,13 @@ class Warming:
 
 
 def duty_of_heat_ratio(ratio: float) -> float:
-    """Duty cycle at which pulses heat ``ratio`` times as much as a linear drive.
+    """Duty cycle at which pulses cause ``ratio`` times the heat of a linear amplifier.
 
     The published rises of 34.5 K and 14.5 K give 0.42, if the rise of the casing is proportional to the heat. The paper
     states no duty cycle for this experiment.
 
     Raises:
-        ParameterError: If the ratio is below 1, which no duty cycle gives.
+        ParameterError: If the ratio is below 1, because no duty cycle has such a ratio.
     """
     if not (math.isfinite(ratio) and ratio >= 1):
         raise ParameterError(f"A heat ratio of {ratio} belongs to no duty cycle: give a number of 1 or more.")
@@ -135,8 +134,8 @@ def switched_current(winding: Winding, *, voltage: float, duty: float, frequency
         rising = 1 - (1 - low) * np.exp(-rate * t)
         falling = peak * np.exp(-rate * np.maximum(t - duty * period, 0.0))
         current = highest * np.where(on, rising, falling)
-        # The winding turns all energy of the supply into heat, so R times the mean square is the voltage times the
-        # charge while the supply is on, over the period.
+        # The winding converts all energy of the supply to heat. So R times the mean square of the current is the
+        # voltage times the charge while the supply is on, divided by the period.
         charge = x - (1 - low) * -math.expm1(-x)
         mean_square = highest**2 * charge / y
     return SwitchedCurrent(
@@ -251,31 +250,32 @@ def steady_torque(motor: BrushMotor, *, speed: float, voltage: float) -> SteadyT
     """
     require_positive(speed_of_the_rotor=speed)
     require_numbers(voltage=voltage)
-    left = voltage - motor.torque_constant * speed
-    if left == 0:
+    remaining_voltage = voltage - motor.torque_constant * speed
+    if remaining_voltage == 0:
         raise ParameterError(
             f"At {speed:g} rad/s the back-EMF is {voltage:g} V, so that no current flows: give another voltage."
         )
     turn, L = np.linspace(0.0, 1.0, _POINTS + 1), motor.winding.inductance
     resistances = (motor.joined_resistance, motor.winding.resistance)
-    ends = [left / R for R in resistances]
+    # Currents that the two resistances approach.
+    ends = [remaining_voltage / R for R in resistances]
     if L == 0:
         current = np.where(turn < motor.joined, *ends)
         mean = motor.joined * ends[0] + (1 - motor.joined) * ends[1]
     else:
         spans = [share * motor.period / speed for share in (motor.joined, 1 - motor.joined)]
         rates = [R / L for R in resistances]
-        kept = [math.exp(-rate * span) for rate, span in zip(rates, spans, strict=True)]
-        # Periodic solution: current where a brush begins to touch two bars, and where it ends.
-        begin = (ends[1] * (1 - kept[1]) + kept[1] * ends[0] * (1 - kept[0])) / (1 - kept[0] * kept[1])
-        middle = ends[0] + (begin - ends[0]) * kept[0]
+        decays = [math.exp(-rate * span) for rate, span in zip(rates, spans, strict=True)]
+        # Periodic solution: currents at the angles where a brush begins and ends to touch two bars.
+        begin = (ends[1] * (1 - decays[1]) + decays[1] * ends[0] * (1 - decays[0])) / (1 - decays[0] * decays[1])
+        middle = ends[0] + (begin - ends[0]) * decays[0]
         t = turn * motor.period / speed
         first = ends[0] + (begin - ends[0]) * np.exp(-rates[0] * t)
         second = ends[1] + (middle - ends[1]) * np.exp(-rates[1] * np.maximum(t - spans[0], 0.0))
         current = np.where(turn < motor.joined, first, second)
         charges = [
-            end * span + (start - end) * (1 - keep) / rate
-            for end, span, start, keep, rate in zip(ends, spans, (begin, middle), kept, rates, strict=True)
+            end * span + (start - end) * (1 - decay) / rate
+            for end, span, start, decay, rate in zip(ends, spans, (begin, middle), decays, rates, strict=True)
         ]
         mean = sum(charges) / sum(spans)
     return SteadyTorque(turn * motor.period, motor.torque_constant * current, motor.torque_constant * mean)

@@ -1,4 +1,4 @@
-"""Compiled frequency analysis of a sampled loop: discretisation, frequency response, gains at which it is unstable.
+"""Compiled frequency analysis of a sampled loop: discretisation, frequency response, gains at the stability limit.
 
 The functions have no annotations, because numba compiles them for the types of their arguments. The equations are in
 `phantom_dyn.haptics.device.discretisation`. A system is ``A (n, n)``, ``B (n,)``, ``C (n,)``. A ``loop`` is the result
@@ -11,21 +11,21 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 
-# Terms of the Taylor series, which at norm 0.5 has a remainder below 1e-17.
+# Number of terms of the Taylor series; its remainder is below 1e-17 at norm 0.5.
 _TERMS = 14
 # Points of the frequency grid per decade.
 _A_DECADE = 150
 # Points of the grid around each lightly damped mode, in units of its half width.
 _AROUND = np.tan(np.linspace(-1.5, 1.5, 25))
-# Largest change of phase that delay and hold make between two points of the grid [rad].
+# Largest change of phase by delay and hold between two points of the grid [rad].
 _TURN = 0.2
-# Halvings of an interval that contains a crossing, which determine its frequency to the last bits.
+# Bisection steps for the frequency of a crossing, which determine it to the last bits.
 _HALVINGS = 60
 
 
 @jit
 def _product(a, b):
-    """Product of two square matrices; it compiles much faster than ``@``, and runs faster with four rows."""
+    """Product of two square matrices; it compiles much faster than ``@``, and runs faster for four rows."""
     n = a.shape[0]
     out = np.zeros((n, n))
     for i in range(n):
@@ -48,7 +48,7 @@ def held_input(A, B, duration):
         for j in range(n):
             row += abs(A[i, j]) * duration
         norm = max(norm, row)
-    # The norm is that of A only, because the input column may have any size.
+    # Only A enters the norm, because the input column may have any size.
     scale = 1.0
     halvings = 0
     while norm * scale > 0.5:
@@ -95,8 +95,8 @@ def delayed_input(A, B, period, rest):
 def loop_polynomials(transition, newer, older, C):
     """Denominator of the sampled system and its numerators for newer and older input, in falling powers of ``z - 1``.
 
-    They are computed by the method of Faddeev and LeVerrier from the transition matrix minus one. Powers of z would
-    cancel near z = 1, where the crossings at low frequencies are.
+    They are computed by the method of Faddeev and LeVerrier from the transition matrix minus one. Polynomials in z
+    would lose digits by cancellation near z = 1, where the crossings at low frequencies are.
     """
     n = transition.shape[0]
     step = transition.copy()
@@ -125,7 +125,7 @@ def loop_polynomials(transition, newer, older, C):
 
 @jit
 def inverse_loop(w, period, steps, direct_now, direct_before, denominator, of_newer, of_older):
-    """One over the sampled open loop at ``w`` [rad/s]; the arguments from ``steps`` on are the parts of a ``loop``."""
+    """One over the sampled open loop at ``w`` [rad/s]; the arguments after ``period`` are the parts of a ``loop``."""
     x = w * period
     delta = complex(-2.0 * np.sin(0.5 * x) ** 2, np.sin(x))
     back = complex(np.cos(x), -np.sin(x))
@@ -158,8 +158,9 @@ def gain_on_axis(w, period, loop, scaled, fixed):
 def frequency_grid(low, period, delay, modes):
     """Increasing frequencies [rad/s] from ``low`` to just below the Nyquist frequency.
 
-    Their logarithms are evenly spaced. More frequencies limit the change of phase by the delay between two of them, and
-    surround each mode (frequency and half width, shape ``(m, 2)``).
+    The grid is the union of three: frequencies with evenly spaced logarithms; evenly spaced frequencies, so close that
+    the delay changes the phase only a little between two of them; and frequencies around each mode (frequency and half
+    width, shape ``(m, 2)``).
     """
     high = np.pi / period * (1.0 - 1e-9)
     low = min(low, 0.1 * high)
@@ -180,7 +181,7 @@ def frequency_grid(low, period, delay, modes):
 
 @jit
 def crossings(grid, period, loop, scaled, fixed):
-    """Frequencies [rad/s] at which `gain_on_axis` is real, and its values, with the Nyquist frequency as the last."""
+    """Frequencies [rad/s] at which `gain_on_axis` is real, and its values there; the last is the Nyquist frequency."""
     found = np.empty((len(grid) + 1, 2))
     count = 0
     value = gain_on_axis(grid[0], period, loop, scaled, fixed)
@@ -195,7 +196,7 @@ def crossings(grid, period, loop, scaled, fixed):
                 else:
                     b = middle
             gain = gain_on_axis(0.5 * (a + b), period, loop, scaled, fixed)
-            # At an undamped anti-resonance the gain changes sign through infinity, which is no crossing.
+            # At an undamped anti-resonance the gain changes its sign through infinity, which is not a crossing.
             if abs(gain) < 1e3 * (abs(value) + abs(following)):
                 found[count] = 0.5 * (a + b), gain.real
                 count += 1
@@ -209,8 +210,8 @@ def crossings(grid, period, loop, scaled, fixed):
 def lowest_gain(low, modes, period, delay, loop, virtual_damping):
     """Critical stiffness and its frequency, as in `phantom_dyn.haptics.stability.critical_stiffness`.
 
-    The device must be stable without a wall. Soft walls are stable if the damping at the lowest frequency is positive
-    and no limit of stability lies between 0 and the virtual damping, so that no eigenvalues are needed.
+    The device must be stable without a wall. Then no eigenvalues are needed: soft walls are stable if the damping at
+    the lowest frequency is positive and no limit of stability is between 0 and the virtual damping.
     """
     grid = frequency_grid(low, period, delay, modes)
     rate = virtual_damping / period
@@ -252,7 +253,7 @@ class MapSettings(NamedTuple):
         period: Sampling periods [s], shape ``(m,)``.
         virtual_damping: Virtual dampings, shape ``(j,)``.
         steps: Whole periods in the delay, for each delay and period, shape ``(k, m)``.
-        rest: Rest of the delay [s], shape ``(k, m)``.
+        rest: Delay in addition to the whole periods [s], shape ``(k, m)``.
         low: Lowest frequency [rad/s], for each damping, virtual damping, delay and period, ``(i, j, k, m)``.
     """
 

@@ -1,4 +1,4 @@
-r"""Response of a force sensor between device and hand to the motor force, for a rigid device or one with a vibration.
+r"""Response of a force sensor between device and hand to the motor force, for a rigid device or one with two masses.
 
 The sensor is between hand and body. If the hand has the impedance :math:`Z_h` and does not push, the sensor reads
 :math:`F_u = -Z_h X_d`, and a motor force :math:`u` moves the body by
@@ -6,14 +6,14 @@ The sensor is between hand and body. If the hand has the impedance :math:`Z_h` a
 .. math:: \frac{X_d}{U} = \frac{k_c + b_c s}{p_r (p_d + Z_h) - (k_c + b_c s)^2}
 
 for the two masses of `phantom_dyn.haptics.device.axis`, with the polynomials of the motor,
-:math:`p_r = m_r s^2 + (b_r + b_c) s + k_c`, and of the body, :math:`p_d = m_d s^2 + (b_d + b_c) s + k_c`. It moves a
-rigid device by :math:`1 / (m s^2 + b s + k + Z_h)`. The motor acts on one mass and the sensor on the other. So above
-the resonance the phase of the loop is lower by another 180 degrees than that of a rigid model. The sensor has a
-first-order low pass, as in equation (31) of [Gil]_.
+:math:`p_r = m_r s^2 + (b_r + b_c) s + k_c`, and of the body, :math:`p_d = m_d s^2 + (b_d + b_c) s + k_c`. For a rigid
+device :math:`X_d / U = 1 / (m s^2 + b s + k + Z_h)`. With two masses the motor acts on one and the sensor measures at
+the other, so that above the resonance the phase of the loop is 180 degrees lower than that of a rigid model. The sensor
+has a first-order low pass, as in equation (31) of [Gil]_.
 
 References:
     Equations (18), (30) and (31) of [Gil]_ (`phantom_dyn.haptics.device.axis`). The chapter models the vibration for
-    walls (section 4). For force feedforward (section 5.1) it has no equations with vibration; these are derived here.
+    walls (section 4). For force feedforward (section 5.1) its equations have no vibration; those here are derived.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Device = RigidAxis | TwoMassAxis
 
 @dataclass(frozen=True)
 class HeldDevice:
-    """Device, hand and force sensor as one system, from motor force to minus the reading.
+    """Device, hand and force sensor as one system with the input motor force and the output minus the reading.
 
     Attributes:
         device: Rigid device, or a device with two masses.
@@ -97,7 +97,7 @@ class HeldDevice:
             # States: position and velocity, on which hand and motor act alike.
             pushed[1] = mechanics.B[1]
             share = self.hand.mass * mechanics.B[1]
-        # The sensor reads F_h - m_h a - ..., which is the part of the hand's force that does not accelerate the hand.
+        # The sensor reads F_h - m_h a - ...: the force of the hand without the part that accelerates the hand.
         pushed[-1] = self.cutoff * (1.0 - share) / self.force_unit
         return pushed
 

@@ -14,14 +14,15 @@ new cable, single crossing              411.23 rad/s      445.06 rad/s (87.74 dB
                                                           75.8 Hz, not at the printed 82 Hz
 undelayed experiment, 250 us inherent   more than 7 dB    11.2 dB lower (76.56 dB, 32.8 rad/s), or 3.4 dB at the
                                         lower             vibration's crossing (84.37 dB, 416.9 rad/s)
-PHANToM, "60 Hz in Cavusoglu et al."    its first axis    60 Hz is the y axis of [Cavusoglu]_; its x axis is at 90 Hz
+PHANToM, "60 Hz in Cavusoglu et al."    its first axis    60 Hz is the y axis of [Cavusoglu]_; 90 Hz is the x axis
 ======================================  ================  =============================================================
 
-**PHANToM 1.5** [Cavusoglu]_, fits of section 4.3, position over force. The source does not state their units, and in no
-units they agree with the dynamic model of the same source: their masses are 16.69, 15.96 and 8.78 g (in N and mm), and
-those of the model 77.31, 52.49 and 32.25 g at the origin. The text mentions resonances that the fits do not have: x at
-90 Hz (the peak of the fit is at 104.5 Hz), and y at 30, 125 and 250 Hz. The fits are kept as transfer functions,
-because the masses, spring and damper that `two_mass_of_fit` derives from them contradict each other.
+**PHANToM 1.5** [Cavusoglu]_, fits of section 4.3, position over force. The source does not state their units, and there
+are no units with which they agree with the dynamic model of the same source: their masses are 16.69, 15.96 and 8.78 g
+(in N and mm), and those of the model 77.31, 52.49 and 32.25 g at the origin. The text mentions resonances that the fits
+do not have: x at 90 Hz (the peak of the fit is at 104.5 Hz), and y at 30, 125 and 250 Hz. The fits are given as
+transfer functions here, because the masses, spring and damper that `two_mass_of_fit` derives from them contradict each
+other.
 
 References:
     .. [Gil] J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, section 4.
@@ -106,7 +107,7 @@ class FitReading:
         body_mass: m2.
         stiffness: k between them.
         mount_stiffness: k_t, stiffness of the spring in series; infinite in model (a).
-        dampings: b, computed from each coefficient that contains b; in a two-mass model all of these are equal.
+        dampings: Values of b, one from each coefficient that contains b; for a true two-mass model they are equal.
     """
 
     motor_mass: float
@@ -117,7 +118,7 @@ class FitReading:
 
 
 def low_frequency_inertia(axis: TransferFunction) -> float:
-    """Mass felt at low frequency: the limit of force over acceleration.
+    """Mass of an axis at low frequency: the limit of force over acceleration.
 
     Raises:
         ParameterError: If springs or dampers to ground hold the axis, so that there is no limit.

@@ -4,8 +4,8 @@ Cavusoglu, Feygin and Tendick (2002, section 4.2.1): without the stock amplifier
 control safety logic are bypassed as well. It is therefore important to implement these in the drivers for the new
 amplifiers." The paper gives neither rates nor temperatures, so both are inputs.
 
-**Update rate.** A driver that has waited longer than :math:`1/f` for a command gives no force until it is armed again:
-a computer that comes back late must not push at once.
+**Update rate.** A driver that has waited longer than :math:`1/f` for a command gives no force until it is armed again,
+because the first command after an interruption must not cause a sudden force.
 
 **Temperature.** One thermal mass, as in `phantom_dyn.haptics.device.drives`:
 :math:`\tau\,\dot\Theta = R_{th} R\,i^2 - \Theta`, integrated exactly for a held current. The current is switched off at
@@ -23,7 +23,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.number_checks import require_numbers, require_positive
 
-# Relative tolerance of the waiting time: steps of a clock that add up to the limit have not passed it.
+# Relative tolerance of the waiting time, because time steps whose sum is the limit add up with rounding errors.
 _ROUNDING = 1e-9
 
 
@@ -57,8 +57,8 @@ class ThermalMotor:
 
     def rise_after(self, rise: float, current: float, dt: float) -> float:
         """Temperature rise [K] after a constant current [A] for ``dt`` [s], starting from ``rise`` [K]."""
-        kept = math.exp(-dt / self.time_constant)
-        return rise * kept + self.steady_rise(current) * -math.expm1(-dt / self.time_constant)
+        decay = math.exp(-dt / self.time_constant)
+        return rise * decay + self.steady_rise(current) * -math.expm1(-dt / self.time_constant)
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ class GuardState:
 
     Attributes:
         command: The last command [N or N m].
-        waited: Time since then [s].
+        waited: Time since the last command [s].
         rise: Estimated temperature rise of the motor [K].
-        late: True if updates came too slowly since the driver was armed.
-        hot: True if the motor was too warm and has not cooled yet.
+        late: True if a command came too late since the driver was armed.
+        hot: True if the motor was too warm and has not cooled down yet.
     """
 
     command: float
@@ -120,10 +120,10 @@ class GuardTrace:
     """A driver over ``N`` cycles.
 
     Attributes:
-        force: Force that the driver lets through [N or N m], shape ``(N,)``.
+        force: Output force of the driver [N or N m], shape ``(N,)``.
         rise: Temperature rise of the motor at the end of each cycle [K], shape ``(N,)``.
-        late: True if off because of slow updates, shape ``(N,)``.
-        hot: True if off because of temperature, shape ``(N,)``.
+        late: True where the force is off because of slow updates, shape ``(N,)``.
+        hot: True where the force is off because of temperature, shape ``(N,)``.
     """
 
     force: Float[Array, " N"]
@@ -133,19 +133,19 @@ class GuardTrace:
 
 
 def armed(state: GuardState | None = None) -> GuardState:
-    """A driver just switched on, without a command yet. The motor keeps its temperature."""
+    """State of a driver that was just switched on, before the first command; the motor keeps its temperature."""
     fresh = GuardState(0.0, 0.0, 0.0, late=False, hot=False)
     return fresh if state is None else replace(fresh, rise=state.rise, hot=state.hot)
 
 
 def guarded(guard: Guard, state: GuardState, dt: float, command: float | None) -> tuple[GuardState, float]:
-    """One cycle of a driver: its next state, and the force that it lets through [N or N m].
+    """One cycle of a driver: its next state, and its output force [N or N m].
 
     Args:
         guard: Limits of the driver.
         state: State after the cycle before, or `armed`.
         dt: Length of the cycle [s].
-        command: Force that the computer asked for during the cycle, or None if it did not.
+        command: Force that the computer commanded during the cycle; None if no command came.
 
     Raises:
         ParameterError: If the cycle is not above 0, or the command no number.
@@ -169,7 +169,7 @@ def run_guard(guard: Guard, dt: float, commands: Float[Array, " N"]) -> GuardTra
     Args:
         guard: Limits of the driver.
         dt: Length of a cycle [s].
-        commands: Force asked for in each cycle [N or N m], NaN where no update came, shape ``(N,)``.
+        commands: Commanded force in each cycle [N or N m], NaN where no command came, shape ``(N,)``.
     """
     state = armed()
     force, rise = np.zeros(len(commands)), np.zeros(len(commands))

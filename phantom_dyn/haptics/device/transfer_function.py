@@ -98,7 +98,7 @@ class TransferFunction(ReadOnlyArrays):
         """Observer form, scaled by the fastest root so that all states are of similar size.
 
         Raises:
-            ParameterError: If it has no power of s, as a bare spring.
+            ParameterError: If it has no power of s, like the transfer function of a bare spring.
         """
         order = len(self.denominator) - 1
         if order == 0:
@@ -120,7 +120,7 @@ class TransferFunction(ReadOnlyArrays):
         return StateSpace(scale * A, scale * (above[1:] - above[0] * below[1:]), C, float(above[0]))
 
     def plus(self, compliance: float) -> TransferFunction:
-        """The device behind a spring of this compliance [m/N], as felt by a force on the spring."""
+        """Position over force at the end of a spring of this compliance [m/N] between the force and the device."""
         wide = np.zeros(len(self.denominator))
         wide[len(self.denominator) - len(self.numerator) :] = self.numerator
         return TransferFunction(np.trim_zeros(wide + compliance * self.denominator, "f"), self.denominator)

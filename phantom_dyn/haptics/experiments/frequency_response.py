@@ -1,13 +1,13 @@
 r"""Estimates the frequency response of a device with its coherence, and fits the two-mass model to the response.
 
-The position of a free device drifts, and the spectrum of a drift depends mainly on the difference between its ends. So
-spectra are those of the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not drift. At every frequency
-the second difference is :math:`-4 \sin^2(\omega T/2)` times the position, without lag; the result is divided by this
-factor.
+The position of a free device drifts, and the spectrum of a drifting signal depends mainly on the difference between its
+ends. So spectra are computed from the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not drift. At
+every frequency the second difference is :math:`-4 \sin^2(\omega T/2)` times the position, without lag; the result is
+divided by this factor.
 
 The six parameters of the model are estimated with their covariance. The measured response is compared with that of the
-*sampled* model with hold and delay, so that these do not bias the fit. The weight of a frequency follows from its
-coherence. Resonance and anti-resonance follow with their standard deviations.
+*sampled* model with hold and delay, so that hold and delay do not bias the fit. The weight of a frequency follows from
+its coherence. Resonance and anti-resonance and their standard deviations follow from the parameters.
 
 References:
     Section 4.2 of [Gil]_ (`phantom_dyn.haptics.device.axis`): white noise, empirical transfer function, least squares
@@ -29,9 +29,11 @@ from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.number_checks import require_columns, require_positive
 from phantom_dyn.signals.spectra import cross_density, power_density
 
-# Variance of a mean over half-overlapping Hann windows, over that of independent ones: neighbours correlate by 1/6.
+# Variance of a mean over half-overlapping Hann windows, over the variance for independent windows: neighbours have the
+# correlation 1/6.
 _OVERLAP = 1.0 + 2.0 / 36.0
-# Sum of squared correlations of a line with all lines under a Hann window: 2/3 with the next, 1/6 with those beyond.
+# Sum of squared correlations of a spectral line with all lines under a Hann window: 2/3 with the next line on each
+# side, 1/6 with the second.
 _INFLATION = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
 MOST_COHERENT = 1.0 - 1e-9
 """Upper limit of the coherence: at one, the standard deviation of the response would be zero."""
@@ -92,12 +94,12 @@ def estimate_frequency_response(
     """Cross spectrum of force and position over the spectrum of the force, averaged over half-overlapping segments.
 
     Args:
-        force: Force [N or N m], shape ``(N,)``, either as it acted when positions were read or as it was held from then
-            on; the model that is fitted must match.
+        force: Force [N or N m], shape ``(N,)``: the force when positions were read (fit it by
+            `fit_continuous_two_mass`), or the force from this time on until the next sample (`fit_two_mass`).
         position: Position [m or rad], shape ``(N,)``.
         period: Sampling period [s].
-        segment: Length of a segment [s]. Its inverse is the distance between frequencies, so that it must be several
-            times as long as the slowest vibration lasts. More and shorter segments give less scatter.
+        segment: Length of a segment [s]. Its inverse is the distance between frequencies, so that a segment must be
+            several times as long as the slowest vibration takes to decay. More and shorter segments give less scatter.
 
     Returns:
         Response at the lines from the third one (leakage disturbs the first two) to below the Nyquist frequency.
@@ -149,7 +151,7 @@ _NEIGHBOURS = 7
 _STARTS = (0.01, 0.05, 0.2)
 # Mean square of the residuals in standard deviations above which the model does not fit the data.
 _MISFIT = 4.0
-# Smallest ratio of both masses and the stiffness to their standard deviations with which a second mass is certain.
+# A second mass is certain if both masses and the stiffness are larger than this number of their standard deviations.
 _SURE = 3.0
 
 
@@ -198,7 +200,7 @@ class TwoMassFit(ReadOnlyArrays):
 
     @property
     def anti_resonance(self) -> tuple[float, float]:
-        """Frequency of the body on the cable while the motor stands still, and its standard deviation [rad/s]."""
+        """Frequency of the body on the cable while the motor is at rest, and its standard deviation [rad/s]."""
         w = self.axis.blocked_frequency
         slope = np.zeros(6)
         slope[[1, 4]] = 0.5 * w * np.array([-1 / self.values[1], 1 / self.values[4]])
@@ -232,6 +234,7 @@ def fit_continuous_two_mass(response: FrequencyResponse) -> TwoMassFit:
 
 
 def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Array]) -> TwoMassFit:
+    """Two-mass model fitted to a response; ``model`` computes the response of an axis at frequencies [rad/s]."""
     # Imported here: scipy.optimize takes longer to import than the rest of haptics.
     from scipy.optimize import least_squares
 
@@ -262,8 +265,8 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
             difference = (measured - model(axis_of(x), w)) / error
             return np.concatenate([np.real(difference), np.imag(difference)])
 
-        # Ratios converge from a poor start. Differences have no bias, because their errors do not depend on the
-        # measured value.
+        # The first fit, of ratios, converges from a poor start. The second fit, of differences, has no bias, because
+        # their errors do not depend on the measured value.
         x = np.where(_IN_LOG, np.log(start), 1.0)
         near = least_squares(by_ratio, x, bounds=(lower, np.inf), loss="soft_l1", f_scale=3.0, max_nfev=60)
         found = least_squares(by_difference, near.x, bounds=(lower, np.inf), max_nfev=100)
@@ -296,6 +299,8 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
 
 @dataclass(frozen=True)
 class _Found:
+    """Result of the search from one start; ``unit`` scales the dampings in ``x``."""
+
     cost: float
     x: Array
     jacobian: Array

@@ -1,12 +1,12 @@
-r"""White-noise and swept-sine experiments on a device, for its frequency response and coherence.
+r"""White-noise and swept-sine experiments on a device, simulated or recorded, for its frequency response and coherence.
 
 **White noise**: the force is noise, and the position is recorded.
 
 **Swept sine**: the force is a sine whose frequency rises over a period P, :math:`f(t) = f_1 (f_2/f_1)^{t/P}`, and
-starts again. All of its power is between f1 and f2. Its standard deviation is 0.71 of its greatest force. That of white
-noise is a third of it, if three standard deviations are the greatest force, and its power extends to the Nyquist
-frequency. The sweep is periodic, so that its spectrum has no leakage, needs no window, and has independent lines.
-Differences between periods are noise, from which the coherence follows.
+starts again. All of its power is between f1 and f2, and its standard deviation is 0.71 of its greatest force. For white
+noise the standard deviation is only a third of the greatest force (if this is three standard deviations), and the power
+extends to the Nyquist frequency. The sweep is periodic, so that its spectrum has no leakage, needs no window, and has
+independent lines. Differences between periods are noise, from which the coherence follows.
 
 As in `phantom_dyn.haptics.experiments.frequency_response`, the second difference of the position is used, because a
 free device drifts. The first period, in which the vibration builds up, is left out.

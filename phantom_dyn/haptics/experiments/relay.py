@@ -2,10 +2,10 @@ r"""Relay experiment: critical stiffness from the oscillation of a device under 
 
 A relay :math:`u = -F\,\mathrm{sign}(x)` makes the device swing about zero at a frequency where the phase of the loop is
 -180 degrees. At this frequency the first harmonic of the force over that of the position is the critical stiffness
-(Astrom and Hagglund, 1995). A device with a vibration has several such frequencies, and **two limit cycles coexist**:
-from a small initial displacement it reaches that of the vibration, from a large one that of the rigid device.
+(Astrom and Hagglund, 1995). A device with a vibration has several such frequencies, and **two limit cycles coexist**: a
+small initial displacement leads to the limit cycle of the vibration, a large one to that of the rigid device.
 
-The relay is sampled, so that it notices a zero crossing up to one period late, on average half a period. If the delay
+The relay is sampled, so that it reacts to a zero crossing up to one period late, on average half a period. If the delay
 is short, this changes the result at the frequency of the vibration, but not at a few hertz. The compiled functions have
 no annotations, because numba compiles them for the types of their arguments.
 """
@@ -25,14 +25,14 @@ from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.number_checks import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.signals.spectra import cross_density, power_density
 
-# Share of the recording, from its start, that is left out because the oscillation has not settled.
+# Share of the recording, from its start, that is not used because the oscillation is not yet steady.
 _SETTLING = 0.4
 # Samples of the longest segment of a spectrum.
 _SEGMENT = 8192
 # Bins on either side of a peak that belong to it under a Hann window.
 _REACH = 2
 # Smallest number of samples of an experiment, and of its part after settling.
-_LEAST_SAMPLES, _LEAST_LEFT = 100, 64
+_LEAST_SAMPLES, _LEAST_SETTLED = 100, 64
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     first = int(_SETTLING * len(experiment.t))
     force, position = experiment.force[first:], experiment.position[first:]
     length = min(_SEGMENT, len(force))
-    if length < _LEAST_LEFT:
+    if length < _LEAST_SETTLED:
         raise ParameterError(f"{length} samples are left of the relay experiment after settling: record 64 or more.")
     if np.ptp(force) == 0 or np.ptp(position) == 0:
         raise ParameterError(
@@ -137,7 +137,7 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     at = 1 + int(np.argmax(density[1:]))
     peak = slice(max(at - _REACH, 1), at + _REACH + 1)
     frequency = float(np.sum(f[peak] * density[peak]) / np.sum(density[peak]))
-    # Noise of force and position is not correlated, so that power of the force over cross power is not biased.
+    # Noises of force and position are not correlated, so that the ratio of force power to cross power has no bias.
     stiffness = float(np.sum(force_density[peak]) / np.abs(np.sum(cross[peak])))
     amplitude = float(np.sqrt(2.0 * np.sum(density[peak]) * (f[1] - f[0])))
     return LimitCycle(2 * np.pi * frequency, stiffness, amplitude, 2 * np.pi * f, density)

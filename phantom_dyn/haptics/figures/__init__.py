@@ -1,4 +1,4 @@
-"""Figures of haptics: each function takes results and returns a matplotlib figure; none is shown or written."""
+"""Figures of haptics: each function takes results and returns a matplotlib figure, without showing or writing it."""
 
 from phantom_dyn.haptics.figures.device_figures import (
     commutation_figure,

@@ -1,4 +1,4 @@
-"""Figures of a haptic device: lossy links, encoders, brushes, velocity estimators, heat, safety, and experiments."""
+"""Draws figures of a haptic device: lossy links, encoders, brushes, velocity estimators, heat, safety, experiments."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def lossy_link_figure(
     *,
     name: str,
 ) -> Figure:
-    """Largest stable force gain over the share of lost samples, and motion of motor and hand by the sensor's noise.
+    """Largest stable force gain over the share of lost samples; motor force and hand motion due to sensor noise.
 
     Args:
         loss: Share of samples that are lost, shape ``(k,)``.
@@ -126,7 +126,7 @@ def commutation_figure(motor: BrushMotor, *, voltage: float, speeds: Sequence[fl
 
 
 def safety_figure(guard: Guard, dt: float, asked: Float[Array, " N"], trace: GuardTrace) -> Figure:
-    """Forces that a driver lets through, and the temperature of its motor.
+    """Output forces of a driver with safety logic, and the temperature of its motor.
 
     Args:
         guard: Limits of the driver.
@@ -221,7 +221,8 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     for ax in (fast, steady):
         ax.set_xlabel("time [s]")
         ax.set_ylabel("velocity [mm/s]")
-    # The largest error by lag or the steps of the second coarsest estimator set the limits; the coarsest is not drawn.
+    # The limits of the panels follow from the largest error by lag, or from the steps of the second coarsest estimator,
+    # because the coarsest one is not drawn.
     late_by = max(abs(one.lag) for one in found) * (first.velocity[-1] - first.velocity[0]) / first.t[-1]
     reach = 1.6e3 * max(abs(late_by), sorted(one.granularity for one in found)[-2:][0])
     low, high = np.sort(1e3 * first.velocity[tail][[0, -1]])
@@ -336,7 +337,7 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white 
     gain.fill_between(w, *measured.interval, color=PALE, lw=0, label="95 % of the measured")
     gain.plot(w, measured.decibels, ".", color=COLORS[0], ms=2.5, label="measured", gid="measured")
     gain.plot(w, 20 * np.log10(np.abs(fit.model)), color=COLORS[1], lw=1.4, label="two-mass model", gid="model")
-    # The measured phase would jump between -pi and pi; it is drawn as the model's phase plus the difference.
+    # The measured phase alone would jump between -pi and pi; it is drawn as phase of the model plus the difference.
     smooth = np.unwrap(np.angle(fit.model))
     smooth -= 2 * np.pi * np.round((smooth[0] + 0.75 * np.pi) / (2 * np.pi))
     apart = np.angle(measured.response / fit.model)

@@ -1,4 +1,4 @@
-"""Figures of what a hand feels over time: friction that sticks, play, a cheap axis, the margin of a biped's walk."""
+"""Draws what a hand feels over time: friction that sticks, play, a cheap axis, the stability margin of a biped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of stability in a sampled loop: Bode diagram with margins, maps of critical stiffness, force feedforward."""
+"""Draws the stability of a sampled loop: Bode diagram with margins, maps of critical stiffness, force feedforward."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Fi
         marker = MARKERS[k % len(MARKERS)]
         label = f"gain margin {words}" if decides else f"crossing: {words}"
         gain.plot(at[:1], [-margin], color=color, marker=marker, ls="", label=label)
-        # The phase of a crossing is half a turn, plus whole ones: interpolation gives it only nearly.
+        # The exact phase of a crossing is 180 degrees plus whole turns; interpolation is only close to it.
         half_turn = 180 - 360 * round((180 - np.degrees(_phase_at(bode, crossing.frequency))) / 360)
         phase.plot(at[:1], [half_turn], color=color, marker=marker, ls="", gid="crossing")
     for k, (frequency, margin) in enumerate(phase_margins(bode, stiffness)):
@@ -115,7 +115,7 @@ def critical_stiffness_figure(found: StabilityMap, *, name: str) -> Figure:
     fixed = ", ".join(_fixed(found, axis) for axis in _AXES if axis not in (up, across))
     title = f"{name}: stiffest stable virtual wall, and frequency of the oscillation beyond it\n{fixed}"
     out, ((left, right),) = panels(1, 2, title=title, width=11, height=4.2)
-    # Only the two axes that vary remain, in the order of `_AXES`.
+    # Axes with one value are removed; the two that vary are in the order of `_AXES`.
     stiffness, frequency = (values.squeeze() for values in (found.stiffness, found.frequency))
     for ax, values, colors, label in (
         (left, stiffness, "viridis", "critical stiffness [N/m]"),
@@ -191,7 +191,7 @@ def transparency_figure(results: Mapping[float, Transparency], *, name: str, fil
         felt = f"{label}: {result.apparent_inertia[0]:.2g} kg at low frequency"
         inertia.plot(w, result.apparent_inertia, color=color, label=felt, gid=f"{label}, inertia")
     inertia.axhline(0, color="black", lw=0.8)
-    # A resonance would otherwise determine the limits of the panel.
+    # Without fixed limits, a resonance would determine the limits of the panel.
     heaviest = max(float(result.apparent_inertia[0]) for result in results.values())
     inertia.set_ylim(-0.5 * heaviest, 2.0 * heaviest)
     gain.set_ylabel("position over the\nhand's force [dB]")
@@ -244,6 +244,7 @@ def _phase_at(bode: LoopBode, frequency: float) -> float:
 
 
 def _verdict(margin: CriticalStiffness) -> str:
+    """The critical stiffness in words."""
     if margin.stiffness == 0:
         return "no virtual wall is stable"
     if math.isinf(margin.stiffness):
@@ -253,6 +254,7 @@ def _verdict(margin: CriticalStiffness) -> str:
 
 
 def _varying(found: StabilityMap, *wanted: int) -> list[str]:
+    """Axes of a map with more than one value; their number must be one of ``wanted``."""
     varying = [axis for axis in _AXES if len(getattr(found, axis)) > 1]
     if len(varying) not in wanted:
         raise ParameterError(
@@ -263,6 +265,7 @@ def _varying(found: StabilityMap, *wanted: int) -> list[str]:
 
 
 def _shown(found: StabilityMap, axis: str) -> Array:
+    """Values of an axis in the unit of its label: times in ms."""
     values = getattr(found, axis)
     return 1e3 * values if axis in ("delay", "period") else values
 
@@ -275,6 +278,7 @@ def _label(axis: str) -> str:
 
 
 def _fixed(found: StabilityMap, axis: str, k: int = 0) -> str:
+    """Name and k-th value of an axis in words."""
     words = {"damping": "added damping", "virtual_damping": "virtual damping", "delay": "delay", "period": "period"}
     unit = "ms" if axis in ("delay", "period") else "N s/m"
     return f"{words[axis]} {_shown(found, axis)[k]:g} {unit}"
@@ -283,6 +287,7 @@ def _fixed(found: StabilityMap, axis: str, k: int = 0) -> str:
 def _coloured(
     out: Figure, ax: Axes, place: tuple[Array, Array], values: Array, colors: str, label: str, *, lines: bool
 ) -> None:
+    """Draw values over two axes in colours on a logarithmic scale, with contour lines if ``lines``."""
     stable = np.ma.masked_invalid(np.ma.masked_less_equal(values, 0))
     ax.grid(False)
     if stable.count() == 0:

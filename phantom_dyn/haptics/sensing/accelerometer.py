@@ -1,12 +1,12 @@
-r"""Velocity from position and acceleration: an observer integrates an accelerometer and is corrected by the encoder.
+r"""Estimates velocity from an accelerometer and an encoder, by a stationary Kalman filter.
 
 With the mean :math:`u` of two successive readings of the accelerometer, its bias c and the period T, the prediction is
 
 .. math:: x^+ = x + T v + \tfrac{T^2}{2} (u - c), \qquad v^+ = v + T (u - c), \qquad c^+ = c.
 
-The reading of the encoder corrects the prediction by stationary Kalman gains. The noise of the accelerometer drives x
-and v, a random walk drives the bias, and the reading has the noise of rounding, :math:`step^2 / 12`. The velocity has
-no lag, because it is not averaged, and no bias, because the bias of the accelerometer is estimated.
+The reading of the encoder corrects the prediction by stationary Kalman gains. The noise of the accelerometer is process
+noise of x and v, the bias is a random walk, and the reading has the variance of rounding, :math:`step^2 / 12`. The
+velocity has no lag, because it is not averaged, and no bias, because the bias of the accelerometer is estimated.
 
 References:
     Cavusoglu, Feygin and Tendick (2002, section 7) planned an accelerometer that "can easily be integrated and used to
@@ -56,7 +56,7 @@ class AccelerationObserver:
 
     Attributes:
         noise: Assumed standard deviation of the white noise of the accelerometer [m/s2 or rad/s2].
-        drift: Assumed standard deviation of the change of its bias in a second [m/s2 or rad/s2].
+        drift: Assumed standard deviation of the change of the accelerometer's bias in a second [m/s2 or rad/s2].
 
     Raises:
         ParameterError: If either is not above 0.
@@ -70,7 +70,7 @@ class AccelerationObserver:
 
 
 def observer_gains(observer: AccelerationObserver, *, step: float, period: float) -> tuple[float, float, float]:
-    """Stationary gains from the error of the predicted reading to position [-], velocity [1/s] and bias [1/s2].
+    """Stationary Kalman gains from the error of the predicted reading to position [-], velocity [1/s], bias [1/s2].
 
     Raises:
         ParameterError: If encoder step or period is not above 0.

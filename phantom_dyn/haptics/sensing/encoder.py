@@ -1,7 +1,7 @@
 r"""Simulates encoders that a controller samples: incremental ones (counts and times of edges) and sinusoidal ones.
 
-**Incremental.** The continuous motion is given as a polyline finer than the sampling period. Edges lie half-way between
-two counts. `spacing` moves them; it repeats every four edges, which is the period of the two tracks of a quadrature.
+**Incremental.** The continuous motion is given as a polyline finer than the sampling period. An edge is half-way
+between two counts, displaced by `spacing`, which repeats every four edges (the period of the two quadrature tracks).
 
 **Sinusoidal.** Two tracks give a sine and a cosine of :math:`\varphi = 2\pi x / p` with pitch p, and the arc tangent of
 both interpolates within the pitch. Offsets :math:`o`, unequal amplitudes (ratio :math:`1 + m`), a phase error between
@@ -164,7 +164,7 @@ def edge_position(count, step, spacing):
     return (count - 0.5 + spacing[count % 4]) * step
 
 
-# Largest error of a signal, as a share of its amplitude; above about 0.5 the arc tangent would lose a line.
+# Largest error of a signal, as a share of its amplitude; above about 0.5 the arc tangent would miscount lines.
 _LARGEST = 0.3
 
 

@@ -1,7 +1,7 @@
 """Simulation of sampled loops of one or two devices: quantised positions, any velocity estimator, delayed forces.
 
-A linear loop has a closed form (`phantom_dyn.haptics.device.discretisation`). A loop with rounding, and with edges
-between samples, has none: it is simulated step by step, with exact steps of the device.
+A linear loop has a closed-form solution (`phantom_dyn.haptics.device.discretisation`). A loop with rounded positions,
+and with edges between samples, has none: it is simulated step by step, with exact steps of the device.
 """
 
 from __future__ import annotations
@@ -94,9 +94,9 @@ class LoopTrace:
     def keeps_swinging(self, step: float) -> bool:
         """True if an oscillation of more than ten encoder steps does not decay.
 
-        It does not decay if its width in the last third is at least nine tenths of that in the middle third. In a
-        stable loop rounding may sustain oscillations of a few steps. A motion that does not reverse twice is no
-        oscillation.
+        It does not decay if its width in the last third of the time is more than nine tenths of that in the middle
+        third. Smaller oscillations are ignored, because rounding may sustain them in a stable loop. A motion that does
+        not reverse twice is not an oscillation.
 
         Raises:
             ParameterError: If there are fewer than nine samples.
@@ -204,9 +204,9 @@ def gain_until_swinging(run: Callable[[float], LoopTrace], step: float, *, low: 
 
 
 def _state(system: StateSpace, position: float, speed: float) -> Float[Array, " n"]:
-    """Smallest state with this position and speed; it stays at rest if the speed is zero.
+    """Smallest state with this position and speed, and with higher derivatives of zero as far as possible.
 
-    Its accelerations are zero as far as possible, so that no internal vibration starts.
+    So a device with the speed zero stays at rest, and no internal vibration starts.
     """
     rows = [system.C]
     for _ in range(len(system.B) - 1):
@@ -275,7 +275,7 @@ def run_loop(held: HeldDevices, law: LoopLaw, x: Array, hand: Array, traces: Tra
         law: Law of the force and its delay.
         x: States at the start, shape ``(d, n)``; overwritten.
         hand: Force of the hand at each sample, shape ``(N, d)``.
-        traces: Arrays that receive the traces.
+        traces: Output: the traces.
     """
     transition, push, output, direct = held
     form, step, spacing, late, gain, damping, one_sided = law

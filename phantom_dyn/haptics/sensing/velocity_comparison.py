@@ -1,4 +1,4 @@
-"""Lag and granularity of velocity estimators, measured on known motions."""
+"""Measures lag, granularity and noise of velocity estimators on known motions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from phantom_dyn.haptics.sensing.encoder import Encoder, SinusoidalEncoder, reco
 from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
 from phantom_dyn.number_checks import sample_count
 
-# Points of the true motion per sampling period, with which times of edges are exact to some nanoseconds.
+# Points of the true motion per sampling period; with this number, times of edges are exact to some nanoseconds.
 _POINTS = 20
 # Time before measurements start [s]; it is longer than any window.
 _SETTLING = 0.6

@@ -29,6 +29,7 @@ EDGES_KEPT = 1024
 
 
 def _check_window(name: str, value: int) -> None:
+    """Refuse a window that is not a whole number from 1 to 500."""
     if not (1 <= value <= READINGS_KEPT - 12 and value == int(value)):
         raise ParameterError(f"The estimator's {name} is {value}: give a whole number from 1 to 500.")
 
@@ -55,8 +56,8 @@ class AdaptiveWindow:
 
     Attributes:
         samples: Longest window, from 1 to 500 samples.
-        bound: Largest error of a chord [counts]. Rounding of both ends and of a reading between them deviates from a
-            linear motion by one count at most.
+        bound: Largest error of a chord [counts]. For a linear motion, rounding of both ends and of a reading between
+            them causes an error of at most one count.
     """
 
     samples: int = 100
@@ -87,8 +88,8 @@ class KalmanVelocity:
 class PeriodMeasurement:
     """Steps over the time between edges, which a clock measures, averaged over samples.
 
-    If a period is too long for the counter, the controller counts its samples instead. While it waits for an edge, it
-    limits the speed to one step over the waiting time.
+    If the time between edges is too long for the counter of the clock, the controller counts its samples instead. While
+    the controller waits for an edge, it limits the speed to one step over the waiting time.
 
     Attributes:
         clock: Frequency of the clock [Hz].
@@ -114,14 +115,14 @@ class PeriodMeasurement:
 Estimator = AveragedDifference | AdaptiveWindow | KalmanVelocity | PeriodMeasurement
 
 STOCK = AveragedDifference(100)
-"""Estimator of the stock PHANToM: an average of 100 samples, which is 50 ms late."""
+"""Estimator of the stock PHANToM: an average of 100 samples, with a lag of 50 ms."""
 
 IMPROVED = PeriodMeasurement()
 """Estimator of the improved PHANToM: period measurement and an average of 16 samples."""
 
 
 def kalman_gains(estimator: KalmanVelocity, *, step: float, period: float) -> tuple[float, float]:
-    """Stationary gains from the error of the predicted reading to position [-] and velocity [1/s].
+    """Stationary Kalman gains from the error of the predicted reading to position [-] and velocity [1/s].
 
     Raises:
         ParameterError: If encoder step or period is not above 0.
@@ -173,7 +174,7 @@ def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tu
             p[0] = samples
             return AVERAGED_DIFFERENCE, p
         case AdaptiveWindow(samples, bound):
-            # A chord of whole counts may touch the bound exactly, so that rounding would decide without this margin.
+            # A chord between whole counts may touch the bound exactly; without a margin rounding errors would decide.
             p[:2] = samples, bound * step * (1 + 1e-9)
             return ADAPTIVE_WINDOW, p
         case KalmanVelocity():
@@ -189,7 +190,7 @@ def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Arra
     form = kernel_form(estimator, step=record.step, period=record.period)
     velocities = np.zeros(record.reading.size)
     ring, memory = np.zeros(READINGS_KEPT), np.zeros(READINGS_KEPT + 2)
-    # Indices modulo the size need at least one edge.
+    # An additional edge, because indices are taken modulo the number of edges, which must not be zero.
     times = np.append(record.edge_time, np.inf)
     directions = np.append(record.edge_direction, 0.0)
     velocities_of_record(form, record.reading, times, directions, ring, memory, velocities)
@@ -211,9 +212,9 @@ def velocities_of_record(form, readings, edge_time, edge_direction, ring, memory
 def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
     """Velocity estimate at sample k of a `KernelForm`.
 
-    ``readings`` is a ring buffer of `READINGS_KEPT` positions: that of sample k is at index k modulo its length.
-    ``memory`` belongs to the estimator: it is longer by two, zero at the start and updated here. ``edge_time`` and
-    ``edge_direction`` are ring buffers with the latest of the ``edges`` edges so far.
+    ``readings`` is a ring buffer of `READINGS_KEPT` positions, with that of sample k at index k modulo its length.
+    ``memory`` is the state of the estimator: it has two more entries than ``readings``, is zero at the start and
+    updated here. ``edge_time`` and ``edge_direction`` are ring buffers with the latest of the ``edges`` edges so far.
     """
     kind, parameters, period = form
     if kind == 0:
@@ -228,7 +229,7 @@ def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
 
 @jit
 def averaged_difference(samples, k, period, readings):
-    """(x[k] - x[k - n]) / (n T); before sample n, n is smaller."""
+    """``(x[k] - x[k - n]) / (n T)``, with n = k before sample n."""
     n = min(samples, k)
     if n == 0:
         return 0.0
@@ -277,7 +278,8 @@ def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
     ticks, used = 0.0, 0
     while used < wanted and edges - used >= 2 and used < size - 2:
         new, old = (edges - 1 - used) % size, (edges - 2 - used) % size
-        if edge_direction[old] != direction:  # the motion passed the same edge twice, without a step in between
+        # After a reversal the motion passes the same edge again, so that the time between both is not that of a step.
+        if edge_direction[old] != direction:
             break
         ticks += period_ticks(edge_time[old], edge_time[new], clock, counter, period)
         used += 1

@@ -4,9 +4,9 @@ The loop has a device G, a hold H, a delay :math:`t_d` and a virtual wall :math:
 
 .. math:: 1 + K\,Z[H(s) G(s) e^{-t_d s}] = 0 \quad (20), \qquad K_{CR} = Gm\{Z[H(s) G(s) e^{-t_d s}]\} \quad (21)
 
-The gain margin is that of the crossing with the lowest gain. Every crossing of the negative real axis is found, as a
-vibration causes several, and eigenvalues check the result. With virtual damping, the crossings are those of the loop
-that B already closes.
+The gain margin is that of the crossing with the lowest gain. Every crossing of the negative real axis is found, because
+a vibration causes several, and eigenvalues check the result. With virtual damping, the loop is closed by B first, and
+the crossings are those of this loop.
 
 References:
     Equation numbers are those of the chapter, [Gil]_ in `phantom_dyn.haptics.device.axis`. The available copy lacks
@@ -39,7 +39,7 @@ from phantom_dyn.number_checks import require_numbers
 Values = Sequence[float] | Float[Array, " _"]
 # Lowest frequency of the search, over the lowest corner frequency of the loop.
 _LOWEST = 0.03
-# Distance from a crossing, over its gain, at which stability is checked.
+# Relative difference from the gain of a crossing at which stability is checked, on both sides.
 _BESIDE = 1e-3
 # Roots and real parts below this share of the largest root count as zero.
 _ZERO = 1e-9
@@ -71,10 +71,9 @@ class CriticalStiffness:
         stiffness: Critical stiffness [N/m or N m/rad]; 0 if no wall is stable, infinite if every wall is.
         frequency: Frequency of the oscillation at this stiffness [rad/s]; NaN if there is none.
         crossings: All crossings in the order of their frequencies; the last one may be at the Nyquist frequency.
-        radius_below: Spectral radius 0.1 % below the critical stiffness. If the latter is 0 or infinite, the radius for
-            some wall.
-        radius_above: Spectral radius 0.1 % above the critical stiffness. If the latter is 0 or infinite, the radius for
-            some wall.
+        radius_below: Spectral radius at 0.1 % less than the critical stiffness. If the critical stiffness is 0 or
+            infinite, the radius for some other stiffness.
+        radius_above: Spectral radius at 0.1 % more than the critical stiffness, or as ``radius_below``.
     """
 
     stiffness: float
@@ -174,7 +173,7 @@ def critical_stiffness(
     all_of_them = tuple(Crossing(float(w), float(gain)) for w, gain in found if gain > 0)
     lowest = min(all_of_them, key=lambda crossing: crossing.gain, default=None)
     if lowest is None:
-        # Without a crossing, all walls are stable or none, so that one wall is checked.
+        # Without a crossing, either all walls are stable or none, so that it is enough to check one.
         radius = sampled.spectral_radius(float(np.abs(found[:, 1]).min()), virtual_damping)
         return CriticalStiffness(math.inf if radius < 1 else 0.0, math.nan, (), radius, radius)
     below = sampled.spectral_radius((1 - _BESIDE) * lowest.gain, virtual_damping)
@@ -187,7 +186,7 @@ def critical_stiffness(
 def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
     r"""Critical stiffness by the linear condition (10), :math:`(b + B)/(T/2 + t_d)`.
 
-    It holds for a rigid device whose dampings are much smaller than its mass over the period.
+    It is valid for a rigid device whose dampings are much smaller than its mass divided by the period.
 
     Args:
         damping: b, the sum of the device's dampings to ground [N s/m or N m s/rad].
@@ -285,7 +284,7 @@ def lowest_frequency(axis: Axis, corner: float, period: float, delay: float, vir
     function = axis.transfer_function
     damper = abs(virtual_damping) * abs(function.numerator[-1])
     inertia = np.abs(function.denominator[:-2]).max() if len(function.denominator) > 2 else 0.0
-    # A virtual damper adds a corner frequency of B over the mass; the largest mass gives the lowest frequency.
+    # A virtual damper adds a corner frequency of B over the mass; the largest mass has the lowest frequency.
     virtual = damper / inertia if damper > 0 and inertia > 0 else math.inf
     return _LOWEST * min(corner, virtual, 1.0 / (0.5 * period + delay))
 

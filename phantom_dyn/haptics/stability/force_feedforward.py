@@ -1,4 +1,4 @@
-r"""Force feedforward: a device measures the force of the hand and adds to it, so that the device feels lighter.
+r"""Force feedforward: a device measures the force of the hand and amplifies it, so that the device feels lighter.
 
 The motor adds :math:`K_f` times the measured force. In continuous time the hand feels mass and damper divided by
 :math:`1 + K_f`, (28). With sampling, filter and hold, the loop around the impedance :math:`Z_h` of the hand has the
@@ -12,8 +12,9 @@ crossing, the limit is :math:`1 + m / m_h`, (33).
 
 **Comparison with the chapter.** The chapter prints a limit with which 5.4 kg feel like 0.14 kg, but no numbers of its
 operator. This loop gives 0.14 kg for an operator of 0.271 kg. For 2 kg, the mass commonly cited for the named operator,
-the limit is 6.64 and the felt mass 0.71 kg, which does not agree. Not every delay lowers the limit: without a delay the
-phase crosses at the Nyquist frequency, and half a period of delay more than doubles the limit; longer delays lower it.
+the limit is 6.64 and the felt mass 0.71 kg, which disagrees with the chapter. Not every delay lowers the limit: without
+a delay the phase crosses at the Nyquist frequency, and half a period of delay more than doubles the limit; longer
+delays lower it.
 
 **The vibration determines the limit.** The chapter says that modes which its model leaves out "play an important role",
 and uses a low pass at 30 Hz, below the 82 Hz of the cable. With the two masses of the LHIfAM and a hand of 2 kg the
@@ -172,8 +173,8 @@ def transparency(
 ) -> Transparency:
     """Bode data with force gain K_f at the frequencies [rad/s], by (28) and with filter, hold and delay.
 
-    Aliases of the sampling are left out, so that the data are valid below half the sampling frequency. The hand feels
-    the body of a device with two masses, and the force of the motor through the cable.
+    Aliases of the sampling are left out, so that the data are valid below half the sampling frequency. Of a device with
+    two masses, the hand holds the body; the force of the motor acts on the body through the cable.
 
     Raises:
         ParameterError: If a frequency is not a number above 0, or the gain not above -1.

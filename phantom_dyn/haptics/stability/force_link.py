@@ -6,8 +6,8 @@ at random between two linear systems. It is **stable in the mean square** if the
 
 .. math:: \rho\{(1 - \pi)\, A_a \otimes A_a + \pi\, A_l \otimes A_l\} < 1,
 
-with :math:`A_a` for an arrived sample, :math:`A_l` for a lost sample, and the share :math:`\pi` of lost samples. Driven
-by the noise, the same moments give the motor force while the hand is at rest.
+with :math:`A_a` for an arrived sample, :math:`A_l` for a lost sample, and the share :math:`\pi` of lost samples. From
+the stationary second moment under the noise follows the motor force while the hand does not push.
 
 References:
     O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-Time Markov Jump Linear Systems, 2005, chapter 3 (recalled,
@@ -32,11 +32,11 @@ from phantom_dyn.haptics.device.held_device import Device, HeldDevice
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, critical_feedforward
 from phantom_dyn.number_checks import require_columns, require_not_negative, require_numbers
 
-# Largest number of states of a loop; their 1830 second moments take a second to solve for.
+# Largest number of states of a loop. With it there are 1830 second moments, for which a solution takes a second.
 _MOST_STATES = 60
 # Gains at which the limit of stability is bracketed, relative to the limit without loss.
 _GRID = np.geomspace(1e-3, 10.0, 81)
-# Halvings of the bracket, whose relative width is an eighth, with which the gain is exact to 1e-10.
+# Bisection steps for the gain. The bracket has a relative width of an eighth, so that the gain is exact to 1e-10.
 _HALVINGS = 30
 
 
@@ -136,7 +136,7 @@ def critical_feedforward_of_link(axis: Device, hand: Operator, feedforward: Feed
 
 
 def noise_felt(axis: Device, hand: Operator, feedforward: Feedforward, gain: float, link: ForceLink) -> NoiseFelt:
-    """Effects of the sensor's noise in the steady state, from stationary second moments.
+    """Motor force and hand motion due to the sensor's noise in the steady state, from stationary second moments.
 
     Raises:
         ParameterError: If the loop is not stable in the mean square, or as for `mean_square_radius`.
@@ -204,7 +204,15 @@ def simulate_link(
 
 @dataclass(frozen=True)
 class _Loop:
-    """The loop with an arrived and with a lost sample; states: device, past forces, filter, last arrived sample."""
+    """The loop with an arrived and with a lost sample; states: device, past forces, filter, last arrived sample.
+
+    Attributes:
+        plant: Sampled device and sensor.
+        tip: Row from the states of the device to the position of the body.
+        arrived: Transition matrix for an arrived sample.
+        lost: Transition matrix for a lost sample.
+        noise: Change of the states per unit of minus the noise of an arrived sample.
+    """
 
     plant: SampledAxis
     tip: Array
@@ -235,7 +243,7 @@ class _Loop:
         return _Loop(plant, held.tip, arrived, lost, noise)
 
     def moments(self, loss: float) -> Float[Array, "h h"]:
-        """Map of the second moments over a sample, for the lower half of a symmetric matrix, shape ``(h, h)``."""
+        """Map of the second moments over one sample; moments are the lower half of a symmetric matrix."""
         n = len(self.noise)
         if n > _MOST_STATES:
             raise ParameterError(
@@ -248,12 +256,13 @@ class _Loop:
             if share:
                 both = A[rows][:, rows] * A[columns][:, columns]
                 crossed = A[rows][:, columns] * A[columns][:, rows]
-                # An entry off the diagonal stands for two entries of the symmetric matrix.
+                # An entry off the diagonal represents two equal entries of the symmetric matrix.
                 total += share * np.where(rows == columns, both, both + crossed)
         return total
 
 
 def _whole(half: Array, size: int) -> Array:
+    """Symmetric matrix from its lower half."""
     out = np.zeros((size, size))
     out[np.tril_indices(size)] = half
     return out + np.tril(out, -1).T

@@ -1,22 +1,24 @@
-r"""Compensation of weight and friction: the largest safe share of friction, the dead zone that it needs, and dither.
+r"""Compensation of weight and friction: the largest safe share of friction, the necessary dead zone, and dither.
 
 A drive that pushes in the direction of motion with ``s (T sgn v + c v)`` makes a device easy to move. Two facts limit
-the share ``s``.
+this compensation.
 
-Power: a force of at most :math:`f` supplies at most the power :math:`f |v|`, whatever its delay and whatever the
-velocity estimator, while dry friction :math:`T` takes the power :math:`T |v|`. With :math:`f \le T` no motion can grow.
-If the modelled friction may be wrong by a share :math:`u`, the largest safe share is :math:`1 / (1 + u)`; then up to
-:math:`2u / (1 + u)` of the true friction remains. A force larger than the friction drives the device. A free device
-reaches the speed at which viscous friction balances the excess; a device on a hand's spring :math:`k` swings with an
-amplitude of :math:`4 (f - T) / (\pi b \omega)`, :math:`\omega = \sqrt{k / m}`.
+Power: a force of at most :math:`f` supplies at most the power :math:`f |v|`, for any delay and any velocity estimator,
+while dry friction :math:`T` takes the power :math:`T |v|`. With :math:`f \le T` no motion can grow. If the modelled
+friction may be wrong by a share :math:`u`, the largest safe share ``s`` is :math:`1 / (1 + u)`; then up to
+:math:`2u / (1 + u)` of the true friction remains. A force larger than the friction drives the device: a free device
+reaches the speed at which viscous friction balances the excess; a device on a hand's spring :math:`k` oscillates with
+an amplitude of :math:`4 (f - T) / (\pi b \omega)`, :math:`\omega = \sqrt{k / m}`.
 
-Rest: before it slips, dry friction acts as a spring of stiffness :math:`T / d` that takes nearly no power, so that a
-force in the direction of motion makes the device tremble. So there is no force below a dead zone of speed. The dead
-zone must exceed the speed of the device's own swing on this spring, :math:`\sqrt{T d / m}`, and the smallest estimated
-speed, which is a step of the encoder over the window. The hand still has to overcome the whole friction to start from
-rest. Dither removes this friction, too: a force of frequency :math:`\omega` and amplitude :math:`A > 4 T / \pi` keeps
-the device moving at the speed :math:`V = \sqrt{A^2 - (4T/\pi)^2} / (m \omega)`, and dry friction acts on slow motion as
-a damper :math:`2 T / (\pi V)` (describing function of a relay).
+Rest: before the device slips, dry friction acts as a spring of stiffness :math:`T / d` that takes nearly no power, so
+that a force in the direction of motion makes the device tremble. So there is no force below a certain speed, the dead
+zone. The dead zone must exceed the speed of the device's oscillation on this spring, :math:`\sqrt{T d / m}`, and the
+smallest nonzero estimated speed, which is a step of the encoder over the window. The hand has to overcome the whole
+friction to start from rest.
+
+Dither removes this friction, too: a force of frequency :math:`\omega` and amplitude :math:`A > 4 T / \pi` keeps the
+device moving at the speed :math:`V = \sqrt{A^2 - (4T/\pi)^2} / (m \omega)`. Dry friction then acts on slow motion as a
+damper :math:`2 T / (\pi V)` (describing function of a relay).
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ class FrictionCompensation:
     def force(
         self, velocity: Float[Array, "*n"], coulomb: Float[Array, "*m"] | float, viscous: Float[Array, "*m"] | float
     ) -> Float[Array, "*n"]:
-        """Force in the direction of the estimated velocities [N or N m], of their shape.
+        """Force in the direction of the estimated velocities [N or N m], with the shape of ``velocity``.
 
         Args:
             velocity: Estimated velocities [m/s or rad/s].
@@ -131,8 +133,8 @@ def assisting_torque(
 ) -> Float[Array, "N nv"]:
     """Drive torque that compensates weight and a share of the modelled friction, shape ``(N, nv)`` [N m or N].
 
-    Friction of passive joints of a closed chain is compensated according to the speed of each joint, so that the power
-    supplied to a joint never exceeds this share of the power that its friction takes.
+    Friction of passive joints of a closed chain is compensated too, each according to its own speed. So the power
+    supplied for a joint is at most this share of the power that its friction takes.
 
     Args:
         robot: Robot with its modelled friction.

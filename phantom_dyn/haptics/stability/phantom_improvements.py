@@ -1,28 +1,28 @@
-r"""Compares three published improvements of the PHANToM with models, and finds the numbers that the models lack.
+r"""Compares three published improvements of the PHANToM with models, and computes which numbers would explain them.
 
 Cavusoglu, Feygin and Tendick (2002, section 5) improved the stiffness of a virtual wall from 2.0 to 2.7 N/mm (+35 %),
 virtual damping from 0.0050 to 0.011 N/(mm/s) (+120 %), and the loop gain of teleoperation by 50 % (no values). They
 changed the amplifiers, and for the damping the velocity estimator.
 
-**What the models do not explain.** In x and y the published transfer functions are unstable behind a virtual wall of
-any stiffness, because their phase lead is too small for the hold and they have no damper to ground. In z they are
-stable for every stiffness, because the position responds to force at once. So they explain neither the walls nor the
-loop gain. The dynamic model, whose axes have no damping, does not explain them either. Nothing is fitted in the first
-part: a model without an answer has the value 0 or infinite, and `says` gives the reason. `needs` states the damper or
-delay that the published values would require.
+**Published models** (`phantom_improvements`). In x and y the published transfer functions are unstable with a virtual
+wall of any stiffness, because their phase lead is too small for the hold and they have no damper to ground. In z they
+are stable for every stiffness, because the position responds to force without delay. So they explain neither the walls
+nor the loop gain. The dynamic model, whose axes have no damping, does not explain them either. Nothing is fitted here:
+a model without an answer has the value 0 or infinite, and `says` gives the reason. `needs` states the damper or delay
+that the published values would require.
 
-**What must be added.** `explained_improvements` solves the exact sampled loop for the fewest numbers from which each
-ratio follows. **None of these numbers is published, and none is measured here.**
+**Models with added numbers** (`explained_improvements`). The exact sampled loop is solved for the smallest set of
+numbers from which each ratio follows. **None of these numbers is published, and none is measured here.**
 
 - **Wall, 2.0 to 2.7 N/mm.** By the linear condition :math:`K < b / (T/2 + t_d)` the ratio is :math:`1 + 2 t_d / T` for
   any damping: a stock amplifier with a delay of some 0.175 ms gives +35 %. Both values also need a damping of hand and
   arm of 1.34 N s/m, with which the mass (52.5 g along y) does not matter.
-- **Damping, 5.0 to 11 N s/m.** The strongest virtual damper "over the entire workspace" is that of the lightest
+- **Damping, 5.0 to 11 N s/m.** The strongest virtual damper "over the entire workspace" is limited by the lightest
   direction, z with 32.2 g at the origin in the dynamic model. The lags of both estimators are published, so that one
-  number is unknown. A damping of the hand of 1.11 N s/m gives the ratio, and also **both values** within 0.2 %, to
-  which it was not fitted. A hand without damping gives a ratio of 5.7. This is the linear loop; with the steps of
-  the encoder, velocities from the time between steps allow some 7 N s/m. The paper does not describe its "additional
-  software logic".
+  number is unknown. A damping of the hand of 1.11 N s/m gives the ratio; it also gives **both values** within 0.2 %,
+  although it was not fitted to them. A hand without damping gives a ratio of 5.7. These are results of the linear loop;
+  with the steps of the encoder, velocities from the time between steps allow some 7 N s/m. The paper does not describe
+  its "additional software logic".
 - **Loop gain, +50 %.** By the linear condition, a stock amplifier with a delay of 0.25 ms gives the ratio for any
   damping of the two devices.
 
@@ -119,7 +119,7 @@ def operational_masses() -> tuple[float, float, float]:
 
 
 def wall_improvement() -> Improvement:
-    """Stiffness of a virtual wall, +35 %, by other amplifiers, which no published model contains."""
+    """Stiffness of a virtual wall, +35 % by other amplifiers; no published model contains an amplifier."""
     settings = LoopSettings()
     before, after = PUBLISHED_WALL
     half = settings.period / 2
@@ -219,7 +219,7 @@ def _percent(ratio: float) -> str:
 
 
 _PERIOD = LoopSettings().period
-# Largest damping of a hand in the search [N s/m]; with more, a tip of 32 g comes to rest within two samples.
+# Largest damping of a hand in the search [N s/m]; with it, a tip of 32 g comes to rest within two samples.
 _MOST_DAMPING = 20.0
 
 
@@ -346,7 +346,7 @@ def explained_improvements() -> tuple[Explained, Explained, Explained]:
 
 
 def _solved(beyond: Callable[[float], float], low: float, high: float) -> float:
-    """Zero of an increasing function, exact to 1e-10 of the interval."""
+    """Zero of an increasing function between ``low`` and ``high``, exact to 1e-10 of the interval."""
     # Imported here: scipy.optimize takes longer to import than the rest of haptics.
     from scipy.optimize import brentq
 

@@ -22,7 +22,7 @@ from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
 
 # Tolerance of the spectral radius: a free device has an eigenvalue of one, which rounding changes by some 1e-9.
 _MARGINAL = 1e-7
-# Halvings of an interval of the grid, with which the frequency of a crossing is exact to the last bits.
+# Bisection steps in an interval of the grid; the frequency of a crossing is then exact to the last bits.
 _HALVINGS = 50
 
 
@@ -102,7 +102,10 @@ class SampledLoop:
         return self.plants[0].period
 
     def gain_on_unit_circle(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
-        """Gain with a root on the unit circle at each frequency [rad/s]; only a real positive gain is possible."""
+        """Complex gain g at which the loop has the root ``exp(j w T)``, at each frequency w [rad/s].
+
+        Only a real positive gain is possible; at such a gain the loop is at its limit of stability.
+        """
         response = sum(plant.response(frequency) for plant in self.plants)
         held = 1.0 / response + self.fixed.response(frequency, self.period)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,7 +121,7 @@ class SampledLoop:
         return self.scaled.matrices(), self.fixed.matrices()
 
     def closed_loop(self, gain: float) -> Float[Array, "m m"]:
-        """Transition matrix; the state consists of that of the devices, past forces, and those of both filters."""
+        """Transition matrix of states of the devices, past forces, and states of both filters."""
         scaled, fixed = self._parts
         return self.plant.closed_by(
             (
@@ -176,7 +179,7 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     where = _roots(loop, grid[changes], grid[changes + 1])
     ends = np.append(where, math.pi / period)
     at_ends = loop.gain_on_unit_circle(ends)
-    # At a zero of the filter the gain changes its sign through infinity, which is no crossing.
+    # At a zero of the filter the gain changes its sign through infinity, which is not a crossing.
     near = np.append(np.abs(at_ends[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
     found = zip(np.real(at_ends)[near], ends[near], strict=True)
     crossing = np.array(sorted(pair for pair in found if np.isfinite(pair[0]) and pair[0] > 0)).reshape(-1, 2)
@@ -215,7 +218,7 @@ def _in_parallel(first: SampledAxis, second: SampledAxis) -> SampledAxis:
 
 def _modes(plant: SampledAxis) -> Float[Array, "m 2"]:
     """Frequency and half width [rad/s] of the oscillating poles and zeros of a device."""
-    # The zeros are those of the answer to the newer force, a polynomial in z - 1.
+    # The zeros are roots of the numerator for the newer force, a polynomial in z - 1.
     *_, of_newer, _ = plant.loop
     roots = np.concatenate([np.linalg.eigvals(plant.transition), 1.0 + np.roots(of_newer)])
     s = np.log(roots[np.abs(roots) > 1e-12].astype(complex)) / plant.period
@@ -224,6 +227,7 @@ def _modes(plant: SampledAxis) -> Float[Array, "m 2"]:
 
 
 def _between(gains: Float[Array, " c"]) -> Float[Array, " d"]:
+    """One gain in each interval between increasing gains: below the first, between two, above the last."""
     if not len(gains):
         return np.ones(1)
     inner = np.sqrt(gains[1:] * gains[:-1])

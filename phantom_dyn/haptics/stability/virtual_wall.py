@@ -1,10 +1,10 @@
 r"""Stiffest virtual wall, strongest virtual damper and largest loop gain for which a sampled device is stable.
 
-**Each velocity estimator** has a linear and a simulated limit. The linear limit is that of a loop of device, hold,
-delay and estimator as a filter. Period measurement and adaptive windowing are no linear filters: the former is replaced
-by its limit for a fine encoder, and the latter is refused. The simulated limit is the smallest gain with which an
-oscillation does not decay in a simulation with the encoder, as in the experiments of Cavusoglu, Feygin and Tendick
-(2002, section 5).
+**Each velocity estimator** has a linear and a simulated limit. The linear limit is that of a loop in which the
+estimator is a linear filter. Period measurement and adaptive windowing are not linear filters: the former is replaced
+by the filter that it approaches for a fine encoder, and the latter is refused. The simulated limit is the smallest gain
+with which an oscillation does not decay in a simulation with the encoder, as in the experiments of Cavusoglu, Feygin
+and Tendick (2002, section 5).
 
 **A wall** C(z) in front of a device with damping b is passive, so that the loop is stable whoever holds the device, if
 (Colgate and Schenkel, 1997)
@@ -16,11 +16,12 @@ which for a spring and a damper without delay is :math:`b > KT/2 + |B|`. With a 
 the aliases :math:`\omega_n` of a frequency is a Hermitian form of rank two,
 :math:`b \sum |v_n|^2 - \mathrm{Re}\{\alpha\, \bar S_\tau S_0\}` with :math:`S_\tau = \sum v_n e^{j\omega_n\tau}
 /(j\omega_n)`. Its largest eigenvalue replaces the right-hand side; for :math:`\tau = 0` the two are equal. The
-condition is sufficient for stability with any passive operator; if B is large, a free device needs far less damping.
+condition is sufficient for stability with any passive operator; if B is large, a device that nobody holds is stable
+with far less damping.
 
 **Teleoperation** (Cavusoglu, Feygin and Tendick, 2002, section 5): the forces on master and slave are
 :math:`\mp (G + B\,\hat v)` times the difference of their positions. Only the difference is fed back. With equal devices
-it responds to a force with twice the motion of one device, so that the limit is half of that of a wall.
+a force changes the difference by twice the motion of one device, so that the limit is half of that of a wall.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def velocity_filter(estimator: Estimator, *, step: float, period: float) -> Digi
     """Filter from reading to velocity estimate.
 
     An average and a Kalman filter are linear filters. Period measurement is replaced by an average of differences over
-    its own number of samples; with frequent edges, this is half a sampling period later than the true estimate.
+    its own number of samples; if edges are frequent, this filter has half a sampling period more lag than the estimate.
 
     Raises:
         ParameterError: For adaptive windowing, whose window depends on the motion.
