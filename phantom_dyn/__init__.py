@@ -1,4 +1,4 @@
-"""Entrance for users of Python: finds from recordings where, why and how far a robot differs from its model.
+"""Python interface of phantom-dyn: finds from recordings where, why and how far a robot differs from its model.
 
 For example::
 
@@ -7,17 +7,18 @@ For example::
     diagnosis = dyn.diagnose("arm.urdf", "log.csv")
     print(diagnosis)
 
-`load_robot`, `read_recording`: a robot and a recording of it.
-`check`: what is wrong with a recording.
-`diagnose`: what the model lacks; a `Diagnosis`.
-`identify`: inertias, friction and drives of the robot.
-`excite`: a motion from which the parameters can be identified.
-`compare`: what changed between diagnoses.
-`simulate`: the robot with effects that its model lacks.
-`map_workspace`: what a hand feels at the tip.
+`load_robot`, `read_recording`: read a robot and a recording of it.
+`check`: find errors in a recording.
+`diagnose`: find the effects that explain the gap between model and recording; returns a `Diagnosis`.
+`identify`: estimate inertias, friction and drives of the robot.
+`excite`: compute a motion from which the parameters can be identified.
+`compare`: list the changes between diagnoses.
+`simulate`: simulate the robot with effects that its model lacks.
+`map_workspace`: compute mass, friction and stiffness that a hand feels at the tip.
 
-Each takes paths or objects, one or several, and refuses what it cannot use with a `PhantomDynError` of one sentence.
-Modules below may change from one version to the next. Nothing is loaded before it is used.
+Each function takes paths or objects, one or several. It raises a `PhantomDynError` with one sentence for an input that
+it cannot use. Modules other than this one may change from one version to the next. A function is imported when it is
+first used.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _FUNCTIONS = "identification.api.functions"
-# Where each name lives. This module alone knows both packages; the rest of phantom_dyn knows nothing of recordings.
+# Module of each name. Only this module imports both packages; the rest of phantom_dyn does not import identification.
 _PLACES = {
     "Diagnosis": "identification.api.diagnosis",
     "PhantomDynError": "phantom_dyn.errors",

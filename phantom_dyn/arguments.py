@@ -1,4 +1,4 @@
-"""Checks arguments of public functions before the function runs, and says in words what each argument takes."""
+"""Checks the arguments of public functions before a function runs, and describes allowed values in messages."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Kind:
     """Allowed values of an argument.
 
     Attributes:
-        wanted: Description of allowed values, the end of a sentence.
-        allows: True for an allowed value.
+        wanted: Description of allowed values, with which a message ends.
+        allows: Function that returns True for an allowed value.
     """
 
     wanted: str
@@ -32,7 +32,7 @@ class Kind:
 
 
 def path_of(what: str) -> Kind:
-    """A path, or the name of a built-in file; ``what`` is the kind of file."""
+    """Kind of an argument that is a path or the name of a built-in file; ``what`` describes it."""
     return Kind(what, lambda given: isinstance(given, str | Path))
 
 
@@ -42,7 +42,7 @@ def or_none(kind: Kind) -> Kind:
 
 
 def parts_of(given: object) -> tuple[object, ...] | None:
-    """Elements of a list or another iterable; None for a text, a table or a dictionary."""
+    """Elements of a list or another iterable; None for any other object, and for a text, table or dictionary."""
     if isinstance(given, Iterable) and not isinstance(given, str | bytes) and not hasattr(given, "keys"):
         return tuple(given)
     return None
@@ -93,10 +93,10 @@ FOLDER = path_of("the path of a folder")
 
 
 def takes(**kinds: Kind) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorator of a function: an argument of the wrong kind raises a `UsageError` of one sentence.
+    """Decorator that makes a function raise a `UsageError` for an argument of the wrong kind.
 
     Args:
-        kinds: Allowed values of each argument, by its name. Arguments that are not named are not checked.
+        kinds: Allowed values of each argument, by its name. Other arguments are not checked.
     """
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:

@@ -1,6 +1,6 @@
 """Types for annotations of arrays with their shapes, and read-only copies of arrays.
 
-Type checkers and tests read these annotations as types of jaxtyping. The command does not need them, and importing
+For type checkers and tests these annotations are types of jaxtyping. The command line does not need them, and importing
 jaxtyping would take a tenth of the time of all imports. So this module uses jaxtyping only if it is already imported.
 """
 
@@ -53,7 +53,7 @@ def _arrays_of(kind: type[ReadOnlyArrays]) -> tuple[tuple[str, type], ...]:
 
 
 class ReadOnlyArrays:
-    """Base of frozen dataclasses: their arrays are replaced by read-only copies; None stays None."""
+    """Base class of frozen dataclasses, which replaces their arrays by read-only copies; None stays None."""
 
     def __post_init__(self):
         for name, dtype in _arrays_of(type(self)):

@@ -12,7 +12,7 @@ _SIMILAR = 0.5
 
 
 class PhantomDynError(Exception):
-    """Base of all errors: phantom-dyn refuses or cannot do something; the message is one sentence for the user."""
+    """Base class of all errors of phantom-dyn; the message is one sentence for the user."""
 
 
 class RobotError(PhantomDynError, ValueError):
@@ -28,10 +28,10 @@ class ParameterError(PhantomDynError, ValueError):
 
 
 class RunawayError(ParameterError):
-    """A simulated motion leaves all bounds.
+    """A simulated motion diverged.
 
     Attributes:
-        t: Time at which it does [s].
+        t: Time at which it diverged [s].
     """
 
     def __init__(self, t: float) -> None:
@@ -50,11 +50,11 @@ class ChainError(PhantomDynError, ValueError):
 
 
 class UsageError(PhantomDynError, ValueError):
-    """The command line was called with something that it does not understand."""
+    """A function or the command line was called with wrong arguments."""
 
 
 class IdentifiabilityError(PhantomDynError):
-    """The recording excites the robot too little to identify what was asked."""
+    """The recording excites the robot too little to identify the requested parameters."""
 
 
 class EstimationError(PhantomDynError):
@@ -62,7 +62,7 @@ class EstimationError(PhantomDynError):
 
 
 def known_names(name: str, known: Iterable[str], what: str) -> str:
-    """Say which names exist and which one was probably meant.
+    """Words for a message about an unknown name: the known names, and the one that was probably meant.
 
     Args:
         name: The name that the user wrote.
@@ -70,7 +70,7 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
         what: Plural noun of the known things, such as ``joints``.
 
     Returns:
-        The end of a sentence, for example ``the joints are a, b, c; did you mean b?``.
+        Words with which a message ends, for example ``the joints are a, b, c; did you mean b?``.
     """
     names = list(known)
     if not names:
@@ -98,7 +98,7 @@ def listed(names: Iterable[object], limit: int = 12) -> str:
 
 
 def shortened(text: str, most: int = 80) -> str:
-    """A name or value for a message, on one line and cut to ``most`` letters."""
+    """A name or value for a message, on one line and shortened to ``most`` letters."""
     text = printable(text)
     return text if len(text) <= most else f"{text[: most - 1]}…"
 

@@ -1,6 +1,6 @@
-"""Parallel work on large pieces with joblib: in processes by default, or on Dask, Ray or threads.
+"""Runs large pieces of work in parallel with joblib: in processes by default, or on Dask, Ray or threads.
 
-The backend is joblib's choice::
+The backend is chosen by joblib's settings::
 
     from joblib import parallel_config
 
@@ -27,13 +27,13 @@ from phantom_dyn.errors import ParameterError, PhantomDynError
 
 R = TypeVar("R")
 
-# Largest number of pools of processes that are started one after the other; Dask's scheduler tries as often.
+# Largest number of pools of processes that are started one after the other, as many as attempts of Dask's scheduler.
 _ATTEMPTS = 3
-# Period with which a worker checks whether the process that started it still runs [s].
+# Period with which a worker checks whether the process that started it is still running [s].
 _WATCH_PERIOD_S = 0.2
 # PR_SET_PDEATHSIG of Linux: the kernel signals a process when the thread that started it ends.
 _END_WITH_PARENT = 1
-# Names of errors of a lost worker. They are names because joblib's errors are not public and Dask may be missing.
+# Names of the errors for a lost worker; not their classes, because joblib's are not public and Dask may be missing.
 _LOST = ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker")
 
 
@@ -101,33 +101,37 @@ def spread(
         WorkerLostError: If processes are lost repeatedly.
         ParameterError: If ``jobs`` is below one.
     """
-    left = dict(enumerate(pieces))
-    workers = min(worker_count(jobs), len(left))
-    # The number of threads is a setting of the process. If workers are threads, the first of them to finish would reset
-    # it, so that it is set here.
+    unfinished = dict(enumerate(pieces))
+    workers = min(worker_count(jobs), len(unfinished))
+    # The number of threads is a setting of the process. It is set here because, if workers are threads, the first of
+    # them to finish would reset it.
     with threadpool_limits(limits=1):
-        yield from _spread(function, left, workers)
+        yield from _spread(function, unfinished, workers)
 
 
-def _spread(function: Callable[..., R], left: dict[int, tuple[Any, ...]], workers: int) -> Iterator[tuple[int, R]]:
-    """Results of the pieces in ``left``, from which finished pieces are removed."""
+def _spread(
+    function: Callable[..., R], unfinished: dict[int, tuple[Any, ...]], workers: int
+) -> Iterator[tuple[int, R]]:
+    """Results of the pieces in ``unfinished``, from which finished pieces are removed."""
     if workers <= 1:
-        yield from (_run((function, index, arguments)) for index, arguments in left.items())
+        yield from (_run((function, index, arguments)) for index, arguments in unfinished.items())
         return
     for attempt in range(_ATTEMPTS):
         try:
-            for index, result in _finished(function, left, max(2, workers >> attempt)):
-                del left[index]
+            for index, result in _finished(function, unfinished, max(2, workers >> attempt)):
+                del unfinished[index]
                 yield index, result
             return
         except Exception as error:
             if type(error).__name__ not in _LOST:
                 raise
-    raise WorkerLostError(tuple(left))
+    raise WorkerLostError(tuple(unfinished))
 
 
-def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], workers: int) -> Iterable[tuple[int, R]]:
-    """Results of the pieces in ``left``, computed by one pool of workers."""
+def _finished(
+    function: Callable[..., R], unfinished: dict[int, tuple[Any, ...]], workers: int
+) -> Iterable[tuple[int, R]]:
+    """Results of the pieces in ``unfinished``, computed by one pool of workers."""
     from joblib import Parallel, delayed
 
     # Ray and multiprocessing return results only when all pieces are finished.
@@ -140,17 +144,17 @@ def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], work
     # One piece per call, because pieces are large; arrays are sent and not shared through files.
     one_each: dict[str, Any] = {"pre_dispatch": "2*n_jobs", "batch_size": 1, "max_nbytes": None}
     parallel = Parallel(n_jobs=workers, return_as=return_as, **one_each, **ending)
-    # All arguments are one tuple, which is sent with its piece. An array that is an argument itself would be kept by
+    # All arguments are one tuple, which is sent with its piece. An array as an argument of its own would be stored by
     # one worker of Dask, and all pieces that need the array would be lost with this worker.
-    calls = [delayed(_run)((function, index, arguments)) for index, arguments in left.items()]
+    calls = [delayed(_run)((function, index, arguments)) for index, arguments in unfinished.items()]
     return cast("Iterable[tuple[int, R]]", parallel(calls))
 
 
 def end_with(parent: int, by_kernel: bool) -> None:
-    """End this worker process as soon as the process that started it has ended, even if it was killed.
+    """End this worker process as soon as the process that started it has ended, even if that process was killed.
 
-    On Linux the kernel does so at once. A thread that checks may have to wait, for the interpreter lock and on a busy
-    machine.
+    On Linux the kernel ends the worker at once. On other systems a thread of the worker checks the parent; it may be
+    delayed by the interpreter lock or on a busy machine.
 
     Args:
         parent: Identifier of the process that started this one.
@@ -158,11 +162,12 @@ def end_with(parent: int, by_kernel: bool) -> None:
     """
     if by_kernel and (control := getattr(ctypes.CDLL(None), "prctl", None)) is not None:
         control(_END_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
-    # This thread is for other systems, and for a parent that ended before the call above.
+    # This thread is for other systems, and for a parent that ended before the call of ``prctl``.
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 
 def _watch(parent: int) -> None:
+    """Wait until the parent has ended, then end this process."""
     while os.getppid() == parent:
         time.sleep(_WATCH_PERIOD_S)
     os._exit(1)

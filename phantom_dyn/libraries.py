@@ -1,4 +1,4 @@
-"""Optional libraries: the extra that installs each of them, and the message if a library is missing."""
+"""List of optional libraries: the extra that installs each of them, and the message if a library is missing."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from phantom_dyn.errors import UsageError
 
 @dataclass(frozen=True)
 class Library:
-    """A library of an extra of phantom-dyn.
+    """An optional library.
 
     Attributes:
         module: Name of the module.
-        distribution: Name of the package that contains it.
-        extra: Extra of phantom-dyn that installs it.
-        use: Use that needs it, as the start of a sentence.
+        distribution: Name of the package that contains the module.
+        extra: Extra of phantom-dyn that installs the package.
+        use: Use that needs the library, with which a message begins.
     """
 
     module: str

@@ -21,7 +21,7 @@ _BLOCK = 4096
 class BaseMotion(ReadOnlyArrays):
     """Motion of the root of a robot that is not bolted down, in the root's own axes.
 
-    The pose of the root is not needed: given these, it does not change the torques.
+    The pose of the root is not needed, because torques depend only on the attributes below.
 
     Attributes:
         w: Angular velocity [rad/s], shape ``(N, 3)``.

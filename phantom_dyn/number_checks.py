@@ -1,4 +1,4 @@
-"""Check numbers that a caller gives; each error message names the argument."""
+"""Checks numbers that a caller gives; each error message names the argument."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def require_positive(owner: str = "", /, **values: float) -> None:
     """Refuse numbers that are not finite and above 0.
 
     Args:
-        owner: What the numbers belong to, such as ``the loop``, for the message.
+        owner: Object to which the numbers belong, such as ``the loop``, for the message.
         values: Numbers by the names of their arguments.
 
     Raises:

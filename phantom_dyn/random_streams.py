@@ -1,4 +1,4 @@
-"""Random number generators: each use in the project has a stream of its own, the same in every run."""
+"""Random number generators: each use in the project has its own stream of numbers, the same in every run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find the frequency up to which a motion or a torque exceeds its noise, from power spectra."""
+"""Finds the frequency up to which a motion or a torque exceeds its noise, from power spectra."""
 
 from __future__ import annotations
 
@@ -10,25 +10,30 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import Window, power_density
 
 _BINS_PER_OCTAVE = 6
-# Least exponent of frequency in an acceleration spectrum of noise: white noise of the position has 4, motion has less.
+# Smallest exponent with which an acceleration spectrum of noise rises with frequency: white noise of the position has
+# 4, motion has less.
 _LEAST_NOISE_EXPONENT = 2.5
-# Least ratio of the power at the peak of an acceleration spectrum and at its floor.
+# Smallest ratio of the power at the peak of an acceleration spectrum to the power of its floor.
 _LEAST_PEAK = 250.0
-# Largest ratio of the power of noise and of a slow motion: an identified inertia is then one per cent too small.
+# Largest ratio of the power of noise to that of a slow motion. An identified inertia is then one per cent too small.
 _LARGEST_NOISE = 0.01
-# If the measured torque has less than this share of the modelled torque's power, the drive does not move the joint.
+# If the power of the measured torque is less than this share of that of the modelled torque, the drive does not move
+# the joint.
 _LEAST_DRIVE = 0.5
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float, window: Window = "blackman") -> tuple[Array, Array, int]:
-    """Frequencies [Hz], power, and samples in a segment: 4 s, at most a fifth of the series, but at least 256."""
+    """Frequencies [Hz], power density, and number of samples in a segment.
+
+    A segment is 4 s long, but at most a fifth of the series, and at least 256 samples.
+    """
     length = min(len(x), max(256, min(int(4 * rate_hz), len(x) // 5)))
     f, power = power_density(x, rate_hz, length, window=window)
     return f, power, length
 
 
 def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
-    """Frequency [Hz] up to which the acceleration of ``q`` is 10 dB above its noise floor; None if it never is.
+    """Frequency [Hz] up to which the acceleration of ``q`` is 10 dB above its noise floor; None for a joint at rest.
 
     A joint without a clear peak in the spectrum is at rest, unless it moves in ramps, see `_edge_above_encoder_noise`.
     """
@@ -66,9 +71,9 @@ def _sixth_octaves(
 def _edge_above_floor(centre: Float[Array, " b"], level: Float[Array, " b"]) -> float | None:
     """Frequency [Hz] up to which a spectrum is 10 dB above its floor; None if its peak is not 24 dB above the floor.
 
-    The search starts at the peak of the velocity's spectrum and goes to higher frequencies. It uses the maximum over a
-    third of an octave to either side. The floor is the minimum before this envelope rises by 13 dB, as the noise of a
-    differentiated encoder does.
+    The search starts at the peak of the velocity's spectrum and goes to higher frequencies. It uses an envelope: the
+    maximum over a third of an octave to either side. The floor is the minimum of the envelope before it rises by 13 dB;
+    such a rise is the noise of a differentiated encoder.
     """
     reach = 2.0 ** (1 / 3)
     envelope = np.array([level[(centre >= c / reach) & (centre <= c * reach)].max() for c in centre])
@@ -88,8 +93,9 @@ def _edge_above_floor(centre: Float[Array, " b"], level: Float[Array, " b"]) -> 
 def _edge_above_encoder_noise(centre: Float[Array, " b"], level: Float[Array, " b"], rate_hz: float) -> float | None:
     """Frequency [Hz] up to which an acceleration spectrum is 10 dB above white noise of the position, or None.
 
-    Ramps have steps of velocity, so their acceleration spectrum is flat and has no clear peak. The level of the encoder
-    noise is then taken above a tenth of the rate, if there are at least three bins and their slope is that of noise.
+    This is for motion in ramps: their velocity has steps, so that their acceleration spectrum is flat, without a clear
+    peak. The level of the encoder noise is estimated at frequencies above a tenth of the rate, if there are at least
+    three bins and their slope is that of noise.
     """
     high = centre > 0.1 * rate_hz
     if high.sum() < 3:
@@ -112,18 +118,18 @@ def slow_motion_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
     """
     f, power, length = _acceleration_spectrum(q, rate_hz, "blackmanharris")
     resolved = f >= 4 * rate_hz / length
-    motion, rest = power[~resolved].sum(), power[resolved & (f < 0.4 * rate_hz)]
-    if not len(rest):
+    motion, higher = power[~resolved].sum(), power[resolved & (f < 0.4 * rate_hz)]
+    if not len(higher):
         return None
-    least = int(np.argmin(rest))
-    quiet = np.cumsum(rest[least:]) <= _LARGEST_NOISE * motion
+    least = int(np.argmin(higher))
+    quiet = np.cumsum(higher[least:]) <= _LARGEST_NOISE * motion
     if quiet.all() or not quiet[0]:
         return None
     return float(f[resolved][least + int(np.argmin(quiet)) - 1])
 
 
 def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:
-    """Frequency [Hz] above which ``tau`` has less than 1 % of its amplitude; half the rate if there is none."""
+    """Frequency [Hz] above which ``tau`` has less than 1 % of its RMS; half the rate if there is no such frequency."""
     f, power, _ = _welch(tau, rate_hz)
     total = power.sum()
     if total == 0:

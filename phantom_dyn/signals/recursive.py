@@ -14,7 +14,7 @@ from phantom_dyn.array_types import Array, Float
 def recursive_filter(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]) -> Float[Array, "N k"]:
     r"""Output of a recursive filter with unit gain at zero frequency.
 
-    The input before the first sample counts as constant.
+    Before the first sample the input is assumed to be constant.
 
     .. math:: y_n = \sum_i b_i x_{n-i} - \sum_{i>0} a_i y_{n-i}, \qquad \sum_i b_i = \sum_i a_i
 
@@ -25,10 +25,10 @@ def recursive_filter(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array,
     """
     from scipy.linalg import get_lapack_funcs
 
-    beyond = x - x[0]
-    driven = b[0] * beyond
+    change = x - x[0]
+    driven = b[0] * change
     for lag in range(1, min(len(b), len(x))):
-        driven[lag:] += b[lag] * beyond[:-lag]
+        driven[lag:] += b[lag] * change[:-lag]
     # The recursion is a triangular system of equations with a few diagonals.
     diagonals = np.tile(np.array(a)[:, None], (1, len(x)))
     (solve,) = get_lapack_funcs(("tbtrs",), (driven,))
@@ -73,7 +73,7 @@ def _butterworth(order: int, cutoff: float) -> list[tuple[tuple[float, ...], tup
 
 
 def lagging(x: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
-    """Output of a first-order lag whose input is held between samples; it starts in the steady state."""
+    """Output of a first-order lag whose input is constant between samples; it starts in the steady state."""
     step = float(-np.expm1(-dt / time_constant))
     return recursive_filter((step,), (1.0, step - 1.0), x[:, None])[:, 0]
 
@@ -83,9 +83,9 @@ def lagging_linear(x: Float[Array, " N"], dt: float, time_constant: float) -> Fl
     if time_constant <= 0:
         return x
     steps = dt / time_constant
-    keep = np.exp(-steps)
-    old, new = (1.0 - keep) / steps - keep, 1.0 - (1.0 - keep) / steps
-    return recursive_filter((new, old), (1.0, -keep), x[:, None])[:, 0]
+    decay = np.exp(-steps)
+    old, new = (1.0 - decay) / steps - decay, 1.0 - (1.0 - decay) / steps
+    return recursive_filter((new, old), (1.0, -decay), x[:, None])[:, 0]
 
 
 def low_pass_kernel(half: int, cutoff_hz: float, rate_hz: float) -> Float[Array, " 2*half+1"]:

@@ -53,6 +53,7 @@ def cross_density(
 
 
 def _density(x: Array, y: Array, rate_hz: float, length: int, window: Window, linear: bool) -> Array:
+    """Complex one-sided cross power density of two series."""
     shape = _window(window, length)
     total, segments = np.zeros(length // 2 + 1, dtype=complex), 0
     for of_x, of_y in zip(_pieces(x, length), _pieces(y, length), strict=True):
@@ -65,6 +66,7 @@ def _density(x: Array, y: Array, rate_hz: float, length: int, window: Window, li
 
 
 def _pieces(x: Float[Array, " N"], length: int) -> Iterator[Float[Array, "s length"]]:
+    """Half-overlapping segments of a series, some at a time."""
     segments = sliding_window_view(x, length)[:: length - length // 2]
     count = max(_BLOCK // length, 1)
     for start in range(0, len(segments), count):
@@ -72,14 +74,15 @@ def _pieces(x: Float[Array, " N"], length: int) -> Iterator[Float[Array, "s leng
 
 
 def _transformed(segments: Float[Array, "s length"], shape: Float[Array, " length"], linear: bool) -> Array:
-    left = segments - segments.mean(axis=1, keepdims=True)
+    """Fourier transforms of windowed segments without their means or, if ``linear``, their straight lines."""
+    centred = segments - segments.mean(axis=1, keepdims=True)
     if linear:
         line = np.arange(len(shape)) - 0.5 * (len(shape) - 1)
-        left -= np.outer(left @ line / max(line @ line, 1.0), line)
-    return np.fft.rfft(left * shape, axis=1)
+        centred -= np.outer(centred @ line / max(line @ line, 1.0), line)
+    return np.fft.rfft(centred * shape, axis=1)
 
 
 def _window(name: Window, length: int) -> Float[Array, " length"]:
-    """A periodic sum of cosines as a window: the sample after the last would equal the first."""
+    """A window of cosines, periodic: the sample after the last one would equal the first."""
     phase = 2 * np.pi * np.arange(length) / length
     return np.sum([(-1) ** k * a * np.cos(k * phase) for k, a in enumerate(_COSINES[name])], axis=0)

@@ -1,4 +1,4 @@
-"""Interpolate sampled series linearly, and differentiate them with quintic splines (not-a-knot ends)."""
+"""Interpolates sampled series linearly, and differentiates them with quintic splines (not-a-knot ends)."""
 
 from __future__ import annotations
 
