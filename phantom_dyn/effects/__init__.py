@@ -1,1 +1,1 @@
-"""The catalogue of effects, with one module for each effect."""
+"""Effects: named causes of a gap between robot and model, one module for each, and the catalogue of all of them."""

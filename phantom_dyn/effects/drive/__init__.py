@@ -1,1 +1,1 @@
-"""What a drive does to its command; one module for each effect."""
+"""Effects of drives: delay, lag, limit, ripple, cogging and others; one module for each effect."""

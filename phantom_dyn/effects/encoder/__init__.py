@@ -1,1 +1,1 @@
-"""Encoders; one module for each effect."""
+"""Effects of encoders: wrong zero, eccentric disc, coarse steps; one module for each effect."""

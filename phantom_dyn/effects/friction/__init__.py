@@ -1,1 +1,1 @@
-"""Friction; one module for each law."""
+"""Effects of friction; one module for each law."""

@@ -1,1 +1,1 @@
-"""Bodies, loads and gravity; one module for each effect."""
+"""Effects of bodies, loads and gravity; one module for each effect."""

@@ -152,7 +152,7 @@ class Payload(Effect):
         return (self.parameters(robot, joint)[0], *names), lambda x: x[:4]
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """Mass and centre, the latter computed from the first moments if a finding states these."""
+        """Mass and centre; if a finding states first moments, the centre is computed from them."""
         if "moment_x" not in stated:
             return stated
         numbers = np.array([float(np.ravel(stated[name])[0]) for name in ("mass", *_MOMENTS)])

@@ -116,7 +116,7 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
 
 
 def _at_other_speeds(readings: Float[Array, " N"], step: float) -> Bool[Array, " N"]:
-    """Readings between which the joint does not turn by a whole number of steps, other than zero, from row to row."""
+    """True where the speed rounds to zero steps per row, or is not near a whole number of steps per row."""
     rows = np.arange(len(readings))
     first, last = np.maximum(rows - _ROWS, 0), np.minimum(rows + _ROWS, len(readings) - 1)
     speed = np.abs(readings[last] - readings[first]) / (last - first) / step

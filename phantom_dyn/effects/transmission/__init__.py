@@ -1,1 +1,1 @@
-"""Transmissions and springs between motor, link and base; one module for each effect."""
+"""Effects of transmissions, and of springs between motor, link and base; one module for each effect."""

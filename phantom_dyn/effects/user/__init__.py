@@ -1,1 +1,1 @@
-"""Effects that a user defines: reading them, and trying them on a robot before they are used."""
+"""Effects that a user defines: reads them from files, and checks them on a robot before they are used."""

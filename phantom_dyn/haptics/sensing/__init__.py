@@ -1,1 +1,1 @@
-"""Encoders, velocity estimators, and sampled loops in time."""
+"""Encoders, velocity estimators, and simulation of sampled loops over time."""

@@ -147,7 +147,7 @@ class StabilityMap(ReadOnlyArrays):
 
     @property
     def ratio(self) -> Float[Array, "i j k m"]:
-        """Exact critical stiffness over that of the linear condition; NaN if the latter is not positive."""
+        """Exact critical stiffness over that of the linear condition; NaN if that is not positive."""
         out = np.full(self.stiffness.shape, np.nan)
         return np.divide(self.stiffness, self.linear, out=out, where=self.linear > 0)
 
