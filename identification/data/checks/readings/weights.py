@@ -52,24 +52,26 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
 
 
 def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """The suspected mistakes that the base is mounted another way, as on a wall, or that the model has no gravity.
+    """The suspected mistakes that the base is mounted another way, as on a wall, or that gravity has a wrong size.
 
     The direction of gravity is estimated from the torques. It is tried along the nearest axis of the base, as a load
     that the model lacks turns the estimate, and along the estimate itself, if that is not near the axis. The size of
-    the estimate says little, as it grows with the masses.
+    the estimate says little, as it grows with the masses: what is tried is 9.81 m/s^2.
     """
     given = np.array(robot.model.gravity.linear)
-    size = float(np.linalg.norm(given if given.any() else robot.model.gravity981))
+    size = float(np.linalg.norm(robot.model.gravity981))
     joints = tuple(np.flatnonzero(varies(reading.tau)).tolist())
     if not joints:
         return []
     estimate = gravity_from_torques(robot, reading, joints)
     length = float(np.linalg.norm(estimate))
-    if length <= _CONTAINED * size or estimate @ given > _UPRIGHT * length * size:
+    if length <= _CONTAINED * size:
         return []
+    if estimate @ given > _UPRIGHT * length * np.linalg.norm(given):
+        return _under(robot, reading, joints, size * given / np.linalg.norm(given))
     along = np.eye(3)[np.argmax(np.abs(estimate))] * np.sign(estimate[np.argmax(np.abs(estimate))])
     directions = [along] if estimate @ along > _ALONG * length else [along, estimate / length]
-    tried = [size * way for way in directions if way @ given <= _UPRIGHT * size]
+    tried = [size * way for way in directions if way @ given <= _UPRIGHT * np.linalg.norm(given)]
     return [suspect for gravity in tried for suspect in _under(robot, reading, joints, gravity)]
 
 
@@ -80,12 +82,16 @@ def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float
     visible = tuple(j for j in joints if change[:, j].std() > _MATTERS * reading.tau[:, j].std())
     if not visible:
         return []
-    mounted = "the base is mounted in another way than gravity in the model says"
+    what = "the base is mounted in another way than gravity in the model says"
+    if not given.any():
+        what = "the model has no gravity, but the torques contain the weight of the links"
+    elif np.allclose(np.cross(gravity, given), 0.0) and gravity @ given > 0.0:
+        what = f"gravity is {np.linalg.norm(given):.3g} m/s^2 in the model, but 9.81 m/s^2 in the torques"
     return [
         Suspect(
             "attitude",
             visible,
-            mounted if given.any() else "the model has no gravity, but the torques contain the weight of the links",
+            what,
             {"gravity": f"[{', '.join(f'{x:.3g}' for x in gravity + 0.0)}]"},
             lambda reading: reading,
             model=with_gravity(robot, gravity),

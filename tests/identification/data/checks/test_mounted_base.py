@@ -61,6 +61,22 @@ def test_a_model_without_gravity_is_refused_where_the_torques_feel_it(clean, pla
     assert "write gravity: [0, 0, -9.81] into robot.yaml" in fault.mend
 
 
+@pytest.mark.parametrize(("size", "load"), [(1.62, False), (1.62, True), (3.72, False)])
+def test_a_gravity_of_the_moon_or_of_mars_is_refused(clean, planar2, size, load):
+    recorded = loaded(planar2, (0.0, 0.0, -9.81)) if load else planar2
+    (fault,) = checked(clean(robot=recorded), with_gravity(planar2, np.array([0.0, 0.0, -size]))).wrong
+    assert fault.what == f"gravity is {size:.3g} m/s^2 in the model, but 9.81 m/s^2 in the torques"
+    assert "write gravity: [0, 0, -9.81] into robot.yaml" in fault.mend
+
+
+@pytest.mark.parametrize("load", [False, True])
+def test_a_robot_on_the_moon_is_not_refused(clean, planar2, load):
+    # Known truth: recorded under 1.62 m/s^2, as the model says.
+    moon = (0.0, 0.0, -1.62)
+    recording = clean(robot=loaded(planar2, moon) if load else with_gravity(planar2, np.array(moon)))
+    assert checked(recording, with_gravity(planar2, np.array(moon))).wrong == ()
+
+
 @pytest.mark.parametrize("load", [False, True])
 def test_a_robot_without_weight_whose_model_has_none_is_not_refused(clean, planar2, load):
     # Known truth: in space, or a controller that took all weight out and a user who says so.
