@@ -219,14 +219,20 @@ def _noise_gate(bench: Bench, state: State) -> State:
 def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
     """Gain of an effect in sample with the largest possible noise of each joint, and the gain by chance.
 
-    Joints count that have a gap without the effect. The fits are weighted by the noise that flexible fits leave, which
-    may be too small.
+    Joints count that have a gap without the effect and none with it. Most of the largest possible noise is friction in
+    doubt, which recurs with the motion: no chance limits what an effect gains of it. But its shape is hardly ever that
+    of an effect, so that it leaves a gap. The fits are weighted by the noise that flexible fits leave, which may be too
+    small.
     """
     fits, problem, others = bench.search.fits, bench.search.problem, shown - {term}
     weighted = residual_sums(problem, problem.session.in_judged_band(bench.noise)).rms()
     judge = bench.residuals.judge_of(others)
-    has_gap = residual_sums_with(bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
-    gains = np.where(has_gap, fits.row_losses(others) - fits.row_losses(shown), 0.0)
+    has_gap, has_gap_with = (
+        residual_sums_with(bench.plain, terms).rms()
+        > contract_levels.FLOORS_LEFT * bench.residuals.judge_of(terms).floor
+        for terms in (others, shown)
+    )
+    gains = np.where(has_gap & ~has_gap_with, fits.row_losses(others) - fits.row_losses(shown), 0.0)
     noise_ratio = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
     return float(gains @ noise_ratio**2), bench.search.threshold.of(term)
 

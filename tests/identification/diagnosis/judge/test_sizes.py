@@ -236,19 +236,25 @@ def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
 
 
 @pytest.mark.parametrize(
-    ("over", "has_structure", "loudest", "shown"),
-    [(0.9, False, 1e3, False), (1.1, False, 1e3, True), (0.9, True, 1e3, True), (0.9, False, 0.01, True)],
+    ("over", "has_structure", "floor", "loudest", "shown"),
+    [
+        (0.9, False, 0.01, 1e3, False),
+        (1.1, False, 0.01, 1e3, True),
+        (0.9, True, 0.01, 1e3, True),
+        (0.9, False, 0.01, 0.01, True),
+        (0.9, False, 1e-9, 0.01, False),
+    ],
 )
 def test_an_inertia_that_noise_may_imitate_is_shown_where_there_would_be_a_gap_without_it(
-    lab, planar2, over, has_structure, loudest, shown
+    lab, planar2, over, has_structure, floor, loudest, shown
 ):
     # By hand: what is left without it is just below or above what is allowed, or has structure; or the noise may not be
-    # as loud as what it gains.
+    # as loud as what it gains. Then nothing but noise is left with it.
     motion = lab.motion(2)
     effect = lab.acting(planar2, motion, "rotor_inertia", "elbow", 0.2)
     made = lab.prepared(planar2, (lab.recording(planar2, motion, effect),))
     chosen = frozenset([made.term("rotor_inertia", "elbow")])
-    judge = Judge(made.problem, np.full(2, 0.01), np.full(2, loudest))
+    judge = Judge(made.problem, np.full(2, floor), np.full(2, loudest))
     residuals = Residuals(lambda _: judge, lambda *_: np.full(2, over), lambda *_: has_structure)
     after = _noise_gate(Bench(made.search, made.search, made.noise, residuals), State.of(chosen))
     assert after.shown == (chosen if shown else frozenset())
