@@ -16,12 +16,12 @@ from identification.data.checks.readings.plausible_fit import unexplained
 from identification.data.checks.readings.reading import Reading
 from identification.data.recording import Recording
 from identification.data.signals import holds_references, process
+from identification.data.stretches import busiest
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.errors import ChainError, LogError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 
 # Largest multiple of the sampling frequency, of either sign, whose spectral image of a held reference counts.
 _IMAGES = 3
@@ -56,25 +56,23 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
     gain, q_ref = recording.reference_gain, recording.q_ref
     if gain is None or q_ref is None or not gain.any() or robot.nv > _MOST_JOINTS or not _has_slow_even_rows(recording):
         return recording
-    held = holds_references(recording, robot)
-    if not held and (robot.reference_hold is not None or robot.torque_hold == "zoh"):
+    stated = holds_references(recording, robot)
+    if not stated and (robot.reference_hold is not None or robot.torque_hold == "zoh"):
         return recording
+    compared = busiest(recording)
+    held = replace(compared, references_held=True)
     try:
-        if held:
-            return _without_step_response_if_better(robot, recording)
-        not_held = unexplained_torque(robot, recording)
-        held_recording = _without_step_response_if_better(robot, replace(recording, references_held=True))
-        gains = np.log(not_held / unexplained_torque(robot, held_recording))
-        delay_gains = [
-            np.mean(np.log(not_held / unexplained_torque(robot, _delayed(recording, part)))) for part in _OTHER_DELAYS
-        ]
+        steps_show = _step_response_shows(robot, held)
+        if not stated and not _hold_shows(robot, compared, without_step_response(robot, held) if steps_show else held):
+            return recording
     except (ChainError, LogError):
         return recording
-    if not gains.mean() > max(_SEEN, *delay_gains) or gains.min() < -_LOSS:
+    recording = without_step_response(robot, recording) if steps_show else recording
+    if stated:
         return recording
     row_time = float(np.median(np.diff(recording.t)))
     note = Note(Code.HELD_SEEN, numbers={"file": recording.file, "row": row_time})
-    return replace(held_recording, notes=(*recording.notes, note))
+    return replace(recording, references_held=True, notes=(*recording.notes, note))
 
 
 def _has_slow_even_rows(recording: Recording) -> bool:
@@ -83,20 +81,27 @@ def _has_slow_even_rows(recording: Recording) -> bool:
     return bool(np.std(steps) < _EVEN * np.median(steps) and np.median(steps) >= _SHORT)
 
 
-def _without_step_response_if_better(robot: Robot, recording: Recording) -> Recording:
-    """The recording without the response to steps of its references, if that leaves less torque unexplained."""
-    corrected = without_step_response(robot, recording)
-    gains = np.log(unexplained_torque(robot, recording) / unexplained_torque(robot, corrected))
-    return corrected if gains.mean() > 0 and gains.min() > -_LOSS else recording
+def _step_response_shows(robot: Robot, held: Recording) -> bool:
+    """True if less torque is unexplained without the response to the steps of held references."""
+    gains = np.log(unexplained_torque(robot, held) / unexplained_torque(robot, without_step_response(robot, held)))
+    return bool(gains.mean() > 0 and gains.min() > -_LOSS)
+
+
+def _hold_shows(robot: Robot, recording: Recording, held: Recording) -> bool:
+    """True if held references explain the recording far better than references at once, and better than late ones."""
+    at_once = unexplained_torque(robot, recording)
+    gains = np.log(at_once / unexplained_torque(robot, held))
+    late = [np.mean(np.log(at_once / unexplained_torque(robot, _delayed(recording, part)))) for part in _OTHER_DELAYS]
+    return bool(gains.mean() > max(_SEEN, *late) and gains.min() >= -_LOSS)
 
 
 def unexplained_torque(robot: Robot, recording: Recording) -> Float[Array, "2 nv"]:
     """Root mean square of the torque that no plausible robot explains, in each half of a recording [N m or N]."""
     log = process(recording, robot)
     motion, band = log.motion, log.band
-    rows = Motion(motion.t[log.samples], band(motion.q), band(motion.v), band(motion.a))
-    tau = band(log.tau)
-    shares = unexplained(robot, Reading(rows, band(np.sign(motion.v)), tau, np.zeros_like(tau)))
+    # The torque of a filtered motion is not the filtered torque: weight and inertia depend on the posture.
+    reading = Reading(motion, np.sign(motion.v), log.tau, np.zeros_like(log.tau))
+    shares, tau = unexplained(robot, reading, band=band), band(log.tau)
     half = len(tau) // 2
     variances = np.array([tau[:half].var(axis=0), tau[half:].var(axis=0)])
     # A half in which a torque hardly varies has no information: its value is one in every comparison.

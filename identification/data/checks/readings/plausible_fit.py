@@ -15,7 +15,8 @@ a correction have a far smaller residual.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -89,19 +90,28 @@ class _Bounded:
     factor: float
 
 
-def unexplained(robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE) -> Float[Array, "2 nv"]:
+def _as_is(columns: Array) -> Array:
+    """Samples that have been filtered already."""
+    return columns
+
+
+def unexplained(
+    robot: Robot, reading: Reading, freedom: Freedom = PLAUSIBLE, band: Callable[[Array], Array] = _as_is
+) -> Float[Array, "2 nv"]:
     """Smallest unexplained share of each joint's torque variance with any allowed robot, in each half of the recording.
 
     Args:
         robot: The given model.
         reading: Samples of the recording.
         freedom: How far the robot may be from its model.
+        band: Low pass of the torque and of all that the robot explains it by, for samples that have not been filtered.
 
     Returns:
         Shares, NaN for a half in which the torque hardly varies.
     """
     columns = _bounded_columns(robot, reading, freedom)
-    torque = reading.tau + reading.external
+    columns = replace(columns, shared=band(columns.shared), own=band(columns.own))
+    torque = band(reading.tau + reading.external)
     half = len(torque) // 2
     out = np.full((2, torque.shape[1]), np.nan)
     whole_variance = torque.var(axis=0)
