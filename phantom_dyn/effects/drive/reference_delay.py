@@ -124,7 +124,8 @@ class ReferenceDelay(Effect):
             return ""
         return (
             f"A reference that is held until the next one looks as if it were half of that time late: if references "
-            f"come every {2e3 * theta.item():.3g} ms, state reference_hold: zoh in robot.yaml, and this is no gap."
+            f"come every {2e3 * theta.item():.3g} ms, this is no gap. State reference_hold: zoh in robot.yaml if each "
+            "row of the log brings a new one; of more rows, log the reference that the drive holds."
         )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
