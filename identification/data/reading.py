@@ -12,6 +12,8 @@ from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.readings.suspects import slow_clock, usual_clock
+from identification.data.checks.times_and_torques import check_repeated
+from identification.data.checks.torques.unknown_torques import without_unknown_torques
 from identification.data.drives.compensation import before_low_pass, joints_without, put_back_sentences
 from identification.data.drives.joint_torque import (
     computed_from_references,
@@ -37,7 +39,7 @@ from identification.data.readers.contract_columns import (
 from identification.data.readers.map_entries import left_out_words
 from identification.data.readers.read_table import Files, table_of
 from identification.data.recording import Recording, Table, time_text
-from identification.data.unknown_drives import unknown_words, without_unknown_torques
+from identification.data.unknown_drives import unknown_words
 from phantom_dyn.array_types import Array, read_only
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.errors import LogError, known_names, listed, shortened
@@ -368,7 +370,8 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
     # Closed chains come first: if they do not close, there is no model to compare with.
     passive, checks = check_passive(found, robot), checked(found, robot)
     wrong = checks.wrong if clock is None or clock in checks.wrong else (clock, *checks.wrong)
-    return replace(found, warnings=(*found.warnings, *passive, *checks.warnings), wrong=wrong, anyway=anyway)
+    warnings = (*found.warnings, *passive, *checks.warnings)
+    return replace(found, warnings=warnings, unread=tuple(check_repeated(found)), wrong=wrong, anyway=anyway)
 
 
 def unassigned_recording(table: Table) -> Recording:

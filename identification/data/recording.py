@@ -161,6 +161,7 @@ class Recording:
         reference_torque_limit: Limit of the torque from references, ``(nv,)``; None if ``reference_gain`` is None.
         friction_taken: Joints from whose torque a controller had subtracted friction: the model's friction is added
             again once the velocities are known.
+        unread: Joints whose torque has rows that are no readings: their drive counts as unknown.
         wrong: Certain faults; a recording with one is refused, see `identification.data.refusal`.
         anyway: True if the recording is used in spite of certain faults.
         named: Column of the file for each standard name in the user's column map; empty without a map.
@@ -196,6 +197,7 @@ class Recording:
     reference_gain: Float[Array, " nv"] | None = None
     reference_torque_limit: Float[Array, " nv"] | None = None
     friction_taken: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False
     named: Mapping[str, str] = field(default_factory=dict)

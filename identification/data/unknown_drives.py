@@ -5,22 +5,47 @@ The recorded motion of these joints acts on the other joints. Their own torque h
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from identification.data.checks.smoothed_copy import smoothed
 from identification.data.log import Log
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Array, Bool, read_only
+from phantom_dyn.array_types import Array, Bool
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.errors import LogError, listed
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 
 
 def unknown_drives(robot: Robot) -> Bool[Array, " nv"]:
-    """True for joints with ``drive: unknown``."""
+    """True for joints with ``drive: unknown``, or whose torque was not read."""
     return np.array([not actuator.drive_known for actuator in robot.actuators], dtype=bool)
+
+
+def without_unread_drives(robot: Robot, recordings: Iterable[Recording]) -> Robot:
+    """The robot with unknown drives of joints whose torque was not read in every row of all recordings.
+
+    Raises:
+        LogError: If no joint with a known torque is left.
+    """
+    unread = {joint: recording.file for recording in recordings for joint in recording.unread}
+    robot = with_unknown_drives(robot, unread)
+    if unread and not any(one.actuated and one.drive_known for one in robot.actuators):
+        raise LogError(
+            f"{next(iter(unread.values()))}: the torque of {listed(unread)} was not read in every row, and no other "
+            "torque is known: log torques that were read for every row (phantom-dyn check says what is wrong)."
+        )
+    return robot
+
+
+def with_unknown_drives(robot: Robot, joints: Container[str]) -> Robot:
+    """The robot with unknown drives on some joints."""
+    actuators = tuple(
+        replace(one, drive_known=one.drive_known and joint not in joints)
+        for joint, one in zip(robot.joint_names, robot.actuators, strict=True)
+    )
+    return replace(robot, actuators=actuators)
 
 
 def with_model_torque(robot: Robot, log: Log) -> Log:
@@ -29,22 +54,6 @@ def with_model_torque(robot: Robot, log: Log) -> Log:
     if not unknown.any():
         return log
     return replace(log, tau=np.where(unknown, inverse_dynamics(robot, log.motion), log.tau))
-
-
-def without_unknown_torques(recording: Recording, robot: Robot) -> Recording:
-    """The recording with the model's torque on joints whose drive is unknown, for checks of the other joints."""
-    unknown = unknown_drives(robot)
-    # A robot with a floating base is compared with the model only once its contacts are known.
-    if recording.tau is None or not unknown.any() or robot.floating:
-        return recording
-    smooth = smoothed(recording)
-    if smooth is None:
-        return recording
-    model = inverse_dynamics(robot, Motion(smooth.t, smooth.q, smooth.v, smooth.a))
-    tau = recording.tau.copy()
-    for row in np.flatnonzero(unknown):
-        tau[:, row] = np.interp(recording.t, smooth.t, model[:, row])
-    return replace(recording, tau=read_only(tau))
 
 
 def unknown_words(file: str, robot: Robot) -> tuple[str, ...]:

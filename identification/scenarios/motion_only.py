@@ -142,7 +142,7 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
         numbers = {"file": recording.file, "has_torque": recording.tau is not None, "gains": gains_of_file(robot)}
         tau = limited_controller_torque(recording, robot)
         note = Note(Code.MOTION_ONLY, numbers=numbers)
-        return _with_controller_gains(replace(recording, tau=tau, notes=(*recording.notes, note)), robot)
+        return _with_controller_gains(replace(recording, tau=tau, unread=(), notes=(*recording.notes, note)), robot)
     if recording.voltage is not None and recording.tau is not None:
         return recording
     if recording.q_ref is None:

@@ -239,8 +239,8 @@ def _not_judged(diagnosis: Diagnosis) -> list[str]:
     unknown = [gap.joint for gap in gaps if gap.rms_torque is None and not diagnosis.at_rest]
     still = [gap.joint for gap in gaps if gap.joint not in unknown]
     if unknown:
-        are, drives = ("is", "its drive is") if len(unknown) == 1 else ("are", "their drives are")
-        out.append(f"{capital(joints_words(unknown))} {are} not judged: {drives} stated as unknown.")
+        are, torques = ("is", "its torque is") if len(unknown) == 1 else ("are", "their torques are")
+        out.append(f"{capital(joints_words(unknown))} {are} not judged: {torques} not known.")
     if still:
         they_move = "is not judged: it moves" if len(still) == 1 else "are not judged: they move"
         out.append(f"{capital(joints_words(still))} {they_move} too little, or too briefly between two standstills.")

@@ -33,12 +33,14 @@ from identification.data.checks.torques.filtered_torques import check_filtered, 
 from identification.data.checks.torques.late_torques import late_torques
 from identification.data.checks.torques.taken_friction import check_friction_taken
 from identification.data.checks.torques.torque_lag import check_lag, is_reported, lags_and_low_passes
+from identification.data.checks.torques.unknown_torques import without_unknown_torques
 from identification.data.checks.torques.unsigned_torques import check_unsigned
 from identification.data.checks.torques.weight_and_friction import check_weights
 from identification.data.drives.joint_torque import external_torque
 from identification.data.floating.sensor_checks import check_base
 from identification.data.recording import Fault, Recording
 from identification.data.stretches import busiest
+from identification.data.unknown_drives import with_unknown_drives
 from phantom_dyn.model.robot import Robot
 
 
@@ -71,17 +73,21 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         # All other findings would be consequences of this fault.
         return Checked((), (certain,))
     prismatic = None if robot is None else robot.prismatic
-    noise = position_noise(recording)
+    noise, repeated = position_noise(recording), check_repeated(recording)
     out = [
         *check_timing(recording),
         *check_sampling(recording, prismatic, noise),
         *check_jumps(recording, prismatic, noise),
         *check_stillness(recording, prismatic, noise),
         *check_clipping(recording),
-        *check_repeated(recording),
+        *repeated.values(),
         *check_flat(recording),
     ]
     recording = busiest(recording)
+    if robot is not None and repeated:
+        # What differs from the model there would be a consequence.
+        robot = with_unknown_drives(robot, repeated)
+        recording = without_unknown_torques(recording, robot)
     smooth = smoothed(recording)
     if smooth is not None and smooth.inside.any():
         stated = tuple(

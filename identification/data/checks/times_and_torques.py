@@ -100,11 +100,14 @@ def _rows_held(tau: Float[Array, " N"]) -> float:
     return float(np.median(np.diff(edges)[between])) if between.any() else 1.0
 
 
-def check_repeated(recording: Recording) -> tuple[str, ...]:
-    """Warnings on torques that have one value in many scattered rows: a dead band of the drive, or lost readings."""
+def check_repeated(recording: Recording) -> dict[str, str]:
+    """Warnings, by joint, on torques with one value in many scattered rows: a dead band of the drive, or lost readings.
+
+    Such a column is no measured torque, so that a diagnosis does not judge its joint.
+    """
     if recording.tau is None:
-        return ()
-    out, kept = [], included(recording)
+        return {}
+    out, kept = dict[str, str](), included(recording)
     for j, joint in enumerate(recording.joint_names):
         tau = recording.tau[kept, j]
         found = _repeated(recording.t[kept], recording.q[kept, j], tau)
@@ -118,16 +121,16 @@ def check_repeated(recording: Recording) -> tuple[str, ...]:
         )
         if least >= _GAP_BELOW * np.abs(tau - value).max():
             closer = "never smaller than" if value == 0 else "never closer to it than"
-            out.append(
-                f"{stated}, and {closer} {least:.2g} otherwise: its drive reports small torques as none. What is said "
-                f"of {joint} is not to be relied on: log the torque before it is cut off."
+            out[joint] = (
+                f"{stated}, and {closer} {least:.2g} otherwise: its drive reports small torques as none. A diagnosis "
+                f"does not judge {joint}: log the torque before it is cut off."
             )
         else:
-            out.append(
+            out[joint] = (
                 f"{stated}, while {joint} moves, and jumps there and back by {jump:.2g}: these rows are no readings of "
-                f"its torque. What is said of {joint} is not to be relied on: log a torque that was read for every row."
+                f"its torque. A diagnosis does not judge {joint}: log a torque that was read for every row."
             )
-    return tuple(out)
+    return out
 
 
 def _repeated(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, " N"]) -> tuple[float, int, float] | None:

@@ -9,6 +9,7 @@ from identification.data.changes import Change
 from identification.data.recording import Recording
 from identification.data.refusal import require_right
 from identification.data.stretches import is_long, note_on_length, stretches
+from identification.data.unknown_drives import without_unread_drives
 from identification.diagnosis.columns.known_geometry import (
     corrected_recordings,
     effects_on_torques,
@@ -77,7 +78,7 @@ def prepared(
     """
     started = time.perf_counter()
     require_right(recordings)
-    robot = with_known_places(robot, known)
+    robot = without_unread_drives(with_known_places(robot, known), recordings)
     tracked = corrected_recordings(robot, recordings, known)
     if changes and any(one.poses_alone for one in recordings):
         raise LogError(

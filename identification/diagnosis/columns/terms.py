@@ -154,7 +154,7 @@ def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | N
     Without any torque all parameters may be scaled alike, down to bodies without mass, which fit best.
     """
     if joint in robot.joint_names and not robot.actuators[robot.joint_names.index(joint)].drive_known:
-        return f"the torque of the drive of {joint} is not known (drive: unknown in robot.yaml)"
+        return f"the torque of the drive of {joint} is not known"
     if effect.inertial is None or any(one.actuated and one.drive_known for one in robot.actuators):
         return None
     return "no joint that is judged has a drive: inertias show there in their ratios only"

@@ -1,5 +1,6 @@
 """Joints that something moves with a torque that nobody knows; known truth: friction in closed form."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import phantom_dyn as dyn
 from identification.data.checks.check_recording import Checked, checked
 from identification.data.reading import read_recording
+from identification.diagnosis.columns.prepared import prepared
 from identification.pipeline import diagnose
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError
@@ -61,7 +63,7 @@ def test_what_the_unknown_drive_has_to_overcome_is_not_judged(tmp_path, lab):
     (row,) = (one for one in diagnosis.joints if one.joint == UNKNOWN)
     assert row.rms_torque is None
     assert row.hold_out_samples == 0
-    assert any("drive: unknown" in one.why for one in diagnosis.not_testable if one.joint == UNKNOWN)
+    assert any("is not known" in one.why for one in diagnosis.not_testable if one.joint == UNKNOWN)
     assert any(f"torque of {UNKNOWN} is not known" in str(said) for said in diagnosis.data_warnings)
 
 
@@ -75,3 +77,36 @@ def test_checks_find_nothing_wrong_with_a_torque_that_nobody_knows(tmp_path, lab
     robot = arm(tmp_path, f"{UNKNOWN}: {{drive: unknown}}")
     recording = read_recording(logged(robot, lab, tmp_path, IDLE, IDLE), robot)
     assert checked(recording, robot) == Checked((), ())
+
+
+@pytest.mark.whole
+def test_a_joint_with_lost_readings_is_not_judged_and_the_friction_of_the_other_is_found(tmp_path, lab):
+    # Known truth: three in ten rows of one torque are lost, which fits a wrong torque constant.
+    robot = arm(tmp_path, f"{IDLE}: {{}}")
+    path = logged(robot, lab, tmp_path, IDLE, IDLE, UNKNOWN)
+    table = dict(np.load(path))
+    table[f"tau.{UNKNOWN}"][np.random.default_rng(3).random(len(table["t"])) < 0.3] = 0.0
+    np.savez(path, **table)
+    diagnosis = diagnose(robot, (read_recording(path, robot),))
+    assert [(one.effect, one.joint) for one in diagnosis.findings] == [("viscous_friction", IDLE)]
+    assert any(f"A diagnosis does not judge {UNKNOWN}" in str(said) for said in diagnosis.data_warnings)
+
+
+def test_a_torque_that_is_compared_with_the_model_was_read(tmp_path, lab):
+    # Known truth: without lost readings the log has neither a warning nor a fault.
+    robot = arm(tmp_path, f"{IDLE}: {{}}")
+    path = logged(robot, lab, tmp_path, IDLE, IDLE, UNKNOWN)
+    assert read_recording(path, robot).warnings == ()
+    table = dict(np.load(path))
+    table[f"tau.{UNKNOWN}"][np.random.default_rng(3).random(len(table["t"])) < 0.8] = 0.0
+    np.savez(path, **table)
+    (said,) = read_recording(path, robot).warnings
+    assert "these rows are no readings of its torque" in said
+
+
+def test_a_log_of_which_no_torque_was_read_is_refused(tmp_path, lab):
+    # Known truth: the lost readings of all torques.
+    robot = arm(tmp_path, f"{IDLE}: {{}}")
+    recording = read_recording(logged(robot, lab, tmp_path, IDLE, IDLE, UNKNOWN), robot)
+    with pytest.raises(LogError, match=f"the torque of {UNKNOWN}, {IDLE} was not read in every row"):
+        prepared(robot, (replace(recording, unread=robot.joint_names),))

@@ -77,5 +77,5 @@ def test_a_verdict_of_no_gap_names_the_joints_that_it_says_nothing_of(made_up):
     assert "not judged" not in verdict_words.verdict_sentence(found)
     unknown = (dataclasses.replace(still[0], rms_torque=None), *found.joints[1:])
     said = verdict_words.verdict_sentence(dataclasses.replace(found, joints=unknown))
-    assert f"{name} is not judged: its drive is stated as unknown." in said
+    assert f"{name} is not judged: its torque is not known." in said
     assert "moves too little" not in said

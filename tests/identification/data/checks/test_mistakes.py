@@ -174,7 +174,7 @@ def test_what_diverged_beyond_all_sensors_is_told_so_and_may_be_left_out(planar2
 def test_torques_below_a_dead_band_are_named(planar2, planar_log):
     tau = np.array(planar_log.tau)
     tau[np.abs(tau[:, 1]) < np.percentile(np.abs(tau[:, 1]), 85), 1] = 0.0
-    (stated,) = check_repeated(replace(planar_log, tau=tau))
+    (stated,) = check_repeated(replace(planar_log, tau=tau)).values()
     assert stated.startswith(f"clean.csv: tau.{planar2.joint_names[1]} is exactly 0 in 85 % of the rows")
 
 
@@ -184,7 +184,7 @@ def test_rows_whose_torque_was_not_read_are_named(planar2, planar_log, rng, valu
     tau, lost = np.array(planar_log.tau), rng.random(len(planar_log.t)) < share
     tau[lost, 1] = value
     recording = replace(planar_log, tau=tau)
-    (stated,) = check_repeated(recording)
+    (stated,) = check_repeated(recording).values()
     assert stated.startswith(
         f"clean.csv: tau.{planar2.joint_names[1]} is exactly {value:g} in {100 * lost.mean():.0f} %"
     )
@@ -196,7 +196,7 @@ def test_rows_whose_torque_was_not_read_are_named(planar2, planar_log, rng, valu
 def test_dead_bands_below_half_of_the_rows_or_beside_zero_are_named(planar_log, value, percent):
     tau = np.array(planar_log.tau)
     tau[np.abs(tau[:, 1]) < np.percentile(np.abs(tau[:, 1]), percent), 1] = value
-    (stated,) = check_repeated(replace(planar_log, tau=tau))
+    (stated,) = check_repeated(replace(planar_log, tau=tau)).values()
     assert f"is exactly {value:g} in {percent} % of the rows" in stated
     assert "its drive reports small torques as none" in stated
 
@@ -212,13 +212,13 @@ def test_torques_repeat_where_they_are_coarse_limited_or_at_rest(planar_log):
         replace(planar_log, tau=np.clip(tau, -0.5 * size, 0.5 * size)),
         replace(planar_log, tau=np.where(rests, 0.0, tau), q=q),
     ):
-        assert check_repeated(honest) == ()
+        assert check_repeated(honest) == {}
 
 
 def test_a_drive_that_is_off_for_most_of_the_time_and_pulses_are_no_dead_band(planar_log):
     off = np.where(planar_log.t[:, None] < 15, 0.0, planar_log.tau)
     pulses = np.outer(3.0 * (np.sin(2.0 * planar_log.t) > 0.5), [1, 1])
-    assert check_repeated(replace(planar_log, tau=off)) == check_repeated(replace(planar_log, tau=pulses)) == ()
+    assert check_repeated(replace(planar_log, tau=off)) == check_repeated(replace(planar_log, tau=pulses)) == {}
 
 
 def test_rests_and_reversals_are_no_slow_encoder_and_a_slow_one_is(planar_log):
