@@ -70,7 +70,7 @@ def percent_short_of_all(share: float) -> str:
 def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:
     """A diagnosis whose findings have the probabilities of `with_cause_outside_catalogue`, which texts state.
 
-    ``diagnosis.json`` keeps the probabilities among effects of the catalogue, which sum to one.
+    ``diagnosis.json`` keeps those of the comparison with effects of the catalogue and structures without a name.
     """
     findings, minor = (
         tuple(with_cause_outside_catalogue(finding, diagnosis.joints) for finding in some)
@@ -87,7 +87,7 @@ def with_cause_outside_catalogue(finding: Finding, joints: tuple[JointGap, ...])
     So the probabilities sum to less than one, and the difference is the probability of a cause outside the catalogue.
 
     Args:
-        finding: Finding with rivals of the catalogue; their probabilities and its own sum to one.
+        finding: Finding with rivals of the catalogue; their probabilities and its own sum to at most one.
         joints: Gaps of all joints, before and after all findings.
     """
     own = [joint for joint in joints if joint.joint in (finding.joint or "").split("+")]

@@ -214,7 +214,7 @@ def _candidate_sets(
             continue
         priced, both = is_nested(term, others), zip(searches, slack, strict=True)
         if all(
-            _is_far_worse(one, chosen, swapped, priced=priced)
+            is_far_worse(one, chosen, swapped, priced=priced)
             if sound
             else one.in_sample_loss(swapped) > one.in_sample_loss(chosen) + own
             for one, own in both
@@ -350,7 +350,7 @@ def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Te
     return chosen
 
 
-def _is_far_worse(search: Search, chosen: frozenset[Term], swapped: frozenset[Term], *, priced: bool) -> bool:
+def is_far_worse(search: Search, chosen: frozenset[Term], swapped: frozenset[Term], *, priced: bool) -> bool:
     """True if the swap is so much worse over the blocks that it would lead in no bootstrap replicate.
 
     Without prices only losses and penalties are compared.

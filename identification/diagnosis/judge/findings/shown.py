@@ -21,6 +21,7 @@ from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_shares,
     payload_term,
 )
+from identification.diagnosis.judge.findings.outside_catalogue import beside_structures
 from identification.diagnosis.judge.findings.timing_rivals import losses_beyond
 from identification.diagnosis.judge.moved_by_noise import (
     depends_on_acceleration,
@@ -304,6 +305,7 @@ def _rival_gate(bench: Bench, state: State) -> State:
         comparisons, compared_sets = least.comparisons, (*compared_sets, least)
     if finished:
         comparisons = {term: with_equal_probabilities(each) for term, each in comparisons.items()}
+        comparisons = _beside_structures(bench, compared_sets[-1].all_found, comparisons)
     for term, comparison in comparisons.items():
         if finished or term in found:
             bench.record.add_passed([term], *comparison.gates)
@@ -315,6 +317,14 @@ def _rival_gate(bench: Bench, state: State) -> State:
     displaced = state.displaced | {term.effect_joint for term in state.found - found}
     exchanges = (*state.exchanges, (state.found - found, found - state.found))
     return replace(state.with_others(found), displaced=displaced, exchanges=exchanges, compared_sets=compared_sets)
+
+
+def _beside_structures(
+    bench: Bench, found: frozenset[Term], comparisons: dict[Term, RivalComparison]
+) -> dict[Term, RivalComparison]:
+    """The comparisons of a set, with lower probabilities where a cause outside of the catalogue fits as well."""
+    search, conditions = bench.search, bench.other_conditions
+    return {term: beside_structures(search, found, term, each, conditions) for term, each in comparisons.items()}
 
 
 def with_replacements(

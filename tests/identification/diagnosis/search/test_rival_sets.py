@@ -365,7 +365,7 @@ def test_a_rival_is_left_out_only_where_it_is_hopeless_in_the_judged_band_too(
         searches.append(one)
         return everywhere or one is search
 
-    monkeypatch.setattr(rivals, "_is_far_worse", hopeless)
+    monkeypatch.setattr(rivals, "is_far_worse", hopeless)
     options, _, _ = rivals._candidate_sets(search, frozenset([term]), term, frozenset(), (other,), sound=True)
     assert len({id(one) for one in searches}) == asked
     assert (len(options) > 1) == (band and not everywhere)

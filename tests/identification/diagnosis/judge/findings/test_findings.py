@@ -83,6 +83,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(bench_of
         )
 
     monkeypatch.setattr(shown_module, "compare_with_rivals", next_leads)
+    monkeypatch.setattr(shown_module, "beside_structures", lambda search, found, term, comparison, _: comparison)
     for step in ("_motion_gate", "_closing_gate", "_noise_gate", "_simpler_law_gate", "_missing_part_gate"):
         monkeypatch.setattr(shown_module, step, lambda bench, state: state)
     bench = bench_of(rubbing)

@@ -1,0 +1,82 @@
+"""Probability that a structure without a name takes the place of a finding: a cause outside of the catalogue.
+
+The search claims a structure only if it gains more than the best effects, as structures are flexible. That a structure
+does not gain more does not show that the effect is there: a contact that acts over half of a motion leaves the torque
+of a spring. So structures are compared with a finding in the replicates in which its rivals are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.result import Rival
+from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.fair_costs import costs_of
+from identification.diagnosis.search.rival_sets import RivalComparison, is_far_worse
+from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.swaps import explained_loss, with_replacement
+from identification.engine.resampling import Costs, probabilities
+from identification.gates import exchange
+from phantom_dyn.array_types import Array, Float
+
+
+def beside_structures(
+    search: Search,
+    chosen: frozenset[Term],
+    term: Term,
+    comparison: RivalComparison,
+    other_conditions: tuple[Search, ...],
+) -> RivalComparison:
+    """The comparison, with lower probabilities of the finding and its rivals where a structure fits as well.
+
+    Args:
+        search: Effects and structures.
+        chosen: A set of effects.
+        term: One of them, the finding.
+        comparison: Comparison of the finding with its rivals of the catalogue.
+        other_conditions: Searches under conditions that should not matter, as for these rivals.
+    """
+    known = _share_of_known(search, chosen, term, comparison, other_conditions)
+    rivals = tuple(Rival(rival.effects, known * rival.probability) for rival in comparison.rivals)
+    return replace(comparison, probability=known * comparison.probability, rivals=rivals)
+
+
+def _share_of_known(
+    search: Search,
+    chosen: frozenset[Term],
+    term: Term,
+    comparison: RivalComparison,
+    other_conditions: tuple[Search, ...],
+) -> float:
+    """Share of the replicates in which the finding or one of its rivals costs less than all structures."""
+    structures = _sets_with_structure(search, chosen, term)
+    if not structures:
+        return 1.0
+    known = [chosen, *(rival_set for rival_set, _ in comparison.rival_sets)]
+    sets, is_known = [*known, *structures], np.arange(len(known) + len(structures)) < len(known)
+
+    def losses_and_costs(fits: Search) -> tuple[Float[Array, "B m"], Costs]:
+        held_out = np.array([fits.held_out_fit(one).loss for one in sets]).T
+        # A structure is so flexible that it gains this much from errors of the laws that it replaces.
+        errors = np.where(is_known, 0.0, exchange.NAMELESS_ACCURACY * explained_loss(fits, chosen, term))
+        return held_out, tuple(cost + errors for cost in costs_of(fits, sets, [False] * len(sets)))
+
+    conditions = [losses_and_costs(other) for other in other_conditions]
+    won = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))
+    return float(won[is_known].sum())
+
+
+def _sets_with_structure(search: Search, chosen: frozenset[Term], term: Term) -> list[frozenset[Term]]:
+    """Sets with a structure in place of a finding, on a joint of it, without those that are far worse."""
+    rows, others = rows_touched_by(search.problem, term), chosen - {term}
+    swapped = [
+        with_replacement(chosen, term, search.alone[structure])
+        for structure in search.terms
+        if not structure.named
+        and not rows.isdisjoint(rows_touched_by(search.problem, structure))
+        and search.can_join(others, structure)
+    ]
+    return [one for one in dict.fromkeys(swapped) if not is_far_worse(search, chosen, one, priced=True)]
