@@ -99,17 +99,18 @@ def play_of(compiled: mujoco.MjModel, driven: frozenset[str]) -> dict[str, tuple
     Returns:
         For the name of each such joint, the joint whose play it models, and the width of the play [rad or m].
     """
-    out = {}
+    out: dict[str, tuple[str, float]] = {}
     for k in range(1, compiled.njnt):
-        before = k - 1
-        kind, name = int(compiled.jnt_type[k]), compiled.joint(k).name
-        same = compiled.jnt_bodyid[k] == compiled.jnt_bodyid[before] and kind == int(compiled.jnt_type[before])
-        if not same or kind not in _NARROW or not compiled.jnt_limited[k]:
+        kinds = {int(compiled.jnt_type[j]) for j in (k - 1, k)}
+        if compiled.jnt_bodyid[k] != compiled.jnt_bodyid[k - 1] or len(kinds) > 1 or kinds.isdisjoint(_NARROW):
             continue
-        width = float(np.diff(compiled.jnt_range[k])[0])
-        sine = float(np.linalg.norm(np.cross(compiled.jnt_axis[k], compiled.jnt_axis[before])))
-        names = [name, compiled.joint(before).name]
-        narrow = [n for n in names if n not in driven and n not in out]
-        if sine <= _PARALLEL and narrow and narrow[0] == name and width <= _NARROW[kind]:
-            out[name] = (names[1], width)
+        if float(np.linalg.norm(np.cross(compiled.jnt_axis[k], compiled.jnt_axis[k - 1]))) > _PARALLEL:
+            continue
+        # The drive may act on either side of the play.
+        for one, other in ((k, k - 1), (k - 1, k)):
+            name, joint = compiled.joint(one).name, compiled.joint(other).name
+            width = float(np.diff(compiled.jnt_range[one])[0])
+            narrow = bool(compiled.jnt_limited[one]) and width <= _NARROW[int(compiled.jnt_type[one])]
+            if narrow and name not in driven and out.keys().isdisjoint((name, joint)):
+                out[name] = (joint, width)
     return out

@@ -1,5 +1,7 @@
 """Joints that follow another one: ``<mimic>``, equalities, tendons, play; MuJoCo and algebra are the oracles."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -136,8 +138,11 @@ def play(*, width: float, axis: str = "0 1 0", motor: str = "") -> str:
     )
 
 
-def test_play_as_a_second_hinge_is_held_and_said(tmp_path):
-    (tmp_path / "leg.xml").write_text(play(width=0.06))
+@pytest.mark.parametrize("first", ["knee", "gap"])
+def test_play_as_a_hinge_before_or_after_the_driven_one_is_held_and_said(tmp_path, first):
+    text = play(width=0.06)
+    knee, gap = re.findall(r"<joint name.*?/>", text)
+    (tmp_path / "leg.xml").write_text(text if first == "knee" else text.replace(knee + gap, gap + knee))
     robot = load_robot(tmp_path / "leg.xml")
     assert (robot.joint_names, robot.locked) == (("knee",), ("gap",))
     assert "held fixed: gap (the play of knee, 0.06 wide" in robot.warnings[0]
