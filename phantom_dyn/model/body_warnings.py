@@ -10,13 +10,17 @@ import pinocchio as pin
 
 from phantom_dyn.errors import listed
 from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.model.robot_xml import RobotXml
+from phantom_dyn.model.inertia import impossible_because
+from phantom_dyn.model.robot_xml import Body, RobotXml
 
 # Radius of gyration above which an inertia counts as a placeholder: in metres, and in lengths of the robot.
 _FAR_M, _FAR_LENGTHS = 1.0, 3.0
 # A body is too thin if a ball with its mass and inertia has less than this density [kg/m^3], a fifth of that of air.
 # The limit for such a body is fewer lengths of the robot, without the height at which the base is mounted.
 _THIN, _THIN_LENGTHS = 0.25, 1.5
+# Share of a moving body, in mass and in inertia, below which a link that is fixed in it does not matter: a fifth of the
+# tolerance that a model has unless another is stated.
+_NEGLIGIBLE = 0.01
 
 
 def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
@@ -34,6 +38,25 @@ def body_warnings(model: pin.Model, facts: RobotXml, chain: ClosedChain | None, 
         *_weightless_links(model, facts, {*idle, *(() if chain is None else chain.passive_names)}, path),
         *_too_large_inertias(model, facts, path),
     )
+
+
+def is_negligible(model: pin.Model, body: Body) -> bool:
+    """True if a link is a very small part of a body that moves and can exist.
+
+    Only the whole body that a joint moves has an influence on torques.
+
+    Args:
+        model: Model with all joints of the file.
+        body: A link of the file.
+    """
+    frame = model.getFrameId(body.name.removeprefix("link "), pin.FrameType.BODY)
+    if frame >= model.nframes:
+        return False
+    whole = model.inertias[model.frames[frame].parentJoint]
+    if impossible_because(whole.mass, whole.inertia) or abs(body.mass) > _NEGLIGIBLE * whole.mass:
+        return False
+    own, all_of_it = np.linalg.eigvalsh(body.central_inertia), np.linalg.eigvalsh(whole.inertia)
+    return bool(np.abs(own).max() <= _NEGLIGIBLE * all_of_it[0])
 
 
 def _link_names(model: pin.Model, joint: int) -> list[str]:

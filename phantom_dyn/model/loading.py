@@ -23,7 +23,7 @@ import pinocchio as pin
 from phantom_dyn.arguments import or_none, path_of, takes
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.model.body_warnings import body_warnings
+from phantom_dyn.model.body_warnings import body_warnings, is_negligible
 from phantom_dyn.model.files.settings_file import load_mapping
 from phantom_dyn.model.from_mjcf.mjcf import add_loop_frames, check_mjcf, mjcf_facts
 from phantom_dyn.model.from_mjcf.mjcf_compiler import compiled_mjcf
@@ -118,11 +118,12 @@ def read_model(path: Path) -> tuple[RobotXml, pin.Model]:
         return mjcf_facts(root, sha256, path, compiled), tree_of_mjcf(compiled)
     facts = urdf_facts(root, sha256, path)
     require_finite(root, path)
+    full = parsed_urdf(path)
     for body in facts.bodies:
         reason = impossible_because(body.mass, body.central_inertia)
-        if reason and body.moves:
+        if reason and body.moves and not is_negligible(full, body):
             raise RobotError(f"{path}: {body.name} cannot exist, {reason}: correct its <inertial>.")
-    return facts, parsed_urdf(path)
+    return facts, full
 
 
 def parsed_urdf(path: Path) -> pin.Model:
@@ -256,7 +257,12 @@ def _warnings(
     broken = [body.name for body, why in impossible if why is None and breaks_triangle(body.central_inertia)]
     sentences = [*facts.warnings, *(stated.sentences if isinstance(stated, Ros2Config) else ())]
     sentences += [
-        f"{path}: {body.name} cannot exist, {why}; it never moves, so that nothing depends on it."
+        f"{path}: {body.name} cannot exist, {why}; "
+        + (
+            "it is less than a hundredth of the body that it is fixed in, and is used as it is."
+            if body.moves
+            else "it never moves, so that nothing depends on it."
+        )
         for body, why in impossible
         if why is not None
     ]

@@ -249,9 +249,26 @@ def test_a_body_that_never_moves_may_be_impossible(edited):
     assert "it never moves, so that nothing depends on it" in robot.warnings[0]
 
 
-def test_the_same_body_on_a_moving_link_is_refused(edited):
+def test_a_tiny_impossible_link_in_a_body_that_moves_is_told_and_used(edited, rng):
+    plate = ('<link name="base"/>', '<link name="base"/>' + PLATE.format("rail"))
+    robot, without = edited(ARM, plate), load_robot(ARM)
+    assert "link plate cannot exist, its smallest principal inertia is -4e-08 kg m^2" in robot.warnings[0]
+    assert "less than a hundredth of the body that it is fixed in" in robot.warnings[0]
+    motion = some_motion(rng, robot.nv)
+    np.testing.assert_allclose(inverse_dynamics(robot, motion), inverse_dynamics(without, motion), rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize(("mass", "inertia"), [("2e-2", "-4e-8"), ("2e-6", "-4e-4")])
+def test_an_impossible_link_that_matters_to_its_body_is_refused(edited, mass, inertia):
+    plate = PLATE.format("rail").replace("2e-6", mass).replace("-4e-8", inertia)
     with pytest.raises(RobotError, match=r"link plate cannot exist, its smallest principal inertia"):
-        edited(ARM, ('<link name="base"/>', '<link name="base"/>' + PLATE.format("rail")))
+        edited(ARM, ('<link name="base"/>', '<link name="base"/>' + plate))
+
+
+def test_a_tiny_impossible_link_with_a_joint_of_its_own_is_refused(edited):
+    plate = PLATE.format("rail").replace('type="fixed"', 'type="continuous"')
+    with pytest.raises(RobotError, match=r"link plate cannot exist, its smallest principal inertia"):
+        edited(ARM, ('<link name="base"/>', '<link name="base"/>' + plate))
 
 
 def test_an_inertia_that_reaches_far_out_of_the_robot_is_told(edited):
