@@ -23,6 +23,7 @@ from phantom_dyn.motion import Motion
 _ROWS = 300  # samples in a regression: enough for four coefficients, and quick for many pairs of joints
 _DEGREE = np.pi / 180  # [rad]
 _FAR = 4 * np.pi  # [rad]: a joint without limits may travel two turns, but seldom more
+_CLEAR = 0.3  # slope, or correlation of friction, above which its sign counts
 _MOST_JOINTS = 12  # pairs of joints are tried up to this number of joints
 
 
@@ -104,15 +105,33 @@ def unexplained_shares(data: Reading, model: Float[Array, "N nv"]) -> Float[Arra
     return np.array([np.nan if one is None else one.unexplained for one in regress_joints(data, model)])
 
 
-def check_flipped(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
+def _inertia_confirms(
+    weight: Float[Array, " N"], inertia: Float[Array, " N"], v: Array, sign: Array, tau: Float[Array, " N"]
+) -> bool:
+    """True if the torque of the modelled inertia has the right sign in both halves of the record.
+
+    The weight has a slope of its own: a counterbalance may be stronger than gravity, but reverses nothing else.
+    """
+    columns = np.column_stack([inertia, weight, v, sign, np.ones(len(v))])
+    half = len(tau) // 2
+    halves = (slice(None, half), slice(half, None))
+    return all(least_squares(columns[part], tau[part])[0][0] > _CLEAR for part in halves)
+
+
+def check_flipped(recording: Recording, robot: Robot, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
     """Sentences on torques with the opposite sign of the modelled torque or of friction."""
+    none = np.zeros_like(data.motion.v)
+    weight = model_torque(robot, Motion(data.motion.t, data.motion.q, none, none))
     out, both_ways = [], np.ptp(np.sign(data.motion.v), axis=0) == 2
     for j, (joint, found) in enumerate(zip(recording.joint_names, regress_joints(data, model), strict=True)):
         if found is None:
             continue
         # Friction that clearly opposes the motion confirms the sign, unless the model explains most of the torque.
-        confirmed = found.friction > 0.3 and found.model_share < 0.5
-        against_model = found.model_share > 0.1 and max(found.slope) < -0.3 and not confirmed
+        confirmed = found.friction > _CLEAR and found.model_share < 0.5
+        against_model = found.model_share > 0.1 and max(found.slope) < -_CLEAR and not confirmed
+        if against_model and found.friction > -_CLEAR:
+            own = (one[:, j] for one in (weight, model - weight, data.motion.v, data.sign, data.tau))
+            against_model = not _inertia_confirms(*own)
         # If a joint moves in one direction only, friction and offset are the same column, with arbitrary signs.
         against_friction = both_ways[j] and found.model_share < 0.1 and found.friction < -0.7
         if against_model or against_friction:

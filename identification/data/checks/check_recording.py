@@ -159,7 +159,7 @@ def _check_against_model(
         (
             *check_one_line(robot, smooth),
             *check_weights(recording.file, robot, smooth),
-            *check_flipped(recording, data, model),
+            *check_flipped(recording, robot, data, model),
             *check_unsigned(recording, data, model),
             *check_lag(with_forces, robot, smooth, lags, higher_order=filtered),
             *check_friction_taken(recording, robot, smooth),

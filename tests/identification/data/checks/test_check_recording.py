@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.data.checks.against_model import check_flipped
+from identification.data.checks.against_model import check_flipped, model_torque
 from identification.data.checks.check_recording import check_recording, checked
 from identification.data.checks.one_line import Separated, is_one_sine, lines_of, one_line_words, separated
 from identification.data.checks.positions import jumps, quantum
@@ -300,14 +300,25 @@ def test_constant_speed_is_no_encoder_step(rng, noise):
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_friction_of_a_joint_that_moves_one_way_does_not_tell_the_sign_of_its_torque(clean, rng, direction):
+def test_friction_of_a_joint_that_moves_one_way_does_not_tell_the_sign_of_its_torque(clean, arm, rng, direction):
     # Closed form: at constant speed friction is one column with an offset, which may have either sign.
     t = np.arange(300) / 100
     zeros = np.zeros((300, 3))
     v = np.tile([0.3 * direction, 0.1 * direction, -0.3 * direction], (300, 1))
     tau = np.array([-0.5, 0.5, -0.5]) + 0.01 * rng.standard_normal((300, 3))
     data = Reading(Motion(t, t[:, None] * v, v, zeros), np.sign(v), tau, zeros)
-    assert check_flipped(clean(), data, zeros) == ()
+    assert check_flipped(clean(), arm, data, zeros) == ()
+
+
+@pytest.mark.parametrize(("lifted", "sign", "told"), [(3.5, 1.0, False), (0.0, -1.0, True)])
+def test_a_counterbalance_that_is_stronger_than_gravity_does_not_flip_a_torque(clean, arm, rng, lifted, sign, told):
+    # Closed form: 3.5 times the weight of tilt is lifted, so that it counts -2.5 times, and inertia and friction once.
+    motion = waves(0.3, 1.0, 2.0, frequencies=[1.3, 1.1, 1.7]).at(np.arange(0, 4000, 13))
+    still = replace(motion, v=0 * motion.v, a=0 * motion.v)
+    model, weight = model_torque(arm, motion), model_torque(arm, still)
+    tau = sign * (model - lifted * weight + 0.2 * np.sign(motion.v)) + 0.01 * rng.standard_normal(model.shape)
+    said = check_flipped(clean(), arm, Reading(motion, np.sign(motion.v), tau, 0 * tau), model)
+    assert any("the torque of tilt has the opposite sign" in one for one in said) == told
 
 
 def test_a_torque_that_may_have_lost_its_sign_is_warned_of(arm, changed, recording):
