@@ -188,6 +188,8 @@ def _missing(table: Table, joints: list[str], all_missing: bool) -> str:
     what = "no torque: there is no column" if all_missing else "no torque of"
     names = ", ".join(f"tau.{joint}" for joint in joints) if all_missing else ", ".join(joints)
     instead = ", or the references q_ref.<joint> of its position controllers, so that motion alone can be judged"
+    if any(f"v_ref.{joint}" in table.columns for joint in joints):
+        instead += "; a velocity controller makes the torque kv (v_ref - v): write that into tau.<joint>"
     return (
         f"{table.file} has {what} {names}: add tau.<joint>, or the motor current i.<joint> with torque_constant in "
         f"robot.yaml, or say actuated: false there for a joint without a drive, or drive: unknown "

@@ -103,6 +103,11 @@ def test_forces_are_collected_by_frame(arm):
             id="no torque at all tells of currents",
         ),
         pytest.param(
+            lambda arm: recording(table(**NO_TORQUE, v_ref__turn=T), arm),
+            r"a velocity controller makes the torque kv \(v_ref - v\): write that into tau\.<joint>",
+            id="references of velocity controllers have to be made a torque",
+        ),
+        pytest.param(
             lambda arm: recording(table(tau__tilt=None), arm),
             r"has no torque of tilt: add tau\.<joint>.* or say actuated: false",
             id="a joint without torque",
