@@ -186,6 +186,8 @@ def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, 
     size = torque[rows][:, joints].std(axis=0)
     target = torque[rows][:, joints] / size
     shared, own = columns.shared[rows][:, joints] / size[:, None], columns.own[rows][:, joints] / size[:, None]
+    samples = len(target)
+    shared, own, target = with_fewer_rows(shared, own, target)
     constants = np.ones(len(joints))
     best = np.full(len(joints), np.inf)
     for turn in range(_ROUNDS):
@@ -198,9 +200,22 @@ def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, 
             each.append(_own_fit(need[:, k], own[:, k], target[:, k], bounds))
         constants, squares = np.transpose(each)
         best = np.minimum(best, squares)
-        if turn == 0 and best.max() < _RIDGE:
+        if turn == 0 and best.max() < _RIDGE * samples:
             break
-    return best * size**2
+    return best * size**2 / samples
+
+
+def with_fewer_rows(
+    shared: Float[Array, "n k s"], own: Float[Array, "n k 4"], target: Float[Array, "n k"]
+) -> tuple[Float[Array, "m k s"], Float[Array, "m k 4"], Float[Array, "m k"]]:
+    """Columns and target with few rows, and the same sum of squares of every joint's residual.
+
+    They are the triangular factor of all columns of a joint, its target among them.
+    """
+    count = shared.shape[2]
+    each = [np.column_stack([shared[:, k], own[:, k], target[:, k]]) for k in range(target.shape[1])]
+    factors = np.stack([np.linalg.qr(one, mode="r") for one in each], axis=1)
+    return factors[:, :, :count], factors[:, :, count:-1], factors[:, :, -1]
 
 
 def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float[Array, "m c"]:
@@ -219,10 +234,10 @@ def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float
 def _own_fit(
     need: Float[Array, " n"], own: Float[Array, "n 4"], target: Float[Array, " n"], bounds: tuple[Array, Array]
 ) -> tuple[float, float]:
-    """Factor of a joint's torque constant, and mean squared residual, if its links need the torque ``need``."""
+    """Factor of a joint's torque constant, and sum of squared residuals, if its links need the torque ``need``."""
     columns = np.column_stack([need, own])
     x = _bounded_fit(columns, target, *bounds)
-    return float(x[0]), float(np.mean((target - columns @ x) ** 2))
+    return float(x[0]), float(np.sum((target - columns @ x) ** 2))
 
 
 def _bounded_fit(

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.checks.check_recording import checked
-from identification.data.checks.readings.plausible_fit import unexplained
+from identification.data.checks.readings.plausible_fit import unexplained, with_fewer_rows
 from identification.data.checks.readings.reading import of_voltages, reading_of
 from identification.data.checks.readings.weights import compensated_suspects, gravity_from_torques
 from identification.data.checks.smoothed_copy import smoothed
@@ -381,3 +381,16 @@ def test_a_joint_that_swings_by_itself_needs_no_torque(planar2, changed, planar_
     free = replace(planar2, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
     wrong = checked(changed(replace(planar_log, v=None), t=t, q=way, tau=drive), free).wrong
     assert not any("0 in every row" in fault.what for fault in wrong)
+
+
+def test_few_rows_have_the_same_sum_of_squares_of_every_residual(rng):
+    # Closed form: an orthogonal transform keeps the length of columns @ x - target for any x.
+    shared, own, target = (rng.standard_normal((400, *rest)) for rest in ((3, 6), (3, 4), (3,)))
+    x, y = rng.standard_normal(6), rng.standard_normal((3, 4))
+
+    def squares(shared: np.ndarray, own: np.ndarray, target: np.ndarray) -> np.ndarray:
+        return np.sum((shared @ x + np.einsum("nkc,kc->nk", own, y) - target) ** 2, axis=0)
+
+    few = with_fewer_rows(shared, own, target)
+    assert len(few[2]) == 11
+    np.testing.assert_allclose(squares(*few), squares(shared, own, target), rtol=1e-12)
