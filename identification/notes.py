@@ -45,6 +45,7 @@ class Code(Enum):
     IMPLAUSIBLE_SIZE = auto()
     FRICTION_DRIVES = auto()
     MISSING_PART = auto()
+    POSSIBLE_LOAD = auto()
     DRIVE_SUM = auto()
     PERHAPS_VOLTS = auto()
     CENTER_TO_WRITE = auto()

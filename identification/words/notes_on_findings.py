@@ -92,6 +92,16 @@ def _missing_part(note: Note) -> str:
     )
 
 
+def _possible_load(note: Note) -> str:
+    mass, std, center = note.numbers["mass"], note.numbers["std"], note.numbers["center"]
+    place = ", ".join(f"{x:.3g}" for x in center)
+    return (
+        f"A load of {mass:.3g} ± {std:.2g} kg with its centre at ({place}) m in the frame of {note.joint}, and "
+        "with an inertia of its own as a bar or a disc has, makes the same torques as these wrong inertial parameters: "
+        "if such a body is mounted there, it is the cause."
+    )
+
+
 def _model_in_common(note: Note) -> str:
     files = " and ".join(note.numbers["files"])
     return (
@@ -160,6 +170,7 @@ FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
         "motion. No friction does that, so another cause must be at work there."
     ),
     Code.MISSING_PART: _missing_part,
+    Code.POSSIBLE_LOAD: _possible_load,
     Code.DRIVE_SUM: _drive_sum,
     Code.PERHAPS_VOLTS: _perhaps_volts,
     Code.CENTER_TO_WRITE: _center_to_write,
