@@ -116,7 +116,7 @@ class JointGap:
         rms_after: Residual of the corrected model.
         noise_floor: Noise of the sensors.
         hold_out_samples: Number of held-out samples.
-        rms_torque: Measured torque; None where it is not known.
+        rms_torque: Measured torque, or without a drive what accelerates the joint's own inertia; None: not known.
         rms_within_tolerance: Residual of the model with the best changes within its tolerances and no finding.
         noise_floor_interval: Interval of the floor with 95 % confidence for all joints together. With the source
             ``sensors`` its upper end is at least the noise that drives of this kind make and their sensors do not show.

@@ -93,7 +93,8 @@ class Rival(ABC):
             either on a joint or on the whole robot.
         made_of: What the columns are computed from in addition to positions and velocities, see `Source`.
         acts_as: ``load`` if the torque acts on the link, so that the transmission passes it; ``dry friction`` if it may
-            hold a joint at rest; None for all others: viscous friction, the drive and its rotor.
+            hold a joint at rest; ``drive`` if a drive, its rotor or its transmission makes it, so that a joint without
+            a drive cannot have it; None for all others, such as viscous friction.
         shows_with: What the torque depends on: ``velocity``; ``acceleration``, also for rate and peaks of the torque;
             ``slow motion`` if the effect acts only while a joint moves slowly or reverses. Noise in the motion, and a
             controller's response to noise, look like a dependence on acceleration.
@@ -111,7 +112,7 @@ class Rival(ABC):
     regime: str
     scope: Literal["joint", "pair", "robot", "either"] = "joint"
     made_of: tuple[Source, ...] = ()
-    acts_as: Literal["load", "dry friction"] | None = None
+    acts_as: Literal["load", "dry friction", "drive"] | None = None
     shows_with: Literal["velocity", "acceleration", "slow motion"] | None = None
     fitted: Fitted = "plain"
     inertial: Literal["point mass", "free"] | None = None
@@ -196,6 +197,11 @@ class Rival(ABC):
     def rubs(self) -> bool:
         """True if it is friction that may hold a joint at rest."""
         return self.acts_as == "dry friction"
+
+    @property
+    def needs_drive(self) -> bool:
+        """True if no joint without a drive has it: a part of the drive, or friction under what the drive passes."""
+        return self.acts_as == "drive" or self.follows_load
 
     @property
     def goes_with_motion(self) -> Literal["velocity", "acceleration"] | None:

@@ -105,7 +105,7 @@ def _first_samples(operation: Operation) -> Operation:
 
 
 def groups_of_joints(session: Session, operation: Operation) -> tuple[str, ...]:
-    """Sets of two or more joints that may have a cause in common, their names joined by ``+`` in the robot's order.
+    """Sets of two or more driven joints that may have a cause in common, their names joined by ``+`` in their order.
 
     Args:
         session: Robot and logs.
@@ -116,7 +116,8 @@ def groups_of_joints(session: Session, operation: Operation) -> tuple[str, ...]:
         return ()
     measured = np.concatenate([log.tau for log in session.logs])
     groups = [*by_drives(robot), *by_place(robot.nv), *by_scales(scales(measured, operation.tau, operation.v))]
-    unique = dict.fromkeys(tuple(sorted(group)) for group in groups if len(group) > 1)
+    driven = [[row for row in sorted(group) if robot.actuators[row].actuated] for group in groups]
+    unique = dict.fromkeys(tuple(group) for group in driven if len(group) > 1)
     return tuple("+".join(robot.joint_names[row] for row in group) for group in list(unique)[:_MOST])
 
 

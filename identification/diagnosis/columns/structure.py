@@ -57,6 +57,12 @@ class Drift(Rival):
         return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
 
 
+class OfDrive(Drift):
+    """A drift of what the drive makes of its torque."""
+
+    acts_as = "drive"
+
+
 class Rhythm(Rival):
     """A force with a period of its own in time, whatever the robot does."""
 
@@ -180,6 +186,7 @@ class Supply(Rival):
     scope = "either"
     regime = "high_load"
     made_of = ("acceleration",)
+    acts_as = "drive"
 
     @property
     def contains(self) -> tuple[str, ...]:
@@ -209,7 +216,7 @@ STRUCTURES: tuple[Rival, ...] = (
     Drift("drifting_offset", "torque_offset", lambda operation, j: np.ones(len(operation.t))),
     Drift("drifting_friction", "coulomb_friction", lambda operation, j: np.sign(operation.v[:, j])),
     Drift("drifting_damping", "viscous_friction", lambda operation, j: _scaled(operation.v[:, j])),
-    Drift("drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), ("acceleration",)),
+    OfDrive("drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), ("acceleration",)),
     Rhythm(),
     Field(),
     Contact(),

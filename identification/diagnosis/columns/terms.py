@@ -149,12 +149,17 @@ def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bo
 
 
 def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | None:
-    """Why drives of which no torque is known hide an effect; None where they do not.
+    """Why drives that are not there, or of which no torque is known, hide an effect; None where they do not.
 
-    Without any torque all parameters may be scaled alike, down to bodies without mass, which fit best.
+    The torque that the model computes for a joint without a drive is its residual, which a torque constant or friction
+    under load would explain by itself. Without any torque all parameters may be scaled alike, down to bodies without
+    mass, which fit best.
     """
-    if joint in robot.joint_names and not robot.actuators[robot.joint_names.index(joint)].drive_known:
+    own = robot.actuators[robot.joint_names.index(joint)] if joint in robot.joint_names else None
+    if own is not None and not own.drive_known:
         return f"the torque of the drive of {joint} is not known"
+    if own is not None and not own.actuated and effect.needs_drive:
+        return f"{joint} has no drive (actuated: false in robot.yaml)"
     if effect.inertial is None or any(one.actuated and one.drive_known for one in robot.actuators):
         return None
     return "no joint that is judged has a drive: inertias show there in their ratios only"

@@ -30,8 +30,13 @@ def displacement_since_reversal(q: Float[Array, " N"], v: Float[Array, " N"]) ->
 
 
 def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Array, "n f"]:
-    """Random Fourier features of one joint's state on one log, standardised, ``(n, 120 + raw inputs)``."""
+    """Random Fourier features of one joint's state on one log, standardised, ``(n, 120 + raw inputs)``.
+
+    The modelled torque of a joint without a drive is none of them: it is the residual that they are to predict.
+    """
     at = log.samples
+    driven = columns.operations[0].robot.actuators[row].actuated
+    torque = [columns.model_torque[index][:, row]] if driven else []
     motion = log.motion
     moved = displacement_since_reversal(motion.q[:, row], motion.v[:, row])
     scale = np.percentile(np.abs(motion.v[:, row]), 90) + 1e-12
@@ -41,7 +46,7 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
             motion.v[at, row],
             np.tanh(10 * motion.v[at, row] / scale),
             motion.a[at, row],
-            columns.model_torque[index][:, row],
+            *torque,
             moved[at],
             motion.t[at] - motion.t[0],
         ]

@@ -106,18 +106,28 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band, with which gaps are compared.
+    """Measured torque of every log in the judged band, with which gaps are compared; without a drive see `moved_by`."""
+    columns = problem.columns
+    torque = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
+    return problem.session.in_judged_band(moved_by(problem, torque))
 
-    If no joint has a known drive, unactuated joints get the torque that accelerates their own inertia.
+
+def moved_by(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
+    """Torque that moves each joint of every log, in the band: that of its drive.
+
+    On a joint without a drive the other links and gravity take its place, with what accelerates the joint's own
+    inertia. What is measured there is zero, and what the model computes is the residual.
+
+    Args:
+        problem: Robot and recordings.
+        torque: Measured or modelled torque of every log in the band.
     """
-    columns, session = problem.columns, problem.session
-    torque = [model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True)]
-    actuators = session.robot.actuators
-    for row, actuator in enumerate(actuators):
-        if not actuator.actuated and not any(one.actuated and one.drive_known for one in actuators):
-            for log, own in zip(session.logs, torque, strict=True):
+    session, out = problem.session, tuple(np.array(own) for own in torque)
+    for row, actuator in enumerate(session.robot.actuators):
+        if not actuator.actuated:
+            for log, own in zip(session.logs, out, strict=True):
                 own[:, row] = log.band(_own_inertia(session.robot, log.motion, row))
-    return session.in_judged_band(tuple(torque))
+    return out
 
 
 def _own_inertia(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:

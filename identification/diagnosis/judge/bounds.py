@@ -239,11 +239,11 @@ def _information(
 
 
 def _measured_energy(problem: Problem) -> Float[Array, " nv"]:
-    """Energy of the measured torque on each row, divided by the noise there."""
+    """Energy of the measured torque on each row, divided by the noise there; infinite without a drive to measure."""
     columns, out = problem.white, np.zeros(len(problem.white.rows))
     for torque, residual, use in zip(columns.model_torque, columns.residual, columns.usable, strict=True):
         out += (np.where(use, torque + residual, 0.0) ** 2).sum(axis=0) * problem.weights.per_sample
-    return out
+    return np.where([actuator.actuated for actuator in problem.session.robot.actuators], out, np.inf)
 
 
 def _largest_size(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:

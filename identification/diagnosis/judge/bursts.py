@@ -16,6 +16,7 @@ from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import counted_step, near_reversals
 from identification.diagnosis.columns.session import Series
+from identification.diagnosis.fit.gap import moved_by
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.floors import reading_noise, torque_above_band
 from identification.diagnosis.result import Burst, JointGap
@@ -49,6 +50,8 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
     """
     session, columns, out = problem.session, problem.columns, []
     answers = np.sqrt(torque_above_band(problem, reading_noise(session)))
+    measured = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
+    modelled, measured = (moved_by(problem, torque) for torque in (columns.model_torque, measured))
     for k, log in enumerate(session.logs):
         fold = np.zeros(len(log.samples), dtype=int)
         for block, number in zip(session.blocks, session.folds, strict=True):
@@ -66,7 +69,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
                 )
                 if columns.usable[k][:, j].any()
                 else np.full(len(fold), np.inf)
-                for j, torque in enumerate(columns.model_torque[k].T)
+                for j, torque in enumerate(modelled[k].T)
             ]
         )
         # Near the ends of a recording filters work on a mirror image of the motion.
@@ -77,7 +80,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         # A push from outside is the torque of the model minus that of the drive.
         found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
         # Accuracy of derivatives and filters.
-        sizes = np.sqrt(np.mean((columns.model_torque[k] + columns.residual[k]) ** 2, axis=0))
+        sizes = np.sqrt(np.mean(measured[k] ** 2, axis=0))
         # A controller's answer to its encoder, measured above the band, may alias to one frequency inside it.
         least = np.maximum(rules.MODEL_SHARE * sizes, rules.SENSOR_TIMES * answers)
         for joint, start, stop, torque, ratio in found:

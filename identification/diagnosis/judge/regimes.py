@@ -34,7 +34,8 @@ def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[
         "velocity_reversal": reversal,
         "low_speed": (speed < 0.25 * top_speed) & ~reversal,
         "high_speed": speed > 0.6 * top_speed,
-        "high_load": load > 0.6 * top_load,
+        # What the model computes as the torque of a joint without a drive is its residual.
+        "high_load": (load > 0.6 * top_load) & columns.operations[0].robot.actuators[row].actuated,
         "high_acceleration": np.abs(a) > 0.6 * top_acceleration,
         "one_direction": v[at] > 0,
         "time_drift": elapsed > 0.5,

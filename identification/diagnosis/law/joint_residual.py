@@ -230,6 +230,8 @@ def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Joi
 def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list[int]) -> dict[str, Array]:
     """Series of every input at the full rate, by name.
 
+    A joint without a drive has no torques among them: what the model computes there is the residual itself.
+
     Args:
         robot: The robot, for the names of its joints.
         log: One recording.
@@ -238,20 +240,21 @@ def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list
         near: Indices of other joints whose motion may be an input.
     """
     motion, name = log.motion, robot.joint_names
-    own = name[row]
+    own, driven = name[row], [actuator.actuated for actuator in robot.actuators]
     out = {
         f"q.{own}": motion.q[:, row],
         f"v.{own}": motion.v[:, row],
         f"a.{own}": motion.a[:, row],
         f"dx.{own}": displacement_since_reversal(motion.q[:, row], motion.v[:, row]),
-        f"tl.{own}": operation.transmitted[:, row],
-        f"tau.{own}": operation.tau[:, row],
     }
+    if driven[row]:
+        out |= {f"tl.{own}": operation.transmitted[:, row], f"tau.{own}": operation.tau[:, row]}
     if log.temperature is not None and np.isfinite(log.temperature[:, row]).all():
         out[f"temp.{own}"] = log.temperature[:, row]
     out["t"] = motion.t - motion.t[0]
     for k in near:
-        out |= {f"q.{name[k]}": motion.q[:, k], f"v.{name[k]}": motion.v[:, k], f"tau.{name[k]}": operation.tau[:, k]}
+        out |= {f"q.{name[k]}": motion.q[:, k], f"v.{name[k]}": motion.v[:, k]}
+        out |= {f"tau.{name[k]}": operation.tau[:, k]} if driven[k] else {}
     return {key: np.asarray(series) for key, series in out.items()}
 
 
@@ -267,9 +270,10 @@ def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Int[Array
 def _with_separate_inputs(logs: list[ResidualLog], joint: str) -> tuple[ResidualLog, ...]:
     """Recordings without constant inputs, and without the drive's torque where it equals the transmitted one."""
     left_out = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
-    passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
-    if f"tl.{joint}" not in left_out and abs(np.corrcoef(passed, drive)[0, 1]) > _SAME_TORQUE:
-        left_out.add(f"tau.{joint}")
+    if f"tl.{joint}" in logs[0].inputs.keys() - left_out:
+        passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
+        if abs(np.corrcoef(passed, drive)[0, 1]) > _SAME_TORQUE:
+            left_out.add(f"tau.{joint}")
     return tuple(
         replace(log, inputs={name: series for name, series in log.inputs.items() if name not in left_out})
         for log in logs

@@ -40,6 +40,7 @@ class ActuatorLag(Effect):
     scope = "either"
     regime = "high_acceleration"
     made_of = ("acceleration", "model", "torque")
+    acts_as = "drive"
     shows_with = "acceleration"
     changes_with = "controller"
     words = EffectWords(

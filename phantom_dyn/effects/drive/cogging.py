@@ -48,6 +48,7 @@ class Cogging(Effect):
 
     name = "cogging"
     regime = "periodic_in_angle"
+    acts_as = "drive"
     fitted = "shape held"
     words = EffectWords(
         name="cogging",

@@ -44,6 +44,7 @@ class InputDelay(Effect):
     scope = "either"
     regime = "high_acceleration"
     made_of = ("acceleration", "model", "torque")
+    acts_as = "drive"
     shows_with = "acceleration"
     fitted = "secant"
     changes_with = "controller"

@@ -42,6 +42,7 @@ class ReferenceDelay(Effect):
     name = "reference_delay"
     scope = "either"
     regime = "high_speed"
+    acts_as = "drive"
     shows_with = "velocity"
     fitted = "secant"
     changes_with = "controller"

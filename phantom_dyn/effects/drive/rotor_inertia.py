@@ -39,6 +39,7 @@ class RotorInertia(Effect):
     regime = "high_acceleration"
     built_in = True
     made_of = ("acceleration",)
+    acts_as = "drive"
     shows_with = "acceleration"
     exact = True
     words = EffectWords(

@@ -43,6 +43,7 @@ class TorqueConstant(Effect):
     regime = "high_load"
     built_in = True
     made_of = ("acceleration", "whole joint")
+    acts_as = "drive"
     changes_with = "temperature"
     words = EffectWords(
         name="a wrong torque constant",

@@ -54,6 +54,7 @@ class TorqueRipple(Effect):
     regime = "periodic_in_angle"
     fitted = "shape held"
     made_of = ("acceleration", "model")
+    acts_as = "drive"
     words = EffectWords(
         name="torque ripple",
         meaning="torque that repeats with the joint angle and grows with the load",

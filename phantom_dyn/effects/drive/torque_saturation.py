@@ -81,6 +81,7 @@ class TorqueSaturation(Effect):
     regime = "saturated"
     # The torque that the motion needs does not contain the excess of the command over the limit.
     made_of = ("torque",)
+    acts_as = "drive"
     shows_with = "acceleration"
     fitted = "any size"
     words = EffectWords(

@@ -63,6 +63,7 @@ class Backlash(Effect):
     name = "backlash"
     regime = "velocity_reversal"
     made_of = ("model",)
+    acts_as = "drive"
     shows_with = "slow motion"
     fitted = "size in shape"
     other_laws = (with_unfiltered_load,)

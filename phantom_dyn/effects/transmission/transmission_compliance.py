@@ -72,6 +72,7 @@ class TransmissionCompliance(Effect):
     name = "transmission_compliance"
     regime = "high_acceleration"
     made_of = ("acceleration", "model")
+    acts_as = "drive"
     fitted = "secant"
     words = EffectWords(
         name="transmission compliance",
