@@ -8,7 +8,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import gc
 import zlib
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from pathlib import Path
 
@@ -165,6 +165,27 @@ def robots() -> Path:
 def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """No line of progress, however slow the machine is: what a command prints must not depend on that."""
     monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 1e6)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_plan() -> Generator[Callable, None, None]:
+    """No next experiment is planned where none is looked at: no finding depends on it, and it takes as long as they do.
+
+    Returns the function that plans; a test that looks at its plan asks for the fixture `plan`.
+    """
+    from identification import pipeline
+    from identification.next_experiment.advise import Proposal
+
+    planned = pipeline.planned
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "planned", lambda *_: Proposal())
+        yield planned
+
+
+@pytest.fixture
+def plan(no_plan: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next experiment is planned, as for users."""
+    monkeypatch.setattr("identification.pipeline.planned", no_plan)
 
 
 @pytest.fixture(scope="session", autouse=True)

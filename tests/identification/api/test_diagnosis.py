@@ -121,7 +121,7 @@ def test_plot_of_an_unknown_joint_names_those_that_there_are(made_up):
 
 
 @pytest.fixture
-def ambiguous():
+def ambiguous(plan):
     """A diagnosis with a rival, so that a next experiment is planned. Known truth: 1.2 times the torque constant."""
     robot, motion = str(ROBOTS / "pendulum.urdf"), sines(np.arange(1501) / 100, 1, np.random.default_rng(1), size=0.3)
     made = dyn.simulate(robot, motion, effects=[("torque_constant", "pin", {"ratio": 1.2})])

@@ -315,7 +315,7 @@ NUMBER = r"(-?[0-9][0-9.e-]*)"
 
 @pytest.mark.whole
 @pytest.mark.parametrize("config", by_night(["", "payload_frame: tip"], 1))
-def test_the_proposed_experiment_done_to_the_letter_names_the_truth(tmp_path, config):
+def test_the_proposed_experiment_done_to_the_letter_names_the_truth(tmp_path, plan, config):
     # Known truth: the drive gives 0.8 of its torque. Without friction a load explains one recording as well.
     robot = loaded(tmp_path, LEVER, config)
     first = written(tmp_path, "first.csv", robot, moving(1, 5), scale=1.25)
