@@ -233,7 +233,6 @@ def degraded(clean: Path, out: Path, *words: str) -> int:
             ("input_delay", "elbow", ["delay=0.006"]),
             ("backlash", "elbow", ["gap=0.002"]),
         ],
-        0,
         3,
     ),
 )

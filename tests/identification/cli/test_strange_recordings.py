@@ -160,14 +160,6 @@ def test_many_turns_of_a_continuous_joint(tmp_path, pendulum, written, content):
     assert causes(found) == COULOMB
 
 
-def test_a_joint_that_rests_is_blamed_for_nothing(tmp_path, arm, written, content):
-    one = swinging(np.arange(2000) / 200)
-    q, v, a = (x * np.array([1.0, 0.7, 0.0]) for x in (one.q, one.v, one.a))
-    found = content(arm, written(tmp_path / "log.csv", moved(arm, Motion(one.t, q, v, a))))
-    assert "slide" not in {joint for _, joint in causes(found)}
-    assert ("coulomb_friction", "slide") in {(entry["effect"], entry["joint"]) for entry in found["not_testable"]}
-
-
 def test_a_joint_that_rests_without_torque(tmp_path, arm, written, content):
     # Only the slide moves: the turntable needs no torque for that, so neither motion nor noise is seen there.
     one = swinging(np.arange(2000) / 200)

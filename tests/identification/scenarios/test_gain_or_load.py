@@ -189,14 +189,6 @@ def test_the_torque_is_what_the_controllers_asked_for(held, without_torque):
     assert found.controlled
 
 
-def test_a_late_controller_asks_later(pendulum, without_torque):
-    late = robot_in(pendulum, Change("a.csv", controllers={"pin": Controller("pd", 40.0, 0.0, 0.05)}))
-    t = without_torque.t[10:] - 0.05
-    found = with_controller_torque(without_torque, late)
-    assert found.tau is not None
-    np.testing.assert_allclose(found.tau[10:, 0], 40.0 * (np.sin(t + 0.1) - np.sin(t)), atol=1e-9)
-
-
 def test_a_recorded_torque_stays(held, without_torque):
     measured = replace(without_torque, tau=np.ones((500, 1)))
     assert with_controller_torque(measured, held) is measured
