@@ -12,7 +12,6 @@ import numpy as np
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.author import (
     Array,
-    Effect,
     EffectWords,
     Float,
     Law,
@@ -23,26 +22,21 @@ from phantom_dyn.effects.author import (
     Shape,
     Signature,
     Simulated,
-    SpecialCase,
     command_law,
 )
-from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
+from phantom_dyn.effects.support.rows import driven_rows, hidden_behind_drive, torque_on_rows
+from phantom_dyn.effects.support.timing import Timing
 from phantom_dyn.signals.recursive import lagging_linear
 
-# Longest lag that is fitted [s]: with a longer one the recorded torque would not be related to the motion.
-_LONGEST = 1.0
 
-
-class ActuatorLag(Effect):
+class ActuatorLag(Timing):
     """First-order lag of one drive, or of all."""
 
     name = "actuator_lag"
-    scope = "either"
     regime = "high_acceleration"
     made_of = ("acceleration", "model", "torque")
     acts_as = "drive"
     shows_with = "acceleration"
-    changes_with = "controller"
     words = EffectWords(
         name="actuator lag",
         meaning="the torque follows its command like a first-order low pass",
@@ -52,10 +46,6 @@ class ActuatorLag(Effect):
         shown_over=("torque_rate",),
         separated_by="timing",
     )
-
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Places to search: all joints together (None), and each joint alone."""
-        return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """One parameter: ``time_constant`` of the low pass."""
@@ -73,16 +63,6 @@ class ActuatorLag(Effect):
         """One column: time derivative of the needed torque; its coefficient is the time constant."""
         rows = driven_rows(robot, joint)
         return Signature(rows, _torque_rate(operation, rows)[:, :, None], ("time_constant",), ("s",))
-
-    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds of the time constant [s]: zero and the longest lag."""
-        return ((0.0, _LONGEST),)
-
-    def special_cases(
-        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
-    ) -> tuple[SpecialCase, ...]:
-        """No effect: a lag of zero, or a lag at its upper bound, where the fit does not determine it."""
-        return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Reason if the torque comes from a sensor behind the drive, which does not show the lag."""

@@ -13,7 +13,6 @@ import numpy as np
 from phantom_dyn._kernels.jit import inlined_jit
 from phantom_dyn.effects.author import (
     Array,
-    Effect,
     EffectWords,
     Float,
     Law,
@@ -24,30 +23,26 @@ from phantom_dyn.effects.author import (
     Shape,
     Signature,
     Simulated,
-    SpecialCase,
     command_law,
 )
-from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
+from phantom_dyn.effects.support.rows import driven_rows, hidden_behind_drive, secant, torque_on_rows
+from phantom_dyn.effects.support.timing import Timing
 
-# Longest delay that is fitted [s]: with a longer one the recorded torque would not be related to the motion.
-_LONGEST = 1.0
 # Delays at which a fit starts [s], besides one sample.
 _STARTS = (0.002, 0.005, 0.012)
 # Shortest delay of a secant [s], so that its torque differences are larger than rounding errors.
 _LEAST = 1e-5
 
 
-class InputDelay(Effect):
+class InputDelay(Timing):
     """Delay of the torque of one drive, or of all."""
 
     name = "input_delay"
-    scope = "either"
     regime = "high_acceleration"
     made_of = ("acceleration", "model", "torque")
     acts_as = "drive"
     shows_with = "acceleration"
     fitted = "secant"
-    changes_with = "controller"
     words = EffectWords(
         name="an input delay",
         meaning="the torque acts later than it is recorded",
@@ -60,10 +55,6 @@ class InputDelay(Effect):
         shown_over=("torque_rate",),
         separated_by="timing",
     )
-
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Places to search: all joints together (None), and each joint alone."""
-        return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """One parameter: ``delay`` of the true torque."""
@@ -91,16 +82,6 @@ class InputDelay(Effect):
         rows = driven_rows(robot, joint)
         columns = _ahead(operation, rows, shape[0]) / shape[0]
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
-
-    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds of the delay [s]: zero and the longest delay."""
-        return ((0.0, _LONGEST),)
-
-    def special_cases(
-        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
-    ) -> tuple[SpecialCase, ...]:
-        """No effect: a delay of zero, or a delay at its upper bound, where the fit does not determine it."""
-        return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Reason if the torque comes from a sensor behind the drive, which does not show the delay."""

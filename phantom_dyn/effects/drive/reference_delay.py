@@ -14,7 +14,6 @@ import numpy as np
 
 from phantom_dyn.effects.author import (
     Array,
-    Effect,
     EffectWords,
     Float,
     ModelNumbers,
@@ -24,28 +23,24 @@ from phantom_dyn.effects.author import (
     Shape,
     Signature,
     Simulated,
-    SpecialCase,
 )
-from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
+from phantom_dyn.effects.support.rows import driven_rows, hidden_behind_drive, secant, torque_on_rows
+from phantom_dyn.effects.support.timing import LONGEST, Timing
 
-# Longest delay that is fitted [s]: with a longer one the reference would not be related to the motion.
-_LONGEST = 1.0
 # Delays at which a fit starts [s]: a cycle of a fast and of a slow bus.
 _STARTS = (0.01, 0.03)
 # Shortest delay of a secant [s], so that its torque differences are larger than rounding errors.
 _LEAST = 1e-5
 
 
-class ReferenceDelay(Effect):
+class ReferenceDelay(Timing):
     """Delay of the reference of one drive, or of all."""
 
     name = "reference_delay"
-    scope = "either"
     regime = "high_speed"
     acts_as = "drive"
     shows_with = "velocity"
     fitted = "secant"
-    changes_with = "controller"
     words = EffectWords(
         name="a late reference",
         meaning="the reference arrives in the drive later than it is recorded, the position feedback does not",
@@ -58,10 +53,6 @@ class ReferenceDelay(Effect):
         shown_over=("velocity", "time"),
         separated_by="timing",
     )
-
-    def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Places to search: all joints together (None), and each joint alone."""
-        return drive_places(robot)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """One parameter: ``delay`` of the reference."""
@@ -89,10 +80,6 @@ class ReferenceDelay(Effect):
         columns = -_change_of_torque(operation, rows, shape[0]) / shape[0]
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
 
-    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds of the delay [s]: zero and the longest delay."""
-        return ((0.0, _LONGEST),)
-
     def bounds_in(
         self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
     ) -> tuple[tuple[float, float], ...]:
@@ -101,13 +88,7 @@ class ReferenceDelay(Effect):
         if known is None:
             return self.coefficient_bounds(robot, joint, shape)
         rows = list(driven_rows(robot, joint))
-        return ((float(known.least[rows].min()), min(float(known.most[rows].max()), _LONGEST)),)
-
-    def special_cases(
-        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
-    ) -> tuple[SpecialCase, ...]:
-        """No effect: a delay of zero, or a delay at its upper bound, where the fit does not determine it."""
-        return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
+        return ((float(known.least[rows].min()), min(float(known.most[rows].max()), LONGEST)),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Reason if the torque was not computed from references: only such a torque shows their delay."""

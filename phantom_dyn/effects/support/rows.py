@@ -136,11 +136,6 @@ def inertia_unit(robot: Robot, joint: str | None) -> str:
     return "kg" if _prismatic(robot, joint) else "kg m^2"
 
 
-def drive_places(robot: Robot) -> tuple[str | None, ...]:
-    """Places of an effect of drives: all joints together (None) and each joint; a single joint has one place."""
-    return (None, *robot.joint_names) if robot.nv > 1 else robot.joint_names
-
-
 def driven_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
     """The row of ``joint``, or all rows for the whole robot."""
     return tuple(range(robot.nv)) if joint is None else (row_of(robot, joint),)
