@@ -310,22 +310,6 @@ def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], forc
     )
 
 
-def rendered_axes(
-    axes: tuple[CheapAxis, ...], t: Float[Array, " N"], q: Float[Array, "N n"], force: Float[Array, "N n"]
-) -> Float[Array, "N n"]:
-    """Forces on the hand of a device with several motors [N or N m], shape ``(N, n)``, one model each; see `rendered`.
-
-    Raises:
-        ParameterError: If the axes are not as many as the columns, or the times are refused.
-    """
-    if not axes or np.shape(q) != (len(t), len(axes)) or np.shape(force) != (len(t), len(axes)):
-        raise ParameterError(
-            f"There are {len(t)} times, {len(axes)} axes, and positions and forces of the shapes {np.shape(q)} and "
-            f"{np.shape(force)}: give one or more axes, and for each sample as many positions and forces."
-        )
-    return np.column_stack([rendered(axis, t, q[:, k], force[:, k]).force for k, axis in enumerate(axes)])
-
-
 def _require_rate(axis: CheapAxis, longest: float) -> None:
     """Refuse time steps that are too long for the filter of the velocity."""
     if np.isfinite(axis.cutoff_hz) and not longest < 0.5 / axis.cutoff_hz:

@@ -7,7 +7,7 @@ import pytest
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, CoggingTorque, StickingFriction
-from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, rendered, rendered_axes, run_cycle
+from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, rendered, run_cycle
 from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis, masses_from_resonance
 from phantom_dyn.haptics.device.drives import warming
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
@@ -124,7 +124,6 @@ REFUSED = {
     "felt time": (lambda: run_cycle(GOOD, at_rest(), -1.0, 0.0, 0.0), "time step is -1"),
     "felt slow": (lambda: run_cycle(GOOD, at_rest(), 1.0, 0.0, 0.0), "give more than 140 samples a second"),
     "felt NaN": (lambda: run_cycle(GOOD, at_rest(), T, NAN, 0.0), "position of the probe is nan"),
-    "no axes": (lambda: rendered_axes((), TEN, np.zeros((10, 0)), np.zeros((10, 0))), "give one or more axes"),
     "window": (lambda: AveragedDifference(2.5), "samples is 2.5: give a whole number"),  # type: ignore
     "counter": (lambda: PeriodMeasurement(bits=2.5), "counter of 2.5 bits"),  # type: ignore
     "kalman": (lambda: kalman_gains(KalmanVelocity(), step=0.0, period=T), "encoder step is 0"),

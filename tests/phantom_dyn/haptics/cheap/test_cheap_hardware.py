@@ -25,7 +25,6 @@ from phantom_dyn.haptics.cheap.cheap_hardware import (
     coupling_force,
     mass_step,
     rendered,
-    rendered_axes,
     run_cycle,
     side_of,
 )
@@ -204,14 +203,6 @@ def test_one_cycle_after_the_other_is_the_whole(rng):
     np.testing.assert_array_equal(out, rendered(EVERYTHING, t, x, force).force)
 
 
-def test_each_axis_has_a_model_of_its_own(rng):
-    t, axes = uneven(rng, 200), (EVERYTHING, CheapAxis(limit=0.5), CheapAxis())
-    q, force = 0.01 * rng.standard_normal((2, 200, 3))
-    given = rendered_axes(axes, t, q, force)
-    for k, axis in enumerate(axes):
-        np.testing.assert_array_equal(given[:, k], rendered(axis, t, q[:, k], force[:, k]).force)
-
-
 @pytest.mark.parametrize(
     ("t", "words"),
     [
@@ -222,11 +213,6 @@ def test_each_axis_has_a_model_of_its_own(rng):
 def test_times_that_the_filter_cannot_take_are_refused(t, words):
     with pytest.raises(ParameterError, match=words):
         rendered(CheapAxis(), np.array(t), np.zeros(3), np.zeros(3))
-
-
-def test_as_many_axes_as_columns_are_wanted():
-    with pytest.raises(ParameterError, match=r"2 axes, and positions and forces of the shapes \(2, 3\) and \(2, 3\)"):
-        rendered_axes((CheapAxis(),) * 2, np.arange(2) / 1000.0, np.zeros((2, 3)), np.zeros((2, 3)))
 
 
 def test_the_columns_of_the_printed_table_stand_where_their_units_belong():
