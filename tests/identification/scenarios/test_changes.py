@@ -49,15 +49,6 @@ def test_the_centre_is_seen_from_the_payload_frame(pendulum):
     np.testing.assert_allclose(torque, -9.81 * 0.2)
 
 
-def test_a_known_mass_is_what_a_payload_of_the_same_numbers_is(pendulum, swing):
-    motion = swing(4)
-    loaded = robot_in(pendulum, Change("a.csv", KnownPayload(0.4, (0.1, 0.0, -0.3))))
-    effect = effect_named("payload").torque(
-        pendulum, Operation.of(pendulum, motion), None, np.array([0.4, 0.1, 0, -0.3])
-    )
-    np.testing.assert_allclose(inverse_dynamics(loaded, motion), inverse_dynamics(pendulum, motion) - effect, atol=1e-9)
-
-
 def test_known_gains_replace_those_of_the_robot(pendulum):
     gains = Controller("pd", 40.0, 1.0)
     assert robot_in(pendulum, Change("a.csv", controllers={"pin": gains})).actuators[0].controller == gains
@@ -158,15 +149,6 @@ def test_payloads_without_a_value_in_two_recordings_are_refused(pendulum):
     changes = (Change("a.csv"), Change("b.csv", changed=("payload",)), Change("c.csv", changed=("payload",)))
     with pytest.raises(LogError, match=r"b\.csv and c\.csv each have a payload without a value"):
         differences_of(changes, pendulum, 3)
-
-
-@pytest.mark.whole
-def test_a_known_mass_alone_is_no_gap(pendulum, swing, recorded):
-    recordings = (
-        recorded(pendulum, swing(1), 0.0, "a.csv"),
-        recorded(robot_in(pendulum, LOADED), swing(2), 0.0, "b.csv", 2),
-    )
-    assert diagnose(pendulum, recordings, changes=(Change("a.csv"), LOADED)).verdict == "no_gap"
 
 
 @pytest.mark.whole

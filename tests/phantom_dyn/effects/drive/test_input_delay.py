@@ -45,11 +45,6 @@ def test_a_delay_of_one_joint_touches_no_other(arm, sine):
     assert np.all(EFFECT.torque(arm, sine, "tilt", np.array([0.01]))[:, [0, 2]] == 0)
 
 
-def test_the_smallest_shape_is_one_sample(arm, sine, smooth):
-    assert EFFECT.shapes(arm, sine, None)[0][0] == pytest.approx(0.002)
-    assert [len(shape) for shape in EFFECT.shapes(arm, sine, None)] == [1, 1, 1]
-
-
 def test_the_next_shape_is_the_last_estimate(arm):
     assert EFFECT.refined(np.array([0.0043]), (0.002,)) == ((0.0043,),)
     assert EFFECT.refined(np.array([-0.001]), (0.002,)) == ((1e-5,),)
@@ -107,11 +102,6 @@ def test_on_a_robot_with_one_joint_the_delay_is_that_joint_s(arm):
 def test_delays_that_are_tried_differ_from_one_sample_by_more_than_a_fifth(arm, sine, dt, delays):
     operation = replace(sine, t=dt * np.arange(len(sine.t)))
     assert [delay for (delay,) in EFFECT.shapes(arm, operation, None)] == pytest.approx(delays)
-
-
-def test_behind_the_end_the_last_torque_is_held(arm, sine):
-    late = EFFECT.torque(arm, sine, None, np.array([0.5]))
-    np.testing.assert_allclose(late[-100:], (sine.expected - sine.expected[-1])[-100:], atol=1e-12)
 
 
 def test_a_single_sample_is_not_ahead(arm, sine):
