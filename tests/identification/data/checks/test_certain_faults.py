@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from by_night import by_night
 from identification.data.checks.check_recording import checked
 from identification.data.checks.readings.plausible_fit import unexplained, with_fewer_rows
 from identification.data.checks.readings.reading import of_voltages, reading_of
@@ -58,20 +59,41 @@ def smooth_motion(recording: Recording) -> Motion:
 
 @pytest.mark.parametrize(
     ("name", "factor", "what", "mend"),
-    [
-        (
-            "q",
-            np.rad2deg([1, 1, np.deg2rad(1)]),
-            "the positions of turn, tilt are in degrees and not in rad",
-            "{q.turn: {from: q.turn, unit: deg}, q.tilt: {from: q.tilt, unit: deg}}",
-        ),
-        ("t", 1e3, "the time is in ms and not in s", "write t: {from: t, unit: ms} into a column map and give it with"),
-        ("t", 1e6, "the time is in us and not in s", "write t: {from: t, unit: us} into a column map and give it with"),
-        ("tau", [-1, 1, 1], "the torque of turn has the wrong sign", "tau.turn: {from: tau.turn, sign: -1}"),
-        ("tau", [1, -1, 1], "the torque of tilt has the wrong sign", "tau.tilt: {from: tau.tilt, sign: -1}"),
-        ("tau", [1, 1, -1], "the torque of slide has the wrong sign", "tau.slide: {from: tau.slide, sign: -1}"),
-        ("tau", [-1, -1, -1], "the torques of all joints have the wrong sign", 'tau: {from: "tau.{joint}", sign: -1}'),
-    ],
+    by_night(
+        [
+            (
+                "q",
+                np.rad2deg([1, 1, np.deg2rad(1)]),
+                "the positions of turn, tilt are in degrees and not in rad",
+                "{q.turn: {from: q.turn, unit: deg}, q.tilt: {from: q.tilt, unit: deg}}",
+            ),
+            (
+                "t",
+                1e3,
+                "the time is in ms and not in s",
+                "write t: {from: t, unit: ms} into a column map and give it with",
+            ),
+            (
+                "t",
+                1e6,
+                "the time is in us and not in s",
+                "write t: {from: t, unit: us} into a column map and give it with",
+            ),
+            ("tau", [-1, 1, 1], "the torque of turn has the wrong sign", "tau.turn: {from: tau.turn, sign: -1}"),
+            ("tau", [1, -1, 1], "the torque of tilt has the wrong sign", "tau.tilt: {from: tau.tilt, sign: -1}"),
+            ("tau", [1, 1, -1], "the torque of slide has the wrong sign", "tau.slide: {from: tau.slide, sign: -1}"),
+            (
+                "tau",
+                [-1, -1, -1],
+                "the torques of all joints have the wrong sign",
+                'tau: {from: "tau.{joint}", sign: -1}',
+            ),
+        ],
+        0,
+        1,
+        4,
+        6,
+    ),
 )
 def test_a_wrong_unit_or_sign_is_told_with_its_entry(arm, changed, name, factor, what, mend, recording):
     fault = only(checked(changed(recording, **{name: getattr(recording, name) * factor}), arm).wrong)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.data.checked_file import checked_file
 from identification.data.checks.check_recording import check_recording, checked
 from identification.data.checks.positions import check_frozen
@@ -90,7 +91,7 @@ def test_degrees_of_one_joint_alone(clean):
     assert "write q.wrist_1_joint: {from: q.wrist_1_joint, unit: deg} into" in stated[0]
 
 
-@pytest.mark.parametrize("start", [0.0, -180.0])
+@pytest.mark.parametrize("start", by_night([0.0, -180.0], 1))
 def test_degrees_that_wrap(planar2, start, planar_log):
     wrapped = (np.rad2deg(planar_log.q * 3.0) - start) % 360 + start
     # Threefold positions are those of a robot whose torque is made for them.

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.data.checks.check_recording import checked
 from identification.data.readers.map_entries import entries_after
 from identification.data.recording import Recording
@@ -66,7 +67,7 @@ def test_no_load_that_mirrors_the_last_link_makes_a_torque_of_a_position(clean, 
     ) == [what]
 
 
-@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("joint", by_night([0, 1], 1))
 def test_degrees_of_which_one_is_reversed_are_no_gears(planar2, planar_log, joint):
     way = np.where(np.arange(2) == joint, -1.0, 1.0)
     wrong = checked(replace(planar_log, q=np.rad2deg(planar_log.q * way), v=None), planar2).wrong
@@ -79,7 +80,7 @@ def test_degrees_of_which_one_is_reversed_are_no_gears(planar2, planar_log, join
     assert f"q.{name}: {{from: q.{name}, unit: deg, sign: -1}}" in wrong[1].mend
 
 
-@pytest.mark.parametrize(("q", "tau"), [((1,), ()), ((), (1,)), ((), (0,))])
+@pytest.mark.parametrize(("q", "tau"), by_night([((1,), ()), ((), (1,)), ((), (0,))], 0, 1))
 def test_millimetres_of_which_one_is_reversed_are_no_gears(clean, lift, q, tau):
     recording = clean(robot=lift)
     way, pull = np.full(2, 1e3), np.ones(2)
@@ -92,12 +93,16 @@ def test_millimetres_of_which_one_is_reversed_are_no_gears(clean, lift, q, tau):
 
 @pytest.mark.parametrize(
     ("tau", "order", "what"),
-    [
-        ([1e3, 1e3], [0, 1], "the torques are in Nmm and not in N m"),
-        ([1.0, 1.0], [1, 0], "the torques of shoulder and elbow are swapped"),
-        ([-1.0, -1.0], [0, 1], "the torques of all joints have the wrong sign"),
-        ([1.0, -1.0], [0, 1], "the torque of elbow has the wrong sign"),
-    ],
+    by_night(
+        [
+            ([1e3, 1e3], [0, 1], "the torques are in Nmm and not in N m"),
+            ([1.0, 1.0], [1, 0], "the torques of shoulder and elbow are swapped"),
+            ([-1.0, -1.0], [0, 1], "the torques of all joints have the wrong sign"),
+            ([1.0, -1.0], [0, 1], "the torque of elbow has the wrong sign"),
+        ],
+        0,
+        1,
+    ),
 )
 def test_milliseconds_beside_another_mistake(clean, planar2, tau, order, what):
     recording = clean(robot=planar2, rate=100.0)
