@@ -41,6 +41,7 @@ def test_the_one_wave_that_was_found_is_written_and_read_back(found, planar2, tm
     assert known.theta == pytest.approx(THETA, rel=0.1)
 
 
+@pytest.mark.nightly
 def test_a_model_that_has_it_leaves_no_gap(planar2, lacking):
     recording = lacking((RIPPLE, "elbow", THETA))
     again = diagnose(planar2, (recording,), known=(KnownEffect(RIPPLE, "elbow", THETA),))

@@ -88,6 +88,7 @@ def test_the_report_says_it_in_its_words(found):
     assert "friction that changes as the drive warms up" in page
 
 
+@pytest.mark.nightly
 def test_a_model_that_has_it_leaves_no_gap(pendulum, rubbing, found):
     theta = tuple(float(value.value) for value in found.findings[0].parameters.values())
     again = diagnose(pendulum, (rubbing,), known=(KnownEffect(WARM, "pin", theta),))

@@ -53,6 +53,7 @@ def test_ordinary_errors_of_the_bases_sensors_are_no_gap(tmp_path, rng):
 
 
 @pytest.mark.whole
+@pytest.mark.nightly
 def test_a_model_that_trusts_the_bases_sensors_is_accused(tmp_path, rng, monkeypatch):
     for name in tuple(SENSOR_ERRORS):
         monkeypatch.delitem(SENSOR_ERRORS, name)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import phantom_dyn as dyn
+from by_night import by_night
 from identification.data.checks.check_recording import Checked, checked
 from identification.data.reading import read_recording
 from identification.diagnosis.columns.prepared import prepared
@@ -44,7 +45,7 @@ def logged(robot: Robot, lab, folder: Path, joint: str, *columns: str, garbage: 
     return path
 
 
-@pytest.mark.parametrize("garbage", [False, True])
+@pytest.mark.parametrize("garbage", by_night([False, True], 1))
 @pytest.mark.whole
 def test_friction_of_the_other_joint_is_found_whatever_the_torque_of_the_unknown_drive(tmp_path, lab, garbage):
     robot = arm(tmp_path, f"{UNKNOWN}: {{drive: unknown}}")

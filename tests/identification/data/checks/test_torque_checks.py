@@ -122,6 +122,7 @@ def test_friction_that_turns_about_later_than_the_motion_is_no_lag(clean, arm, c
     assert lags_of(arm, stuck) == pytest.approx([500 * late] * 3, abs=0.1)
 
 
+@pytest.mark.nightly
 def test_a_simulated_pendulum_that_sticks_has_no_lag():
     # Known truth: positions and torques of a simulation have one time, whatever the friction.
     robot = dyn.load_robot(ROBOTS / "pendulum.urdf")
