@@ -35,7 +35,6 @@ class ActuatorLag(Timing):
     name = "actuator_lag"
     regime = "high_acceleration"
     made_of = ("acceleration", "model", "torque")
-    acts_as = "drive"
     shows_with = "acceleration"
     words = EffectWords(
         name="actuator lag",

@@ -40,7 +40,6 @@ class InputDelay(Timing):
     name = "input_delay"
     regime = "high_acceleration"
     made_of = ("acceleration", "model", "torque")
-    acts_as = "drive"
     shows_with = "acceleration"
     fitted = "secant"
     words = EffectWords(

@@ -38,7 +38,6 @@ class ReferenceDelay(Timing):
 
     name = "reference_delay"
     regime = "high_speed"
-    acts_as = "drive"
     shows_with = "velocity"
     fitted = "secant"
     words = EffectWords(

@@ -1,4 +1,4 @@
-"""What effects have in common that make the torque of a drive later: a delay or a lag of one drive, or of all."""
+"""Base class of effects that make the torque of a drive later: a delay or a lag, of one drive or of all."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ LONGEST = 1.0
 
 
 class Timing(Effect):
-    """One time, from zero to the longest, of all drives together or of one."""
+    """An effect with one number, the time by which one drive, or all drives together, are late."""
 
     scope = "either"
+    acts_as = "drive"
     changes_with = "controller"
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """All joints together (None) and each joint; on a robot with one joint only this joint."""
+        """Places to search: all joints together (None), and each joint alone; a single joint has one place."""
         return (None, *robot.joint_names) if robot.nv > 1 else robot.joint_names
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """From zero to the longest time."""
+        """Bounds of the time [s]: zero and `LONGEST`."""
         return ((0.0, LONGEST),)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """No delay, and the longest one."""
+        """No effect: a time of zero, or one at its upper bound, where the fit does not determine it."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - LONGEST)
