@@ -1,1 +1,1 @@
-"""The Python interface behind ``import phantom_dyn as dyn``: each command as a function of paths or objects."""
+"""The Python interface behind ``import phantom_dyn as dyn``: each command as a function of file paths or objects."""

@@ -1,4 +1,4 @@
-"""The diagnosis behind `phantom_dyn.diagnose`: of recordings alone, or with a file that states their differences."""
+"""Runs the diagnosis of `phantom_dyn.diagnose`, with or without a file that states differences between recordings."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def diagnosis_of_recordings(
     *,
     motion_only: bool,
 ) -> Diagnosis:
-    """The diagnosis from recorded torques, or without them, from the controllers' torques or from positions at rest.
+    """The diagnosis from recorded torques; without torques, from the controllers' torques or from positions at rest.
 
     Args:
         robot: The model.
         recordings: Recordings for the fits.
         hold_out: Recordings that no fit sees; may be empty.
-        known: Effects that are already part of the model.
-        columns: Column map for recordings that are paths.
-        progress: Called with each stage.
+        known: Effects that the model already contains.
+        columns: Column map for recordings that are given as paths.
+        progress: Called at the start of each stage.
         motion_only: True if recorded torques must not be used.
 
     Raises:
         UsageError: If an argument cannot be used for recordings at rest.
         LogError: If a recording cannot be used.
     """
-    # A dataset holds several recordings, so it is expanded before the held-out recordings are counted.
+    # A dataset contains several recordings: it is expanded before the held-out recordings are counted.
     held = expanded(hold_out)
 
     def read(torque_needed: bool) -> tuple[Recording, ...]:
@@ -66,13 +66,13 @@ def diagnosis_of_changes(
         robot: The model.
         recordings: Paths of recordings for the fits.
         hold_out: Paths of recordings that no fit sees; may be empty.
-        known: Effects that are already part of the model.
+        known: Effects that the model already contains.
         changes: Path of the ``recordings.yaml``.
         columns: Column map.
-        progress: Called with each stage.
+        progress: Called at the start of each stage.
 
     Raises:
-        UsageError: If a recording is no path.
+        UsageError: If a recording is not given as a path.
         LogError: If a recording cannot be used.
     """
     fitted, judged = paths_of(recordings, "recordings"), paths_of(hold_out, "hold_out")
@@ -84,14 +84,14 @@ def diagnosis_of_changes(
 
 
 def paths_of(given: object, name: str) -> tuple[str | Path, ...]:
-    """The paths in an argument, after a check that they are paths.
+    """The paths in an argument.
 
     Args:
-        given: Value of the argument.
+        given: Value of the argument: one path or several.
         name: Name of the argument, for the message.
 
     Raises:
-        UsageError: If one of them is no path.
+        UsageError: If an element is not a path.
     """
     out = []
     for one in listed(given):

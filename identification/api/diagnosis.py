@@ -55,7 +55,7 @@ class Diagnosis:
 
     @property
     def findings(self) -> tuple[results.Finding, ...]:
-        """Effects that the model lacks, the largest first: effect, joint, parameters, share, probability, rivals."""
+        """Effects that the model lacks, those with the largest share of the gap first."""
         return self.result.findings
 
     @property
@@ -80,7 +80,7 @@ class Diagnosis:
 
     @property
     def bounds(self) -> tuple[results.Bound, ...]:
-        """For each effect that was not found, the smallest size that would have been found."""
+        """Detection limit of each effect that was not found: the smallest size that would have been found."""
         return self.result.bounds
 
     @property
@@ -164,8 +164,8 @@ class Diagnosis:
         """Measured minus modelled torque [N m or N] in the judged band, over ``time``, ``joint`` and ``model``.
 
         ``model`` is ``before`` for the given model and ``after`` for the corrected one. Each sample is predicted by a
-        fit that has not used it. Joints whose links are in contact have NaN. There is a gap in time between two
-        recordings.
+        fit that has not used the sample. Joints whose links are in contact have NaN. There is a gap in time between
+        two recordings.
 
         Raises:
             UsageError: If the diagnosis was read from a file, which has no samples, or xarray is missing.
@@ -220,11 +220,11 @@ class Diagnosis:
 
     @takes(effect=TEXT, joint=or_none(TEXT))
     def why(self, effect: str, joint: str | None = None) -> str:
-        """Why an effect was named, or was not: a sentence, and the gates at which it was tested, with their figures.
+        """Why an effect was named or not named: a sentence, and the gates that it passed or failed, with their figures.
 
         Args:
             effect: Name of the effect in the catalogue, such as ``payload``.
-            joint: Name of a joint; by default all joints on which the diagnosis considered it.
+            joint: Name of a joint; by default all joints on which the diagnosis considered the effect.
 
         Raises:
             UsageError: If the diagnosis did not consider this effect, or not on this joint.
@@ -257,16 +257,18 @@ class Diagnosis:
         """A diagnosis from its ``diagnosis.json`` or the folder of this file; it can be printed and compared.
 
         Raises:
-            LogError: If there is no such file, or if it is no diagnosis.
+            LogError: If the file does not exist, or is no diagnosis.
         """
         return cls(read_diagnosis(file))
 
     def _evidence(self) -> results.Evidence:
+        """The samples for figures; an error if the diagnosis was read from a file."""
         if self.robot is None:
             raise UsageError(_FROM_FILE.format("samples"))
         return self.result.evidence
 
     def _draw(self, panel: Axes, joint: str, residuals: xarray.DataArray) -> None:
+        """Draw the residuals of one joint and its noise floor into a panel."""
         gap = next(gap for gap in self.joints if gap.joint == joint)
         # NaN interrupts the lines in the gap between two recordings.
         t = residuals.time.to_numpy()

@@ -1,4 +1,4 @@
-"""The functions of ``import phantom_dyn as dyn``, which do the same as the commands, for paths or objects."""
+"""The functions of ``import phantom_dyn as dyn``: the same as the commands, with paths or objects as arguments."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ if TYPE_CHECKING:
 
 Paths = str | Path | Iterable[str | Path]
 EffectLike = tuple[str | Effect | type[Effect], str | None, Mapping[str, float | Sequence[float]]]
-"""An effect of the catalogue or your own, its joint (None for the whole robot) and its parameters, as in
+"""An effect (of the catalogue or your own), its joint (None for the whole robot) and its parameters, such as
 ``("coulomb_friction", "j1", {"torque": 0.3})``."""
 
 
@@ -104,7 +104,7 @@ def read_recording(
         ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
         exclude: Intervals of time [s] to leave out of every fit, as in ``[(0, 1.5)]``.
         torque_needed: False if only the motion is used.
-        anyway: True to judge it in spite of certain faults.
+        anyway: True to use the recording although it has certain faults.
 
     Raises:
         LogError: If the file cannot be used; one sentence names the column and row, and says what to do.
@@ -144,24 +144,24 @@ def diagnose(
     motion_only: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
-    """Say what the model of a robot lacks, from recordings: which effects, where, how large, how sure.
+    """Find effects that the model of a robot lacks, from recordings, with their joints, sizes and probabilities.
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
         recordings: Path or recording, or several; they are judged on blocks that no fit has used.
         hold_out: Recordings that no fit uses; if there are any, all figures are computed on them.
-        known: ``corrected.yaml`` of earlier diagnoses, whose findings are already part of the model.
-        changes: ``recordings.yaml`` that states how the recordings differ; the recordings are then paths.
+        known: ``corrected.yaml`` of earlier diagnoses, whose findings are added to the model.
+        changes: ``recordings.yaml`` that states how the recordings differ; the recordings have to be given as paths.
         columns: Column map (YAML) for recordings that are paths.
         effects: Effects of your own in addition to the catalogue: a Python file, classes or instances, see
             `docs/how_to/own_effects.md`.
-        motion_only: True to use the torques that the controllers ask for instead of recorded ones; recordings without
-            torques are used so in any case.
+        motion_only: True to use the torques that the controllers command instead of recorded torques. For recordings
+            without torques this is the default.
         progress: Called with words on each stage, as in ``progress=print``.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
-        LogError: If a recording cannot be used, or has a certain fault.
+        LogError: If a recording cannot be used, or is certainly wrong.
         RobotError: If the robot cannot be loaded.
         EffectError: If an effect of your own cannot be used.
     """
@@ -186,23 +186,23 @@ def identify(
     columns: str | Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
-    """Estimate base parameters, friction and drives of a robot, judged on data that no fit has used.
+    """Estimate base parameters, friction and drives of a robot, with errors on held-out data.
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
         recordings: Path or recording, or several. The last fifth of a single recording is held out; of several
             recordings the last one is held out.
-        hold_out: Recordings that are held out instead.
+        hold_out: Recordings that are held out; all of ``recordings`` are then used for the fit.
         estimator: ``ols``, ``wls``, ``irls``, ``consistent``; with references and controllers ``iv``, ``didim``.
         friction: Friction of every joint: ``viscous``, ``coulomb``, ``offset``, ``direction_dependent``, or ``none``.
-        rotors: True to estimate rotor inertias as well.
+        rotors: True to estimate rotor inertias, too.
         columns: Column map (YAML) for recordings that are paths.
         progress: Called with words on each stage.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
-        LogError: If a recording cannot be used, or has a certain fault.
-        IdentifiabilityError: If the recordings excite too little.
+        LogError: If a recording cannot be used, or is certainly wrong.
+        IdentifiabilityError: If the recordings excite too few parameters.
     """
     estimator_named(estimator)
     terms = JointTerms(friction_terms([friction] if isinstance(friction, str) else list(friction)), rotors)
@@ -234,9 +234,9 @@ def excite(
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
-        duration: Length [s].
-        rate: Rows per second.
-        harmonics: Number of harmonics of the Fourier series that it consists of.
+        duration: Duration of the motion [s].
+        rate: Sample rate [Hz].
+        harmonics: Number of harmonics of the motion's Fourier series.
         share: Share of the velocity and torque limits to use.
         seed: Seed of the random motions from which the search starts.
         progress: Called with words on each stage.
@@ -271,7 +271,7 @@ def check(
     """Certain faults and possible errors of a recording; ``print`` shows them.
 
     Args:
-        robot: The robot that was recorded. It may be left out, as in ``check("log.csv")``: then less is checked.
+        robot: The robot that was recorded. It may be left out, as in ``check("log.csv")``; fewer checks are then made.
         recording: A path, or what `read_recording` returned.
         columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
@@ -292,10 +292,10 @@ def check(
 
 
 def compare(*diagnoses: Diagnosis | str | Path) -> comparison.Comparison:
-    """What changed between two or more diagnoses: verdicts, findings, and sizes with their 95 % intervals.
+    """Compare two or more diagnoses: verdicts, findings, and sizes with their 95 % intervals.
 
     Args:
-        diagnoses: Results of `diagnose`, or paths of ``diagnosis.json`` or of its folder.
+        diagnoses: Results of `diagnose`, or paths of ``diagnosis.json`` or of the folder that contains it.
 
     Raises:
         UsageError: If one of them is no diagnosis.
@@ -332,11 +332,11 @@ def simulate(
         reference: Result of `excite`, a motion, or a table with ``t`` and ``q_ref.<joint>``.
         effects: Effects that the robot has in addition to its model: tuples of effect, joint and parameters, a
             diagnosis, or its ``corrected.yaml``.
-        own_effects: Effects of your own that ``effects`` names: a Python file, classes or instances. A tuple may also
-            contain the class instead of the name.
-        kp: Position gains [N m/rad or N/m]. By default those of ``robot.yaml``; without them a bandwidth of 5 Hz with
-            critical damping for the model's inertia, and the torque that the model needs for the reference.
-        kd: Velocity gains, with the same default.
+        own_effects: Effects of your own whose names ``effects`` contains: a Python file, classes or instances. A tuple
+            in ``effects`` may also contain the class instead of the name.
+        kp: Position gains [N m/rad or N/m]. By default those of ``robot.yaml``. If these are missing, feedback with a
+            bandwidth of 5 Hz and critical damping is added to the torque that the model needs for the reference.
+        kd: Velocity gains [N m s/rad or N s/m], with the same default.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
@@ -378,8 +378,8 @@ def map_workspace(
         grid: Positions of the tip [m] as in ``x=0:0:1,y=-0.2:0.2:41,z=-0.1:0.3:41``, or of joints as in
             ``q.j1=-1:1:21``.
         quantities: Names, such as ``apparent_mass``, ``stiffness``, ``gravity_force``.
-        frame: Frame of the tip; by default ``tip``, or else the last frame.
-        q0: Joint positions near which the solution of the inverse kinematics is taken.
+        frame: Frame of the tip; by default the frame ``tip``, or the last frame if there is none.
+        q0: Joint positions near which the solution of the inverse kinematics is chosen.
         stiffness: Stiffness of each joint [N m/rad], if the robot file does not state it.
         jobs: Largest number of processes.
 

@@ -1,4 +1,4 @@
-"""Converts robots and recordings as users may give them: paths or objects, one or several."""
+"""Loads robots and recordings that users give as paths, names or objects, one or several."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RecordingLike = str | Path | Recording
 RecordingsLike = RecordingLike | Iterable[RecordingLike]
 """One recording or several."""
 COLUMNS = path_of("the path of a column map or the name of one that is shipped")
-"""Check of the argument ``columns``."""
+"""Type check of the argument ``columns``."""
 
 _ROBOT_WANTED = "wanted a URDF or MJCF file, example:NAME, a built-in name, or a robot from load_robot"
 _LOG_WANTED = "wanted the path of a log, a recording from read_recording, or a list of them"
@@ -35,10 +35,10 @@ def robot_of(given: RobotLike, recordings: object = ()) -> Robot:
 
     Args:
         given: A robot, a path, or the name of a built-in robot.
-        recordings: Value of the argument for recordings, to recognise exchanged arguments.
+        recordings: Value of the argument for recordings, to detect that the two arguments were exchanged.
 
     Raises:
-        UsageError: If it is no robot; the message says what was given and what is wanted.
+        UsageError: If ``given`` is no robot; the message states what was given and what is wanted.
         RobotError: If the robot cannot be loaded.
     """
     if isinstance(given, Robot):
@@ -64,7 +64,7 @@ def recordings_of(
         torque_needed: False if only the motion is used.
 
     Raises:
-        UsageError: If there is none, or one is no recording; the message says what was given and what is wanted.
+        UsageError: If no recording is given, or an element is no recording; the message states what is wanted.
         LogError: If a file cannot be read.
     """
     several = expanded(given)
@@ -83,7 +83,7 @@ def expanded(given: object) -> tuple[Any, ...]:
 
 
 def listed(given: object) -> tuple[object, ...]:
-    """The parts of a given list or tuple; a text, or any other object, is a single part."""
+    """The elements of a given list or tuple; any other object, such as a text, as a tuple with one element."""
     parts = parts_of(given)
     return (given,) if parts is None else parts
 

@@ -61,7 +61,7 @@ class Identification:
         return f"<p><b>{first}</b><br>{second}</p>"
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row per parameter: value, standard deviation, unit, and whether it differs from zero."""
+        """One row per parameter: value, standard deviation, unit, and True if it is identified (differs from zero)."""
         pandas = optional_library("pandas")
         names = ("name", "value", "std", "unit", "regroups", "identified", "joint", "effect")
         rows = [{name: getattr(parameter, name) for name in names} for parameter in self.parameters]
@@ -101,11 +101,11 @@ class Columns(Protocol):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Reference(Columns):
-    """A motion for a robot to follow, from rest to rest; ``print`` shows its excitation and its limits.
+    """A reference motion for a robot, from rest to rest; ``print`` shows its excitation and the limits it reaches.
 
     Attributes:
         design: The design of the motion.
-        rate_hz: Rows per second.
+        rate_hz: Sample rate [Hz].
     """
 
     design: Excitation

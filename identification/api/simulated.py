@@ -33,10 +33,10 @@ _BANDWIDTH = 2 * np.pi * 5.0
 
 
 def reference_of(robot: Robot, given: object) -> Motion:
-    """The motion for a simulated robot to follow.
+    """The reference motion of a simulated robot.
 
     Raises:
-        UsageError: If it is no motion.
+        UsageError: If ``given`` is no motion.
         LogError: If a file has no reference for a joint.
     """
     if isinstance(given, Reference):
@@ -74,7 +74,7 @@ def _read(robot: Robot, path: str | Path) -> Motion:
 
 
 def with_named_effects(robot: Robot, given: object) -> Robot:
-    """The robot with the user's own effects among the given ones.
+    """The robot, with those of the given effects that are the user's own added to its catalogue.
 
     Args:
         robot: The robot.
@@ -114,7 +114,8 @@ def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
 def tracking(robot: Robot, motion: Motion, kp: object, kd: object) -> Tracking:
     """A controller that follows a motion.
 
-    It is the stated one if no gains are given; else the model's torque with feedback, by default critically damped.
+    If no gains are given and the robot states all controllers, these are used. Otherwise the controller is the model's
+    torque plus feedback with the given gains; by default the feedback is critically damped.
     """
     stated = [actuator.controller for actuator in robot.actuators]
     if kp is None and kd is None and all(controller is not None for controller in stated):
@@ -127,6 +128,7 @@ def tracking(robot: Robot, motion: Motion, kp: object, kd: object) -> Tracking:
 
 
 def _law(motion: Motion, feedforward: Array, v_ref: Array, kp: Array, kd: Array) -> Tracking:
+    """The law ``feedforward + kp (q_ref - q) + kd (v_ref - v)`` without limits."""
     rows = motion.q.shape
     none = np.zeros(rows)
     limits = np.full(rows[1], np.inf)
@@ -135,6 +137,7 @@ def _law(motion: Motion, feedforward: Array, v_ref: Array, kp: Array, kd: Array)
 
 
 def _gain(name: str, given: object, nv: int) -> Float[Array, " nv"]:
+    """A given gain as one number for each joint."""
     try:
         values = np.broadcast_to(np.asarray(given, dtype=float), (nv,))
     except (TypeError, ValueError):
@@ -145,6 +148,7 @@ def _gain(name: str, given: object, nv: int) -> Float[Array, " nv"]:
 
 
 def _cause(robot: Robot, known: KnownEffect) -> Cause:
+    """A known effect in the form that a simulation needs; an error for errors of the geometry."""
     if known.effect in OF_POSES:
         raise UsageError(
             f"{known.effect} of {known.joint or 'the base'} was given to be simulated, and changes where links are, "
@@ -154,6 +158,7 @@ def _cause(robot: Robot, known: KnownEffect) -> Cause:
 
 
 def _stated(robot: Robot, given: object) -> Cause:
+    """An effect from a tuple of effect, joint and parameters."""
     wanted = 'wanted effect, joint and parameters such as ("coulomb_friction", "j1", {"torque": 0.3})'
     if not isinstance(given, tuple | list) or len(given) != 3 or not isinstance(given[2], dict):
         raise UsageError(f"{described(given)} was given as an effect, {wanted}.")
