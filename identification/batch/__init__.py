@@ -1,1 +1,1 @@
-"""Diagnoses of many recordings, each by itself, and comparisons of the robots of a fleet."""
+"""Diagnoses many recordings separately, and compares the robots of a fleet."""

@@ -25,7 +25,7 @@ _NAME_WIDTH, _SHOWN = 32, 3
 
 
 def table(result: DiagnosedRecordings) -> str:
-    """One line per recording (log, verdict, and causes or the reason for none), then the count of each verdict."""
+    """Table for a terminal: one line per recording with verdict and causes, and the number of each verdict."""
     names = [shortened(name, _NAME_WIDTH) for name in _names(result)]
     width = max(len("recording"), *map(len, names))
     verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
@@ -39,7 +39,7 @@ def table(result: DiagnosedRecordings) -> str:
 
 
 def _names(result: DiagnosedRecordings) -> list[str]:
-    """Names of the recordings, preceded by their folder if they are in several folders."""
+    """File names of the recordings; with the name of the folder if the recordings are in several folders."""
     logs = [Path(row.log) for row in result.rows]
     several = len({log.parent for log in logs}) > 1
     return [f"{log.parent.name}/{log.name}" if several else log.name for log in logs]
@@ -53,7 +53,7 @@ def counts(result: DiagnosedRecordings) -> str:
 
 
 def csv_text(result: DiagnosedRecordings) -> str:
-    """The table as CSV, one row per recording, with the residual of every joint before and after."""
+    """The table as CSV: one row per recording, with the residual of every joint before and after correction."""
     out = io.StringIO()
     joints = [f"{column}.{joint}" for joint in result.joint_names for column in ("rms_before", "rms_after")]
     head = ["log", "folder", "verdict", "findings", "unexplained", *joints, "seconds", "refusal", "run"]
@@ -64,7 +64,7 @@ def csv_text(result: DiagnosedRecordings) -> str:
 
 
 def json_text(result: DiagnosedRecordings) -> str:
-    """The table as JSON: every row with the whole content of its ``diagnosis.json``."""
+    """The table as JSON: one entry per recording, with the content of its ``diagnosis.json``."""
     rows = [
         {
             "log": row.log,
@@ -82,15 +82,18 @@ def json_text(result: DiagnosedRecordings) -> str:
 def write_tables(
     result: DiagnosedRecordings, *, out: str | Path | None = None, json_file: str | Path | None = None
 ) -> tuple[Path, ...]:
-    """Write the tables as JSON and CSV and ``fleet.html`` into a folder, and the JSON to a file.
+    """Write the tables and ``fleet.html`` into a folder, and the JSON table to another file.
 
-    Folder and file are optional.
+    Args:
+        result: The diagnoses.
+        out: The folder; None for no folder.
+        json_file: Additional file for the JSON table; None for none.
 
     Returns:
-        Paths of the files.
+        Paths of the written files.
 
     Raises:
-        UsageError: If one of them cannot be written; then none is written.
+        UsageError: If a file cannot be written; no file is written then.
     """
     contents: dict[Path, str] = {}
     if out is not None:
@@ -105,6 +108,7 @@ def write_tables(
 
 
 def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
+    """Cells of a recording by column."""
     texts = {"log": row.log, "folder": row.folder, "verdict": row.verdict, "refusal": row.refusal}
     out: dict[str, Any] = {name: text_cell(text) for name, text in texts.items()}
     document: Any = row.document
@@ -121,6 +125,7 @@ def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
 
 
 def _cause_words(row: DiagnosedRecording) -> str:
+    """The causes that a diagnosis found, or the reason why it found none."""
     if row.verdict == REFUSED:
         return row.refusal or ""
     if not row.causes:

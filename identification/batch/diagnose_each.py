@@ -1,4 +1,4 @@
-"""Diagnoses many recordings, each by itself, in several processes or on a cluster.
+"""Diagnoses many recordings separately, in several processes or on a cluster.
 
 `logs_in` finds the recordings in a folder, `folder_names` chooses the name of each recording's output folder.
 """
@@ -31,7 +31,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 
 TABLES = ("diagnoses.json", "diagnoses.csv", "fleet.html")
-"""Names of the summary files beside the folders, which have one row per recording."""
+"""Names of the summary files on all recordings in the output folder."""
 ENDINGS = (".csv", ".npz", ".parquet", ".bag", ".db3", ".mcap")
 """Endings by which recordings are recognised in a folder; a file that the user names may have any ending."""
 REFUSED = "refused"
@@ -39,7 +39,7 @@ REFUSED = "refused"
 
 _BAG = "metadata.yaml"  # file in the folder of a ROS 2 bag
 
-# Threads write their reports in turn, because matplotlib's style belongs to the whole process.
+# Threads write their reports one after the other, because matplotlib's style applies to the whole process.
 _WRITING = threading.Lock()
 # Refusals of a recording whose process died, and of one whose diagnosis raised an unexpected error.
 _LOST = (
@@ -52,10 +52,11 @@ _FAULT = "{}: the diagnosis itself failed ({}: {}): please report this with the 
 def logs_in(path: str) -> list[str]:
     """Recordings in a folder, sorted by name; the path itself if it is a file or a ROS 2 bag.
 
-    Recordings in subfolders are found only if the folder itself holds none, as in a fleet with one folder per robot.
+    If the folder contains no recording, the recordings in its subfolders are returned (a fleet with one folder per
+    robot).
 
     Raises:
-        LogError: If there is no recording in the folder.
+        LogError: If neither the folder nor its subfolders contain a recording.
     """
     folder = Path(path)
     if not folder.is_dir() or (folder / _BAG).exists():
@@ -83,14 +84,14 @@ def require_logs(logs: Sequence[str | Path]) -> tuple[Path, ...]:
     """Full paths of recordings, after a check that they exist.
 
     Raises:
-        LogError: If no recording is given, or one is missing or given twice.
+        LogError: If no recording is given, or if a recording does not exist or is given twice.
     """
     if isinstance(logs, str | Path) or not logs:
         raise LogError(f"{logs!r} was given, wanted a list of at least one recording: give the paths of files.")
     seen: dict[Path, None] = {}
     for log in logs:
         require_existing(log)
-        # Two paths may name the same file, by links or dots.
+        # Links or dots can make two different paths name the same file.
         if Path(log).resolve() in seen:
             raise LogError(f"{log} is given twice: give every recording once.")
         seen[Path(log).resolve()] = None
@@ -98,14 +99,13 @@ def require_logs(logs: Sequence[str | Path]) -> tuple[Path, ...]:
 
 
 def folder_names(paths: Sequence[Path]) -> tuple[str, ...]:
-    """Name of each recording's output folder: its file name without ending, made longer until all names differ.
+    """Name of each recording's output folder: the shortest form of its path that differs from the others.
+
+    The forms are ``run``, ``run.csv``, ``monday_run.csv`` and so on. If paths do not differ in any form, a number is
+    added. Names also differ on systems that ignore case.
 
     Args:
         paths: Full paths, all different.
-
-    Returns:
-        Names that differ even on systems that ignore case: ``run``, else ``run.csv``, else ``monday_run.csv`` and so
-        on, else with a number.
     """
     lengths = [0] * len(paths)
     longest = max(len(path.parts) for path in paths)
@@ -122,6 +122,7 @@ def folder_names(paths: Sequence[Path]) -> tuple[str, ...]:
 
 
 def _name(path: Path, length: int) -> str:
+    """The last ``length`` parts of a path, joined; the file name without ending for a ``length`` of zero."""
     if length == 0 and not path.is_dir():
         return path.stem
     parts = path.parts[1:]
@@ -129,10 +130,10 @@ def _name(path: Path, length: int) -> str:
 
 
 def check_folders(out: Path, names: Sequence[str]) -> None:
-    """Raise an error if an output file cannot be written, before any work is done.
+    """Check before the diagnoses that all output files can be written.
 
     Raises:
-        UsageError: If an output file is a folder or a file of the user, or its folder may not be written to.
+        UsageError: If an output file is a folder or a file of the user, or its folder cannot be written to.
     """
     check_targets(out, None)
     for name in names:
@@ -145,13 +146,13 @@ def check_folders(out: Path, names: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class DiagnosedRecording:
-    """Outcome of one recording: its diagnosis, or the reason why it was refused.
+    """Result for one recording: its diagnosis, or the reason why it was refused.
 
     Attributes:
-        log: Path of the recording as it was given.
-        folder: Name of the folder for its files.
+        log: Path of the recording as the user gave it.
+        folder: Name of the output folder for the recording.
         verdict: Verdict in ``diagnosis.json``, or ``refused``.
-        causes: Findings in words, first the one that closes most of the gap.
+        causes: Findings in words; the finding that closes most of the gap is first.
         document: Content of ``diagnosis.json``; None if the recording was refused.
         refusal: Reason for the refusal in a sentence; None without a refusal.
         sentence: The verdict in words; empty if the recording was refused.
@@ -168,12 +169,12 @@ class DiagnosedRecording:
 
 @dataclass(frozen=True)
 class DiagnosedRecordings:
-    """Recordings of one robot, each diagnosed by itself, in the order they were given.
+    """Separate diagnoses of several recordings of one robot model, in the given order.
 
     Attributes:
         robot: Name of the robot.
-        joint_names: Names of its joints.
-        rows: Outcome of each recording.
+        joint_names: Names of the robot's joints.
+        rows: Result for each recording.
     """
 
     robot: str
@@ -196,26 +197,27 @@ def diagnose_each(
     jobs: int | None = None,
     progress: Progress = lambda _: None,
 ) -> DiagnosedRecordings:
-    """Diagnose every recording by itself; one that is refused does not stop the others.
+    """Diagnose every recording separately; a refused recording does not stop the others.
 
-    Recordings are spread over processes, or over Dask or Ray with `joblib.parallel_config`, see
-    `phantom_dyn.large_work`. A worker reads one recording at a time and writes its files itself, so that memory does
-    not grow with their number; workers on other machines need the same file system.
+    Recordings are distributed over processes, or over Dask or Ray with `joblib.parallel_config` (see
+    `phantom_dyn.large_work`). Each worker reads one recording at a time and writes its files, so the memory does not
+    grow with the number of recordings. Workers on other machines need the same file system.
 
     Args:
         robot: The given model.
-        logs: Files, each a recording of that robot.
-        known: Effects that are already part of the given model.
-        reading: Options with which all files are read; by default whole files without a column map.
-        out: Output folder. It gets one folder per recording with the files of its diagnosis. None to write nothing.
-        jobs: Number of recordings at the same time, see `phantom_dyn.large_work.worker_count`.
-        progress: Called with each stage.
+        logs: Files, each with one recording of the robot.
+        known: Effects that the given model already contains.
+        reading: Options for reading all files; by default whole files without a column map.
+        out: Output folder, which gets one folder per recording with the files of its diagnosis. None to write nothing.
+        jobs: Number of recordings that are diagnosed at the same time; None for the default of
+            `phantom_dyn.large_work.worker_count`.
+        progress: Called after each recording.
 
     Returns:
-        One row per recording. It does not depend on the workers, except for the ``seconds`` in the documents.
+        One row per recording. Rows do not depend on the number of workers, except for ``seconds`` in the documents.
 
     Raises:
-        LogError: If a log is missing or given twice, none is given, or the column map cannot be used.
+        LogError: If a log does not exist or is given twice, no log is given, or the column map cannot be used.
         UsageError: If a folder cannot be written.
         ParameterError: If ``jobs`` is below one.
     """
@@ -243,18 +245,18 @@ def diagnose_each(
             rows[place], done = row, done + 1
             progress(Announcement(Stage.BATCH, done, len(rows), {"file": Path(row.log).name}))
     except WorkerLostError:
-        pass  # the rows of recordings that were not finished keep the refusal above
+        pass  # rows of recordings that were not finished keep the refusal `_LOST`
     return DiagnosedRecordings(robot.name, robot.joint_names, tuple(rows))
 
 
 def _with_absolute_source(robot: Robot) -> Robot:
-    """The robot with the absolute path of its file, because a worker may read meshes in another working folder."""
+    """The robot with the absolute path of its file, because a worker may have another working folder."""
     file = Path(robot.source)
     return replace(robot, source=str(file.absolute())) if file.is_file() and find_robot(robot.source) == file else robot
 
 
 def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: ReadOptions, log: Path) -> Diagnosis:
-    """Diagnosis of one recording from its torque or, without it, from the torque that its controllers command."""
+    """Diagnose one recording from its torque; without recorded torque, from the torque that the controllers command."""
 
     def read(torque_needed: bool) -> tuple[Recording, ...]:
         return (read_recording(log, robot, **vars(reading), torque_needed=torque_needed),)
@@ -270,8 +272,9 @@ def _diagnosed(
     folder: Path | None,
     row: DiagnosedRecording,
 ) -> DiagnosedRecording:
-    """Row of one recording after reading it, diagnosing it and writing its files."""
-    # A closed chain keeps its last solution, and no result may depend on earlier recordings: so the robot is copied.
+    """Read and diagnose one recording and write its files; returns the row with the result."""
+    # A closed chain stores its last solution as the next initial value. With a copy, results do not depend on earlier
+    # recordings.
     robot = copy.deepcopy(robot)
     try:
         diagnosis = _of_torque_or_motion(robot, known, reading, log)
@@ -280,7 +283,7 @@ def _diagnosed(
                 write_outputs(diagnosis, robot, out=folder, json_file=None, known=known)
     except PhantomDynError as refusal:
         return replace(row, refusal=str(refusal))
-    # An error must not end the work on other recordings; the row says what happened.
+    # An unexpected error must not stop the other recordings, so the row reports the error.
     except Exception as fault:
         if isinstance(fault, OSError) and is_disk_full(fault):
             return replace(row, refusal=f"{log.name}: {disk_full_words(fault)}.")

@@ -1,18 +1,19 @@
 """Finds the robots of a fleet that differ from the others, and the robots that changed, from many diagnoses.
 
-A robot is the folder of its recordings, and their order in time is that of their names. Sizes are the parameters of
-findings. A recording without a finding counts as zero, with the standard deviation of the recordings with this finding.
-It does not count if it has another finding on the same joint that never occurs together with the missing one, and so
-may replace it.
+Each folder of recordings is one robot. The order of the recordings' names is their order in time. A size is a parameter
+of a finding. If a recording lacks a finding that occurs elsewhere in the fleet, its size is zero, with the standard
+deviation of the recordings with this finding. The recording is left out instead if it has another finding on the same
+joint that never occurs together with the missing finding, because the other finding may replace the missing one.
 
-Robots that differ: the mean size of the robot differs from those of the others by more than their spread explains
-(Student's t-test of one new value, 5 % over all robots and sizes, at least three other robots).
+A robot differs if its mean size differs significantly from the mean sizes of the other robots (Student's t-test of one
+new value, 5 % over all robots and sizes, at least three other robots).
 
-Robots that changed: a step, or the beginning of a steady drift, is fitted to the recordings of a robot by weighted
-least squares. Its significance is the share of random recordings without a change with a fit as good. These are drawn
-from the scatter of the other robots about their means, or, with fewer than three others, they are the same recordings
-in random order. The level is 5 % over all robots and sizes (Holm's procedure). At least six recordings are needed; in
-random order, even eight seldom show a step. A single deviating recording is no change.
+A robot changed if its sizes have a significant step or begin to drift steadily. The step or drift is fitted to the
+robot's recordings by weighted least squares. Its probability by chance is the share of random series without a change
+that have an equally good fit. Random series are drawn from the deviations of the other robots' recordings from their
+means; with fewer than three other robots, they are the robot's recordings in random order. The level is 5 % over all
+robots and sizes (Holm's procedure). At least six recordings are needed; with random order, even eight recordings seldom
+suffice for a step. A single deviating recording is no change.
 """
 
 from __future__ import annotations
@@ -37,13 +38,14 @@ _FEWEST_OTHERS = 3
 _FEWEST_FOR_SCATTER = 3
 """Smallest number of recordings of another robot for an estimate of its scatter."""
 _FEWEST_FOR_CHANGE = 6
-"""Smallest number of recordings in which a change is looked for."""
+"""Smallest number of recordings of a robot that is tested for changes."""
 ORDERS = 4999
-"""Number of random orders or draws: a probability of 0.01 is then known to a tenth of it."""
+"""Number of random orders or draws; a probability of 0.01 is then accurate to about a tenth of its value."""
 _MOST_ORDERS = 199_999
-"""Largest number of random orders; with over a thousand sizes, even the rarest change is then not significant."""
+"""Largest number of random orders or draws. It limits the smallest probability that can be measured, so with more than
+a thousand sizes no change is significant."""
 _PER_LEVEL = 10
-"""Number of random orders that are expected below the level of the strictest comparison."""
+"""The number of draws is so large that this number of them is expected below the strictest significance level."""
 
 
 class Size(NamedTuple):
@@ -57,15 +59,15 @@ class Size(NamedTuple):
 
 @dataclass(frozen=True)
 class Series:
-    """One size of one finding in all recordings of one robot, in the order of their names.
+    """One size in all recordings of one robot, in the order of the recordings' names.
 
     Attributes:
-        robot: Name of its folder.
-        finding: Effect and place in words.
+        robot: Name of the robot's folder.
+        finding: Effect and joint in words.
         parameter: Name of the parameter in words.
         unit: Unit of the size.
         logs: Names of the recordings.
-        values: Sizes, zero where the finding is missing.
+        values: Sizes; zero for recordings without the finding.
         stds: Standard deviations of the sizes.
     """
 
@@ -85,7 +87,16 @@ class Series:
 
 @dataclass(frozen=True)
 class OutOfLine:
-    """A robot with a size that differs from those of the other robots, and its probability by chance."""
+    """A robot with a size that differs from the other robots.
+
+    Attributes:
+        robot: Name of the robot.
+        quantity: Finding and parameter in words.
+        unit: Unit of the size.
+        value: Mean size of the robot.
+        others: Mean of the mean sizes of the other robots.
+        p: Probability of a difference this large by chance.
+    """
 
     robot: str
     quantity: str
@@ -105,10 +116,10 @@ class Change:
         unit: Unit of the size.
         drifts: True for a drift, False for a step.
         since: Name of the first recording after a step, or of the last recording before a drift.
-        first: Index of this recording among those of the robot.
+        first: Index of the recording ``since`` among the robot's recordings.
         before: Fitted size before the change.
         after: Fitted size after a step, or at the last recording of a drift.
-        p: Probability of such a result by chance.
+        p: Probability of an equally good fit by chance.
     """
 
     robot: str
@@ -124,7 +135,7 @@ class Change:
 
 @dataclass(frozen=True)
 class ChangePoint:
-    """The best-fitting change of a series, with the attributes of `Change`."""
+    """The best-fitting step or drift of a series; attributes have the same meaning as in `Change`."""
 
     drifts: bool
     first: int
@@ -134,10 +145,10 @@ class ChangePoint:
 
 
 def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
-    """Sizes of all findings, one series per robot and size.
+    """Collects the sizes of all findings into one series per robot and size.
 
     Args:
-        result: Diagnoses; refused recordings are left out.
+        result: The diagnoses; refused recordings are left out.
     """
     rows = [row for row in result.rows if row.document is not None]
     robots: dict[str, list[Any]] = {}
@@ -168,7 +179,7 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
 
 
 def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
-    """Robots whose mean size differs from those of the others, the most significant first.
+    """Robots whose mean size differs from the mean sizes of the other robots, the most significant first.
 
     Args:
         series: Series of all robots.
@@ -177,7 +188,7 @@ def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
     for quantity in dict.fromkeys(one.quantity for one in series):
         of_robots = [one for one in series if one.quantity == quantity]
         means = np.array([one.values.mean() for one in of_robots])
-        # Variance of a mean from the standard deviations of the recordings themselves.
+        # Standard deviation of each robot's mean, from the standard deviations of its recordings.
         noise = np.array([float(np.sqrt(np.sum(one.stds**2))) / len(one.stds) for one in of_robots])
         for k, one in enumerate(of_robots):
             others = np.delete(means, k)
@@ -193,9 +204,9 @@ def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
 def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
     """Robots whose size changed, the most significant first.
 
-    By Holm's procedure over all robots and sizes, the most significant of m changes is compared with a level of
-    5 % / m, the next one with 5 % / (m - 1), and so on until one is not significant. So one of twenty fleets without
-    changes has a false alarm.
+    By Holm's procedure over all robots and sizes, the smallest of m probabilities is compared with a level of 5 % / m,
+    the next one with 5 % / (m - 1), and so on until one is above its level. At most one of twenty fleets without
+    changes then has a false alarm.
 
     Args:
         series: Series of all robots.
@@ -222,14 +233,14 @@ def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
 
 
 def _with_enough_draws(one: Series, scatter: Float[Array, " m"] | None, orders: int) -> ChangePoint:
-    """The best-fitting change; if it is rare among a few draws, its probability comes from ``orders`` draws."""
+    """The best-fitting change, with its probability from few draws or, if it is small, from ``orders`` draws."""
     few = change_point(one.values, one.stds, scatter)
     rare = orders > ORDERS and few.p * (1 + ORDERS) <= 2 * _PER_LEVEL
     return change_point(one.values, one.stds, scatter, orders) if rare else few
 
 
 def _significant_without_any(one: Series, scatter: Float[Array, " m"]) -> bool:
-    """True if there is a significant change whichever single recording is left out."""
+    """True if the change remains significant after any single recording is left out."""
     every = np.arange(len(one.values))
     return all(
         change_point(one.values[kept], one.stds[kept], scatter).p <= LEVEL
@@ -243,14 +254,14 @@ def change_point(
     scatter: Float[Array, " m"] | None = None,
     orders: int = ORDERS,
 ) -> ChangePoint:
-    """The best-fitting step or drift, and how often random recordings without a change have a fit as good.
+    """Fits the best step or drift to a series, and computes the probability of an equally good fit by chance.
 
     Args:
         values: Sizes in the order of time.
-        stds: Standard deviations of the sizes, from which their weights follow.
-        scatter: Deviations from the mean of recordings that do not change; None if they are not known: then the values
-            are taken in random order.
-        orders: Number of random orders or draws.
+        stds: Standard deviations of the sizes, which determine their weights.
+        scatter: Deviations from the mean of robots that do not change, from which random series are drawn. With None,
+            random series are the values in random order.
+        orders: Number of random series.
     """
     least = float(np.median(stds))
     weights = 1.0 / np.maximum(stds, least if least > 0 else 1.0) ** 2
@@ -262,11 +273,11 @@ def change_point(
         count = min(remaining, ORDERS)
         drawn = _drawn(rng, np.stack([values, weights]), scatter, count)
         chance, _, _ = _best_change(*drawn, known)
-        # The factor allows for rounding.
+        # The factor counts fits that differ only by rounding as equally good.
         as_good += int(np.sum(chance >= best[0] * (1 - 1e-9)))
         remaining -= count
     drifts, first = divmod(int(place[0]), len(values))
-    # A level that is small beside all sizes is rounding of zero.
+    # A level much smaller than all sizes is a rounding error of zero.
     before, after = np.where(np.abs(levels[0]) > 1e-9 * np.abs(values).max(), levels[0], 0.0).tolist()
     return ChangePoint(bool(drifts), first, before, after, (1 + as_good) / (1 + orders))
 
@@ -274,39 +285,43 @@ def change_point(
 def _drawn(
     rng: np.random.Generator, own: Float[Array, "2 n"], scatter: Float[Array, " m"] | None, count: int
 ) -> tuple[Float[Array, "k n"], Float[Array, "k n"]]:
-    """Random values and weights of recordings that do not change, one row per draw.
+    """Values and weights of random series without a change, one row per series.
 
     Args:
-        rng: Random numbers.
-        own: Values and weights in the order of time.
-        scatter: As in `change_point`.
-        count: Number of draws.
+        rng: Random number generator.
+        own: Values and weights of the robot's recordings in the order of time.
+        scatter: Deviations from which values are drawn; None to permute the robot's recordings.
+        count: Number of series.
     """
     length = own.shape[1]
     if scatter is None:
         orders = rng.permuted(np.tile(np.arange(length), (count, 1)), axis=1)
         return own[0][orders], own[1][orders]
-    # The scatter is estimated from a limited number of recordings, which widens the distribution to Student's.
+    # The scatter is known from a limited number of recordings only. The factor makes a normal distribution Student's.
     wide = np.sqrt(len(scatter) / rng.chisquare(len(scatter), (count, 1)))
     return rng.choice(scatter, (count, length)) * wide, np.tile(own[1], (count, 1))
 
 
 def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], known: float) -> tuple[Array, Array, Array]:
-    """Largest share of the weighted squares that a single change explains, its place, and the levels before and after.
+    """Fits all steps and drifts to each series and returns the best one.
 
-    A place below ``n`` is the first value after a step; a place of ``n + k`` means that ``k`` is the last value before
-    a drift. A step has at least two values on either side, a drift at least three after it.
+    A step has at least two values on either side; a drift has at least three values after its beginning.
 
     Args:
         values: Sizes in the order of time, one series per row.
         weights: Weight of each value.
-        known: Weighted squares of the scatter of other robots, which are added to those of the series.
+        known: Weighted sum of squares of other robots' deviations, which is added to that of each series.
+
+    Returns:
+        Share of the weighted sum of squares that the change explains, position of the change, and the levels before
+        and after. A position below ``n`` is the index of the first value after a step. A position of ``n + k`` means
+        that ``k`` is the index of the last value before a drift.
     """
     count = values.shape[1]
     at = np.arange(count)
     steps, drifts = range(2, count - 1), range(count - 3)
     shapes = np.array([*((at >= k).astype(float) for k in steps), *(np.maximum(at - k, 0.0) for k in drifts)])
-    # The plain mean of each shape is subtracted first, which reduces rounding in the weighted sums below.
+    # Subtracting the mean of each shape reduces rounding errors in the weighted sums below.
     shapes -= shapes.mean(axis=1, keepdims=True)
     places = np.array([*steps, *(count + k for k in drifts)])
     mass = weights.sum(axis=1, keepdims=True)
@@ -324,15 +339,15 @@ def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], know
 
 
 def _scatter(others: list[Series]) -> Float[Array, " m"] | None:
-    """Deviations of the recordings of other robots from their means; None with fewer than three robots."""
+    """Deviations of other robots' recordings from each robot's mean; None with fewer than three other robots."""
     several = [one for one in others if len(one.values) >= _FEWEST_FOR_SCATTER]
     if len(several) < _FEWEST_OTHERS:
         return None
-    # The factor corrects for the mean, which is estimated from the same recordings.
+    # The factor corrects for the mean, which is computed from the same recordings.
     parts = [(v - v.mean()) * np.sqrt(len(v) / (len(v) - 1)) for v in (one.values for one in several)]
     deviations = np.concatenate(parts)
     typical_std = float(np.median(np.concatenate([one.stds for one in several])))
-    # Without the finding all sizes are zero; the scatter is then a normal one with the usual standard deviation.
+    # Robots without the finding have only zeros. Normal deviations with the typical standard deviation replace these.
     if float(np.sqrt(np.mean(deviations**2))) < typical_std:
         return typical_std * np.asarray(ndtri((np.arange(len(deviations)) + 0.5) / len(deviations)))
     return deviations
@@ -350,12 +365,12 @@ def _sizes(document: Any) -> dict[Size, tuple[float, float]]:
 
 
 def _others(found: Iterable[Size], key: Size) -> set[str]:
-    """Effects that were found on the joint of a size."""
+    """Effects found on the joint of a size, including the size's own effect."""
     return {one.effect for one in found if one.joint == key.joint}
 
 
 def short_names(folders: Iterable[str]) -> dict[str, str]:
-    """The last part of each path, or the whole path if several have the same last part."""
+    """The last part of each path, or the whole path if several paths have the same last part."""
     folders = list(folders)
     last = {folder: Path(folder).name or folder for folder in folders}
     twice = {name for name in last.values() if list(last.values()).count(name) > 1}

@@ -1,4 +1,4 @@
-"""Writes ``fleet.html``: a page on many diagnoses with robots that differ, changes over time, and a chart per size."""
+"""Writes ``fleet.html``: robots of a fleet that differ from the others or changed, and a chart of each size."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from identification.words.diagnosis_words import joined
 from identification.words.numbers_and_names import number, with_unit
 from phantom_dyn.array_types import Array
 
-_SIZE = (9.4, 3.0)  # of a chart [inch]
+_SIZE = (9.4, 3.0)  # width and height of a chart [inch]
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours of Okabe and Ito, which people with any kind of colour vision can distinguish."""
 _OTHERS = "#808080"
-_INTERVAL = 1.96
+_INTERVAL = 1.96  # half the width of a 95 % interval, in standard deviations
 _HOW = (
     "<p>A robot is the folder of its recordings, and their time is the order of their names. Out of line is a robot "
     "whose mean size lies outside what the spread of at least three others explains (Student's test, at 5 % over all). "
@@ -84,14 +84,14 @@ def _outlier_words(one: OutOfLine) -> str:
 
 def _change_words(one: Change) -> str:
     what = "has drifted since" if one.drifts else "changed with"
-    # Random draws cannot show a smaller probability than one over their number.
+    # With n draws, no probability below about 1 / n can be measured.
     drawn = "at most " if one.p <= 1 / ORDERS else ""
     levels = f"from {number(one.before)} to {_sized(one.after, one.unit)}"
     return f"{one.robot} {what} {one.since}: {one.quantity} {levels} (by chance {drawn}{_chance(one.p)})."
 
 
 def _chance(p: float) -> str:
-    """A probability as ``once in 500``."""
+    """A probability in words, such as ``once in 500``."""
     if p < 1e-6:
         return "less than once in a million"
     return f"once in {number(1 / p, 2)}"
@@ -102,12 +102,12 @@ def _sized(value: float, unit: str) -> str:
 
 
 def _folders(result: DiagnosedRecordings) -> list[str]:
-    """Folder of each recording, which stands for its robot."""
+    """Folder of each recording; each folder is one robot."""
     return [str(Path(row.log).parent) for row in result.rows]
 
 
 def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], changed: tuple[Change, ...]) -> str:
-    """Table with one row per robot: its recordings, their verdicts, differences and changes."""
+    """Table with one row per robot: number of recordings, verdicts, differences and changes."""
     of_rows = _folders(result)
     folders = list(dict.fromkeys(of_rows))
     names = short_names(folders)
@@ -126,7 +126,7 @@ def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], 
 
 
 def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Change]) -> str:
-    """Chart of a size of all robots with 95 % intervals; robots that differ or changed are in colour."""
+    """Draws one size of all robots with 95 % intervals; robots that differ or changed are in colour."""
     places, names = _places_and_names(series)
     marked = list(dict.fromkeys(one.robot for one in (*outliers, *changed)))
     plain = len(series) <= len(_COLOURS) and not marked
@@ -151,9 +151,10 @@ def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Chang
 
 
 def _places_and_names(series: list[Series]) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Positions of the recordings on the axis, by robot, and the names on it.
+    """Positions of each robot's recordings on the horizontal axis, and the names on the axis.
 
-    Recordings with the same name share a position. If the robots share few names, recordings are numbered instead.
+    Recordings with the same name have the same position. If recordings of different robots rarely have the same name,
+    the axis has numbers instead of names.
     """
     every = sorted({log for one in series for log in one.logs})
     longest = max(len(one.logs) for one in series)
@@ -165,11 +166,12 @@ def _places_and_names(series: list[Series]) -> tuple[dict[str, Array], tuple[str
 
 
 def _beside(k: int, count: int) -> float:
-    """Offset on the axis, so that the bars of robots do not hide each other."""
+    """Offset of the k-th robot on the horizontal axis, so that the bars of robots do not hide each other."""
     return 0.4 * ((k + 0.5) / count - 0.5)
 
 
 def _curve(one: Series, x: Array, colour: str, label: str, width: float) -> Curve:
+    """Curve of one robot with intervals and tooltips."""
     tips = tuple(
         f"{one.robot}, {log}: {_sized(float(value), one.unit)}" for log, value in zip(one.logs, one.values, strict=True)
     )
@@ -178,7 +180,7 @@ def _curve(one: Series, x: Array, colour: str, label: str, width: float) -> Curv
 
 
 def _levels(change: Change, x: Array, colour: str) -> Curve:
-    """Levels before and after a step, or the line of a drift."""
+    """Dashed curve with the levels before and after a step, or with the line of a drift."""
     first, last = change.first, len(x) - 1
     if change.drifts:
         corners = [(x[0], change.before), (x[first], change.before), (x[last], change.after)]
