@@ -1,4 +1,4 @@
-"""Entry point of the command ``phantom-dyn``, which is also ``python -m identification.cli``."""
+"""Starts the command ``phantom-dyn``, also as ``python -m identification.cli``."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import sys
 
 
 def started() -> int:
-    """Run the command and return its exit code: 130 if Ctrl-C comes, even before the command is loaded."""
+    """Run the command and return its exit code: 130 after Ctrl-C, even while the command is being loaded."""
     try:
-        # Without this, MuJoCo, which checks corrected models, would load a graphics library.
+        # MuJoCo checks corrected models. Without this setting, it would load a graphics library.
         os.environ.setdefault("MUJOCO_GL", "disable")
         from identification.cli.main import main
     except KeyboardInterrupt:

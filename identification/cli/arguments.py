@@ -1,4 +1,7 @@
-"""The argument parser of all commands, arguments that several commands share, and checks that need no slow imports."""
+"""Defines the argument parser of all commands, arguments that several commands share, and checks of arguments.
+
+This module has no slow imports, so that wrong arguments are reported at once.
+"""
 
 from __future__ import annotations
 
@@ -45,16 +48,16 @@ class Parser(argparse.ArgumentParser):
         super().__init__(prog=prog, epilog=epilog, description=description, formatter_class=_Formatter)
 
     def _parse_optional(self, arg_string: str):
-        # -1:2 is not an option, but a stretch of time that begins before zero.
+        # -1:2 is no option, but a time interval that begins before zero.
         return None if re.match(r"-[\d.]", arg_string) else super()._parse_optional(arg_string)
 
     def error(self, message: str) -> NoReturn:
-        """Raise the error for wrong arguments."""
+        """Raise a `UsageError` with the message."""
         raise UsageError(f"{message.strip()}; see {self.prog} --help")
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
-    """Add ROBOT and the option that names its configuration."""
+    """Add the argument ROBOT, and the option that names the robot's configuration."""
     parser.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
     parser.add_argument(
         "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
@@ -62,13 +65,13 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
 
 
 def add_logs(parser: argparse.ArgumentParser) -> None:
-    """Add LOG, which may be given several times, and the options for reading it."""
+    """Add the argument LOG, which may be given several times, and the options for reading logs."""
     parser.add_argument("logs", metavar="LOG", nargs="+", help=_LOG_HELP)
     _add_log_options(parser)
 
 
 def add_log(parser: argparse.ArgumentParser) -> None:
-    """Add a single LOG, and the options for reading it."""
+    """Add the argument LOG, which is given once, and the options for reading the log."""
     parser.add_argument("log", metavar="LOG", help=_LOG_HELP)
     _add_log_options(parser)
 
@@ -81,13 +84,13 @@ def _add_log_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_list(parser: argparse.ArgumentParser, option: str, *, metavar: str, help: str, dest: str | None = None) -> None:
-    """Add an option that takes one value or more and may be repeated; all values are collected in one list."""
+    """Add an option that takes one or several values and may be repeated; all values are collected in one list."""
     dest = dest or option.removeprefix("--").replace("-", "_")
     parser.add_argument(option, dest=dest, metavar=metavar, action="extend", nargs="+", default=[], help=help)
 
 
 def add_effects(parser: argparse.ArgumentParser) -> None:
-    """Add the option that names files with effects of the user, in addition to the catalogue."""
+    """Add the option that names Python files with effects defined by the user."""
     parser.add_argument(
         "--effects",
         dest="effect_files",
@@ -100,7 +103,7 @@ def add_effects(parser: argparse.ArgumentParser) -> None:
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
-    """Add the options that state how a recording is read: its columns, topics and episodes."""
+    """Add the options for reading recordings: columns, topics and episodes."""
     parser.add_argument(
         "--columns",
         metavar="FILE|PRESET",
@@ -134,7 +137,7 @@ def expand_one_episode(arguments: argparse.Namespace) -> None:
     """Replace the folder of a LeRobot dataset in the arguments by the chosen episode.
 
     Raises:
-        UsageError: If several are chosen.
+        UsageError: If several episodes are chosen.
     """
     if arguments.episodes is None and not is_lerobot(Path(arguments.log)):
         return
@@ -147,16 +150,16 @@ def expand_one_episode(arguments: argparse.Namespace) -> None:
 
 
 def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:
-    """All arguments of a command that may name files to read; None for those that were not given."""
+    """All arguments of a command that name files to read; None for arguments that were not given."""
     lists = (getattr(arguments, name, ()) for name in ("logs", "hold_out", "known", "effect_files"))
     single = (getattr(arguments, name, None) for name in ("robot", "robot_config", "columns", "recordings"))
     return (*single, *(path for paths in lists for path in paths or ()))
 
 
 def require_files(arguments: argparse.Namespace) -> None:
-    """Raise an error for a missing robot or log, and for a log that is given twice; this needs no slow imports.
+    """Raise an error if the robot or a log does not exist, or if a log is given twice.
 
-    If a recording were given twice, its held-out blocks would not be independent data: their copies were fitted.
+    If a recording were given twice, the fit would use copies of its held-out blocks.
     """
     require_not_swapped(arguments.robot, arguments.logs)
     find_robot(arguments.robot)
@@ -173,12 +176,12 @@ def require_files(arguments: argparse.Namespace) -> None:
 
 
 def excluded_stretches(arguments: argparse.Namespace) -> tuple[tuple[float, float], ...]:
-    """Start and end [s] of each stretch of time that ``--exclude`` names."""
+    """Start and end [s] of each time interval that ``--exclude`` names."""
     return tuple(_stretch(text) for text in arguments.exclude)
 
 
 def reading_as_asked(read: Callable[..., Recording], arguments: argparse.Namespace) -> Callable[..., Recording]:
-    """A function that reads a recording with the options that the arguments give."""
+    """The function ``read`` with the reading options from the arguments."""
     return partial(
         read,
         columns=arguments.columns,
@@ -190,7 +193,7 @@ def reading_as_asked(read: Callable[..., Recording], arguments: argparse.Namespa
 
 
 def robot_with_effects(arguments: argparse.Namespace) -> Robot:
-    """The robot that the arguments name, with effects from files of the user and from installed packages."""
+    """Loads the robot that the arguments name, with effects from files of the user and from installed packages."""
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
@@ -211,10 +214,10 @@ def _stretch(text: str) -> tuple[float, float]:
 
 
 def one_blas_thread() -> None:
-    """Limit linear algebra to one thread, whatever the environment states; call it before NumPy is loaded.
+    """Limit linear algebra to one thread; must be called before NumPy is loaded.
 
-    The matrices are small, so that threads would only wait for each other. The number of threads also changes the order
-    of sums, so that the last digits of results would differ between machines.
+    The matrices are small, so several threads would only wait for each other. The number of threads also changes the
+    order of sums, so the last digits of results would differ between machines.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"

@@ -1,4 +1,4 @@
-"""``phantom-dyn check``: report what is wrong with recordings."""
+"""The command ``phantom-dyn check``: reports faults of recordings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn check",
         description="Tell what is wrong with recordings, nothing else: faults beyond doubt, for which diagnose and "
@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print what each recording is and what is wrong with it."""
+    """Print a description of each recording and its faults."""
     one_blas_thread()
     robot_file, logs = _robot_and_logs(arguments)
     if arguments.robot_config is not None and robot_file is None:
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _robot_and_logs(arguments: argparse.Namespace) -> tuple[str | None, list[str]]:
-    """The robot, or None if none was given, and the recordings."""
+    """The robot (None if none was given) and the recordings."""
     first, *rest = arguments.words
     if looks_like_log(first) and any(looks_like_robot(word) for word in rest):
         require_not_swapped(first, rest)

@@ -1,4 +1,4 @@
-"""``phantom-dyn compare``: report what changed between diagnoses."""
+"""The command ``phantom-dyn compare``: reports changes between diagnoses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phantom_dyn.errors import UsageError
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn compare",
         description="Say what changed between diagnoses of one robot: verdicts, findings, and sizes with their 95 % "
@@ -31,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Read the diagnoses, print what changed, and write the page if it was asked for."""
+    """Read the diagnoses, print the changes, and write a page with ``--out``."""
     one_blas_thread()
     if len(arguments.diagnoses) < 2:
         raise UsageError(

@@ -1,4 +1,4 @@
-"""``phantom-dyn datasets list | fetch NAME``: list or download public recordings of real robots."""
+"""The command ``phantom-dyn datasets list | fetch NAME``: lists or downloads public recordings of real robots."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phantom_dyn.errors import LogError, UsageError
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments of the command."""
+    """The parser of the command's arguments."""
     parser = Parser(
         prog="phantom-dyn datasets",
         description="Recordings of real robots: list them, or fetch one and print its folder. PHANTOM_DYN_DATA names a "
@@ -37,6 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _entry(dataset: datasets.Dataset) -> str:
+    """Lines that describe a dataset."""
     return "\n".join(
         [
             f"{dataset.name}: {dataset.what}",
@@ -49,6 +50,7 @@ def _entry(dataset: datasets.Dataset) -> str:
 
 
 def _whereabouts(dataset: datasets.Dataset) -> str:
+    """Folder of a dataset on this computer, or how to get the dataset."""
     try:
         folder = datasets.local(dataset.name)
     except LogError as error:

@@ -1,4 +1,4 @@
-"""``phantom-dyn degrade``: add effects to a log, as if it were recorded on a cheaper device."""
+"""The command ``phantom-dyn degrade``: adds effects to a log, as if it were recorded on a cheaper device."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class _CollectEffects(argparse.Action):
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn degrade",
         description="Write the log that a cheaper device would have given: the same motion with the torque that it "
@@ -89,7 +89,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the log, and print how much each column has changed."""
+    """Write the changed log, and print the root mean square change of each column."""
     one_blas_thread()
     if not arguments.effects:
         raise UsageError("no --effect was given, wanted at least one; see phantom-dyn degrade --help")

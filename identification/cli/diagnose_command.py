@@ -1,4 +1,4 @@
-"""``phantom-dyn diagnose``: find what the model of a robot lacks, from one or several recordings."""
+"""The command ``phantom-dyn diagnose``: finds effects that the model of a robot lacks, from recordings."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments of the command."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn diagnose",
         description="Say where the gap between a robot and its model lies, which unmodelled effect causes it, and how "
@@ -103,9 +103,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Diagnose and print a summary; write files if they were asked for."""
+    """Diagnose, print a summary, and write the files that the options name."""
     one_blas_thread()
-    excluded_stretches(arguments)  # refuses before anything slow
+    excluded_stretches(arguments)  # raises an error for wrong times before any slow work
     _refuse_contradictions(arguments)
     expand_episodes(arguments)
     if arguments.each:
@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _refuse_contradictions(arguments: argparse.Namespace) -> None:
-    """Raise an error for options that exclude each other; the message says which of them to leave out."""
+    """Raise an error for options that exclude each other, with a message that names the option to leave out."""
     each, changed, recordings = arguments.each, arguments.changed is not None, arguments.recordings is not None
     contradictions = (
         (
@@ -159,7 +159,7 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
 
 
 def _diagnose_together(arguments: argparse.Namespace) -> int:
-    """Make one diagnosis of all recordings, print its summary and write the files."""
+    """Make one diagnosis of all recordings, print its summary and write its files."""
     from identification.export.all_files import not_written
     from identification.export.known_model import known_model
     from identification.pipeline import planned, with_proposal
@@ -186,7 +186,8 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
         say("\n".join(written_lines(written, arguments.out)))
         return DONE
     notes, not_held = len(diagnosis.notes), list[str]()
-    # The next experiment is planned while the models are written. With --profile one process does both, in turn.
+    # A second process plans the next experiment while this one writes the models. With --profile, one process does
+    # both in turn, so that the times of the stages can be measured.
     plan = partial(planned, without_plan)
     proposal = started(plan) if times is None else cache(plan)
 
@@ -226,7 +227,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
 def _diagnosis_of_changes(
     arguments: argparse.Namespace, robot: Robot, known: tuple[KnownEffect, ...], progress: Progress
 ) -> DiagnosisWithoutPlan:
-    """Diagnosis from recordings between which something changed, as ``--recordings`` or ``--changed`` states."""
+    """Diagnose recordings between which something changed; ``--recordings`` or ``--changed`` states what."""
     from identification.data.changes import Change
     from identification.pipeline import diagnose_without_plan
     from identification.scenarios.recordings_file import changed_from_first, read_changed, read_changes
@@ -252,7 +253,7 @@ def _diagnosis_of_changes(
 def _diagnosis_of_logs(
     arguments: argparse.Namespace, robot: Robot, known: tuple[KnownEffect, ...], progress: Progress
 ) -> DiagnosisWithoutPlan:
-    """Diagnosis from recorded torques, or without them, from the controllers' torques or from positions at rest."""
+    """Diagnose recorded torques. Without them, diagnose the controllers' torques or positions at rest."""
     from identification.data.reading import read_recording
     from identification.pipeline import diagnose_without_plan
 
@@ -276,10 +277,10 @@ def _diagnosis_of_logs(
 
 
 def _logs_of_folders(logs: list[str]) -> list[str]:
-    """The given recordings, with each folder replaced by the recordings in it.
+    """The given recordings, with each folder replaced by the recordings in the folder.
 
     Raises:
-        LogError: If a folder holds no recording.
+        LogError: If a folder contains no recording.
     """
     if not any(Path(log).is_dir() for log in logs):
         return logs
@@ -292,7 +293,7 @@ def _diagnose_each(arguments: argparse.Namespace) -> int:
     """Diagnose every recording by itself, print the table of verdicts and write the files.
 
     Returns:
-        0 if every recording was diagnosed, 2 if one was refused; the others are diagnosed and written all the same.
+        0 if every recording was diagnosed, 2 if at least one was refused. The others are diagnosed in any case.
     """
     from identification.batch.batch_tables import table, write_tables
     from identification.batch.diagnose_each import diagnose_each

@@ -1,4 +1,4 @@
-"""``phantom-dyn doctor``: print the versions of libraries, and which are missing."""
+"""The command ``phantom-dyn doctor``: prints the versions of libraries, and names the missing ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from phantom_dyn.model.robot_files import builtin_robots, examples_folder
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """The parser of the command's arguments."""
     return Parser(
         prog="phantom-dyn doctor",
         description="Print the versions of phantom-dyn, Python and the libraries, and what is missing with the command "
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the versions; the exit code is 0 whatever is missing."""
+    """Print the versions; the exit code is 0 even if libraries are missing."""
     del arguments
     say(f"phantom-dyn {__version__}")
     say(f"Python {platform.python_version()} at {sys.executable}")
@@ -58,13 +58,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def required(requirements: Iterable[str]) -> tuple[str, ...]:
-    """Names of the packages that are required without any extra."""
+    """Names of the required packages, without those that only an extra requires."""
     plain = [requirement for requirement in requirements if "extra ==" not in requirement]
     return tuple(found[0] for line in plain if (found := re.match(r"[\w.\-]+", line)))
 
 
 def plug_ins() -> tuple[str, ...]:
-    """Names of entry points that provide effects, with their packages; they are not loaded."""
+    """Names of the entry points that provide effects, with their packages; the entry points are not loaded."""
     found = metadata.entry_points(group="phantom_dyn.effects")
     return tuple(one.name + ("" if one.dist is None else f" ({one.dist.name})") for one in found)
 

@@ -1,4 +1,4 @@
-"""``phantom-dyn excite``: design a reference motion from which a robot's inertial parameters can be identified."""
+"""The command ``phantom-dyn excite``: designs a motion from which inertial parameters can be identified."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn excite",
         description="Design a motion from rest to rest that makes the inertial parameters of a robot visible and keeps "
@@ -104,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Design the motion, write it, and print its figures."""
+    """Design the motion, write it to a file, and print its properties."""
     one_blas_thread()
     if arguments.seed < 0:
         raise UsageError(f"--seed {arguments.seed} was given, wanted 0 or more")
@@ -176,10 +176,10 @@ def _collisions(arguments: argparse.Namespace, robot: Robot) -> Collisions | Non
 
 
 def _clear(given: float | None, robot: Robot) -> float:
-    """Smallest distance of closed chains from a singularity, as ``--clear`` or the default states it.
+    """Smallest distance of closed chains from a singularity: the value of ``--clear``, or the default.
 
     Raises:
-        UsageError: If it was given for a robot without chains that are closed numerically.
+        UsageError: If ``--clear`` was given for a robot without numerically solved loops.
     """
     from identification.excitation.closable import CLEAR, solved_numerically
 
@@ -193,7 +193,10 @@ def _clear(given: float | None, robot: Robot) -> float:
 
 
 def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
-    """Triangular factor of earlier recordings, at about the rate of the new one; None without earlier recordings."""
+    """Triangular factor of the regressor of earlier recordings; None without earlier recordings.
+
+    The recordings are reduced to about the sample rate of the new motion.
+    """
     if not arguments.earlier:
         return None
     from identification.data.reading import read_recording
@@ -209,7 +212,7 @@ def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
 
 
 def _box(text: str) -> FrameBox:
-    """The box that ``frame=x0:x1,y0:y1,z0:z1`` states; an empty number or axis means no limit."""
+    """The box in ``frame=x0:x1,y0:y1,z0:z1``; an empty number or axis means no limit."""
     import numpy as np
 
     from identification.excitation.limits import FrameBox

@@ -1,4 +1,4 @@
-"""``phantom-dyn experiment``: fit friction at constant speeds, or the stiffness of a transmission with the arm held."""
+"""The command ``phantom-dyn experiment``: fits friction at constant speeds, or the stiffness of a transmission."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from identification.experiments.linear_fit import LinearFit
     from phantom_dyn.model.robot import Robot
 
-# Smallest share of the motion at constant speed in a friction test: triangles are above it, sines below.
+# A friction test must have constant speed for this share of its motion. Triangles have more, sines have less.
 _STEADY = 0.5
 _NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offset"}
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments of the command."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn experiment",
         description="friction: viscous and Coulomb friction of each joint that moves at constant speeds (triangles of "
@@ -59,11 +59,11 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fit the test, print its parameters, and write the files."""
+    """Fit the test, print the parameters, and write the files."""
     one_blas_thread()
     if arguments.joint is not None and arguments.test == "friction":
         raise UsageError("--joint was given with friction, which takes every joint that moves: leave it out.")
-    excluded_stretches(arguments)  # refuses before anything slow
+    excluded_stretches(arguments)  # raises an error for wrong times before any slow work
     find_robot(arguments.robot)
     expand_episodes(arguments)
     for log in arguments.logs:
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     from phantom_dyn.model.loading import load_robot
 
     robot = load_robot(arguments.robot, config=arguments.robot_config)
-    # With the arm held, the joint hardly moves, and the checks for a moving robot would refuse the recording.
+    # With a held arm the joint hardly moves, so the checks for a moving robot would refuse the recording.
     held = arguments.test == "stiffness"
     read = reading_as_asked(read_recording, arguments)
     recordings = tuple(read(log, robot, anyway=arguments.anyway or held) for log in arguments.logs)
@@ -98,6 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _friction(robot: Robot, recordings: tuple[Recording, ...], _: str | None) -> tuple[list[dict], Figure]:
+    """Fit friction and print the result; returns entries of the JSON file and a figure."""
     from identification.data.signals import process
     from identification.experiments.constant_speed_friction import friction_tests
     from identification.reporting.experiment_figures import friction_figure
@@ -144,6 +145,7 @@ def _passive(logs: list) -> list[dict]:
 
 
 def _stiffness(robot: Robot, recordings: tuple[Recording, ...], joint: str | None) -> tuple[list[dict], Figure]:
+    """Fit the stiffness of a transmission and print the result; returns entries of the JSON file and a figure."""
     from dataclasses import replace
 
     from identification.experiments.transmission import cutoff_of, fit_transmission, loop_of, moving_joint
@@ -177,13 +179,13 @@ def _words(fit: LinearFit) -> str:
 
 
 def _below_zero(fit: LinearFit, name: str) -> bool:
-    """True for a parameter that is negative by more than two standard errors."""
+    """True if a parameter is negative by more than two standard errors."""
     k = fit.names.index(name)
     return bool(fit.theta[k] < -2 * fit.std()[k])
 
 
 def _numbers(fit: LinearFit) -> dict[str, dict[str, float | str]]:
-    """Parameters of a fit for the JSON file."""
+    """Parameters of a fit as an entry of the JSON file."""
     parts = zip(fit.names, fit.theta, fit.std(), fit.units, strict=True)
     return {
         _NAMES.get(name, name): {"value": float(value), "std": float(std), "unit": unit}

@@ -1,4 +1,4 @@
-"""``phantom-dyn identify``: estimate the parameters of a robot from recordings."""
+"""The command ``phantom-dyn identify``: estimates the parameters of a robot from recordings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments of the command."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn identify",
         description="Estimate the base parameters, friction and drives of a robot, judge them on data that no fit has "
@@ -67,9 +67,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identify, write the files and print a summary."""
+    """Identify the parameters, write the files and print a summary."""
     one_blas_thread()
-    excluded_stretches(arguments)  # refuses before anything slow
+    excluded_stretches(arguments)  # raises an error for wrong times before any slow work
     expand_episodes(arguments)
     require_files(arguments)
     from identification.data.reading import read_recording

@@ -1,4 +1,4 @@
-"""The command line: finds the command, runs it with its arguments, and prints errors as one sentence.
+"""Runs the command that the command line names, and prints each error as one sentence.
 
 For completion in a shell: ``eval "$(register-python-argcomplete phantom-dyn)"``.
 """
@@ -21,8 +21,8 @@ from identification.files import disk_full_words, is_disk_full, unreachable_word
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
-# Module and purpose of each command. A module is imported only when its command is called, and imports heavy libraries
-# only for the computation, so that help and error messages come at once.
+# Module and purpose of each command. A module is imported only when its command is called. It imports heavy libraries
+# only before the computation, so that help and error messages appear at once.
 COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("identification.cli.diagnose_command", "find what the model of a robot lacks, from recordings"),
     "identify": (
@@ -52,7 +52,7 @@ class Command(Protocol):
     """Functions that the module of a command provides."""
 
     def parser(self) -> argparse.ArgumentParser:
-        """The command's arguments: an `identification.cli.arguments.Parser`."""
+        """The parser of the command's arguments, an `identification.cli.arguments.Parser`."""
         ...
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -64,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command.
 
     Args:
-        argv: Words after the program's name; those of the process by default.
+        argv: Arguments after the program's name; by default those of the process.
 
     Returns:
         Exit code: 0 the job was done, 2 bad input, 130 interrupted, 143 ended by SIGTERM.
@@ -86,7 +86,7 @@ def main(argv: list[str] | None = None) -> int:
         complain("interrupted")
         return INTERRUPTED
     except BrokenPipeError:
-        # The program that reads the output (head, less) has ended.
+        # The program that reads the output, such as head or less, has ended.
         discard_output(sys.stdout)
         return DONE
     except OSError as error:
@@ -99,7 +99,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _dispatch(words: list[str]) -> int:
-    """Run the command that the words name, and return its exit code."""
+    """Run the command that the first word names, and return its exit code."""
     if not words:
         raise UsageError(f"no command was given, wanted one of {', '.join(COMMANDS)}; see phantom-dyn --help")
     if "" in words:
@@ -139,13 +139,14 @@ def _help() -> str:
 
 
 def _unknown(name: str) -> str:
+    """Error message for an unknown command, with the most similar command."""
     nearest = difflib.get_close_matches(name, COMMANDS, n=1)
     hint = f"did you mean {nearest[0]}?" if nearest else "see phantom-dyn --help"
     return f"unknown command {name!r}, wanted one of {', '.join(COMMANDS)}; {hint}"
 
 
 def complete(commands: Mapping[str, tuple[str, str]]) -> None:
-    """Answer a shell that asks for completions, and end the process; without argcomplete, do nothing.
+    """Print completions for the shell and end the process; without argcomplete, do nothing.
 
     Args:
         commands: Module and purpose of each command by name.
@@ -158,7 +159,7 @@ def complete(commands: Mapping[str, tuple[str, str]]) -> None:
 
 
 def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentParser:
-    """One parser with all commands, from which argcomplete takes the completions."""
+    """One parser with all commands, for argcomplete."""
     out = argparse.ArgumentParser(prog="phantom-dyn", add_help=False)
     below = out.add_subparsers()
     for name, (module, purpose) in commands.items():
@@ -168,7 +169,7 @@ def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentP
 
 
 def _without_help(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """The arguments of a parser without its ``--help``, which argparse adds again to the parser of each command."""
+    """A parser without its ``--help``, because argparse adds this option to the parser of each command."""
     out = argparse.ArgumentParser(add_help=False)
     for action in parser._actions:
         if not isinstance(action, argparse._HelpAction):

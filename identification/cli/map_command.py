@@ -1,4 +1,4 @@
-"""``phantom-dyn map``: compute forces, masses and stiffness at the tip of a robot over its workspace."""
+"""The command ``phantom-dyn map``: computes forces, masses and stiffness at the tip of a robot over its workspace."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _QUANTITIES = (
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments of the command."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn map",
         description="Map what is felt at the tip of a robot over a grid, into map.npz, map.nc and figures. Points that "
@@ -63,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compute the map, write its files and print a summary."""
+    """Compute the map, write the files and print a summary."""
     one_blas_thread()
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on")
@@ -106,10 +106,12 @@ def _quantities(arguments: argparse.Namespace) -> list[str]:
 
 
 def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) -> np.ndarray | None:
-    """Values of an option, one per joint in order, or by name with 0 for the other joints.
+    """Values of an option for each joint; None if the option was not given.
+
+    The words are one number per joint in order, or ``joint=number`` for some joints and zero for the others.
 
     Raises:
-        UsageError: If a joint is unknown, a word is no number, or their count is wrong.
+        UsageError: If a joint is unknown, a word is no number, or the number of words is wrong.
     """
     if words is None:
         return None

@@ -1,4 +1,4 @@
-"""``phantom-dyn view``: replay a recording in the browser, beside simulations of the given and corrected models."""
+"""The command ``phantom-dyn view``: replays a recording in the browser, next to simulations of the models."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _PORTS = 65_535
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn view",
         description="Replay a recording in the browser: the measured motion beside that of the given model and, with "
@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
 def run(arguments: argparse.Namespace) -> int:
     """Prepare the replay and serve it until Ctrl-C."""
     one_blas_thread()
-    excluded_stretches(arguments)  # refuses before anything slow
+    excluded_stretches(arguments)  # raises an error for wrong times before any slow work
     _require_numbers(arguments)
     require_not_swapped(arguments.robot, [arguments.log])
     find_robot(arguments.robot)
@@ -114,7 +114,7 @@ def _require_numbers(arguments: argparse.Namespace) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> Replay:
-    """The replay that the arguments ask for."""
+    """Prepare the replay from the arguments of the command."""
     with Progress(Stage.LOADING, sys.stderr, stages=VIEW) as progress:
         from identification.data.reading import read_recording
         from identification.export.corrected.corrected_yaml import known_effects
@@ -144,5 +144,5 @@ def _replay(arguments: argparse.Namespace) -> Replay:
 
 
 def _has_browser() -> bool:
-    """False on a machine without a screen, on which a browser would open in the terminal."""
+    """False on a computer without a screen, where a text browser would open in the terminal."""
     return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

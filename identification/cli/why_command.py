@@ -1,4 +1,4 @@
-"""``phantom-dyn why``: explain why an effect was named in a diagnosis, or was not."""
+"""The command ``phantom-dyn why``: explains why an effect was named in a diagnosis, or was not."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from identification.cli.terminal.printed import say
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """The parser of the command's arguments."""
     out = Parser(
         prog="phantom-dyn why",
         description="Say why an effect was named in a diagnosis, or was not: how much of the gap it would close, what "
@@ -23,7 +23,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Read the diagnosis and print why."""
+    """Read the diagnosis and print the explanation."""
     from identification.reporting.stored.diagnosis_reader import read_diagnosis
     from identification.words.ledger_words import listed, why
 

@@ -1,1 +1,1 @@
-"""Output of a running command, and its interruption by the user."""
+"""Prints the output and progress of a command, and handles interruptions by the user."""

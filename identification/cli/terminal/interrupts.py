@@ -1,4 +1,4 @@
-"""Lets Ctrl-C and SIGTERM end a command cleanly, even if a library catches the exception."""
+"""Ends a command cleanly after Ctrl-C or SIGTERM, even if a library catches the exception."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from contextlib import contextmanager
 from types import FrameType
 
 _ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
-"""Signals that end a command, and Python's own handling of each."""
+"""Signals that end a command, and Python's default handler of each."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """The user asked the command to end.
+    """Exception for a signal that asks the command to end.
 
-    It is a class of its own because Python remembers a plain ``KeyboardInterrupt`` in ``exec`` of a string (which makes
-    every dataclass), and kills the process at its end although the exception was caught.
+    A plain ``KeyboardInterrupt`` would not do: if it occurs in ``exec`` of a string, which defines every dataclass,
+    Python remembers the exception and kills the process at its end, although the exception was caught.
 
     Attributes:
         number: Number of the signal.
@@ -28,7 +28,10 @@ class Interrupted(KeyboardInterrupt):
 
 
 class _Handler:
-    """Raises `Interrupted`, and remembers it because an import that catches every exception may swallow it."""
+    """Signal handler that raises `Interrupted`.
+
+    It remembers the signal, because an import that catches every exception may discard `Interrupted`.
+    """
 
     def __init__(self) -> None:
         self.asked: int | None = None
@@ -40,11 +43,12 @@ class _Handler:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise `Interrupted` for Ctrl-C, SIGTERM and a closed terminal, unless the process handles them in its own way.
+    """Context in which Ctrl-C, SIGTERM and a closed terminal raise `Interrupted`.
 
-    Without this, SIGTERM would leave temporary files and processes behind.
+    Signals for which the process has its own handler keep this handler. Outside of this context, SIGTERM would leave
+    temporary files and processes.
     """
-    # Only the main thread may set a handler, and a signal that the process ignores stays ignored.
+    # Only the main thread may set a handler. Signals that are ignored remain ignored.
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -60,7 +64,7 @@ def interruptible() -> Iterator[None]:
 
 
 def end_if_asked() -> None:
-    """Raise `Interrupted` if a signal came since `interruptible` began but its exception was swallowed."""
+    """Raise `Interrupted` if a signal has arrived since `interruptible` began, but its exception was caught."""
     for number in _ENDING:
         handler = signal.getsignal(number)
         if isinstance(handler, _Handler) and handler.asked is not None:

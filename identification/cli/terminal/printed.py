@@ -1,4 +1,4 @@
-"""Prints the output of a command, without control characters that names of files and joints may contain."""
+"""Prints the output of a command without control characters, which names of files and joints may contain."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from phantom_dyn.errors import printable
 def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) -> None:
     """Print lines without control characters.
 
-    If the program that reads them has ended (head, less), they are lost, and the command goes on: it may write files.
+    If the program that reads the output has ended (head, less), lines are discarded. The command continues, because it
+    may write files.
 
     Args:
-        words: One line or several.
+        words: One or several lines.
         file: Stream; standard output by default.
-        flush: True if the text must be seen at once.
+        flush: True to show the text at once.
     """
     text = "\n".join(map(printable, str(words).split("\n")))
     stream = sys.stdout if file is None else file
@@ -30,7 +31,7 @@ def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) 
 
 
 def _in_encoding(text: str, stream: TextIO) -> str:
-    """Text with +- and ? in place of characters that the encoding of a stream does not have, such as ASCII."""
+    """Text in which characters that the stream's encoding (such as ASCII) lacks are replaced by +- or ?."""
     encoding = getattr(stream, "encoding", None) or "utf-8"
     try:
         text.encode(encoding, getattr(stream, "errors", None) or "strict")
@@ -40,7 +41,7 @@ def _in_encoding(text: str, stream: TextIO) -> str:
 
 
 def complain(words: str) -> None:
-    """Print a line on standard error; if that fails, only the exit code reports the error."""
+    """Print an error on standard error; if printing fails, only the exit code reports the error."""
     try:
         say(f"phantom-dyn: {words}", file=sys.stderr, flush=True)
     except OSError:
@@ -48,9 +49,9 @@ def complain(words: str) -> None:
 
 
 def discard_output(stream: TextIO) -> None:
-    """Send all further output of a broken stream to the null device.
+    """Send further output of a broken stream to the null device.
 
-    Python flushes the stream once more when it exits, which would fail again.
+    Without this, Python would flush the stream at exit and fail again.
     """
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, stream.fileno())
@@ -60,7 +61,7 @@ def discard_output(stream: TextIO) -> None:
 def open_streams() -> None:
     """Open standard output and error on the null device if the caller has closed them (``>&-``).
 
-    Python has no object for a closed stream, and the next opened file would receive what C++ code prints.
+    Otherwise Python would have no object for a closed stream, and output of C++ code would go to the next opened file.
     """
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:

@@ -1,4 +1,4 @@
-"""Shows the progress of a run in words and per cent: a redrawn line on a terminal, else a line every ten seconds."""
+"""Shows the progress of a run: one redrawn line on a terminal, otherwise a new line every ten seconds."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 EVERY_S = 10.0
-"""Smallest time between two lines if the stream is not a terminal [s]: a shorter run prints none."""
+"""Smallest time between two lines if the stream is not a terminal [s]; shorter runs print no line."""
 
-# Stages of each command, with the usual share of its time that each takes [%].
+# Stages of each command, and the usual share of the command's time that each stage takes [%].
 DIAGNOSIS = {
     Stage.READING: 16.0,
     Stage.FILTERING: 1.0,
@@ -33,10 +33,11 @@ DIAGNOSIS = {
     Stage.LAW: 2.0,
     Stage.SIMULATION: 4.0,
 }
-"""``phantom-dyn diagnose`` until its answer is known. Shares are rounded means over recordings of one to seven joints
-(`python benchmarks/stage_shares.py`); in a single recording the share of rivals may be much smaller or larger."""
+"""``phantom-dyn diagnose`` until the summary is printed. Shares are rounded means over recordings of one to seven
+joints (`python benchmarks/stage_shares.py`). For a single recording the share of the comparison with rivals may be much
+smaller or larger."""
 AFTER_DIAGNOSIS = {Stage.NEXT_EXPERIMENT: 17.0, Stage.WRITING: 83.0}
-"""``phantom-dyn diagnose`` after its answer."""
+"""``phantom-dyn diagnose`` after the summary is printed."""
 IDENTIFICATION = {
     Stage.READING: 25.0,
     Stage.FILTERING: 5.0,
@@ -47,7 +48,7 @@ IDENTIFICATION = {
     Stage.MODEL_FILES: 10.0,
     Stage.WRITING: 30.0,
 }
-"""``phantom-dyn identify``. Short runs mostly load libraries, long ones mostly estimate."""
+"""``phantom-dyn identify``. In short runs most time is for loading libraries, in long runs for estimation."""
 CHECK = {Stage.READING: 40.0, Stage.CHECKING: 60.0}
 """``phantom-dyn check``, for each recording."""
 EXCITATION = {
@@ -67,11 +68,11 @@ BATCH = {Stage.LOADING: 1.0, Stage.BATCH: 98.0, Stage.WRITING: 1.0}
 
 
 def percent_done(stages: Mapping[Stage, float], now: Announcement) -> float:
-    """Share of a run that is done at an announcement [%]; 0 if its stage is not one of the run's.
+    """Share of a run that is done at an announcement [%]; 0 if the run does not have the announced stage.
 
     Args:
-        stages: Stages of the run in their order, with the share of its time that each takes [%].
-        now: The announcement; if its stage has parts, the finished parts count.
+        stages: Stages of the run in their order, and the share of the run's time that each takes [%].
+        now: The announcement; finished parts of the announced stage count.
     """
     if now.stage not in stages:
         return 0.0
@@ -80,10 +81,10 @@ def percent_done(stages: Mapping[Stage, float], now: Announcement) -> float:
 
 
 class Progress:
-    """Context that shows on ``stream`` what a run is doing.
+    """Context that shows the current stage of a run on ``stream``.
 
-    If the stages of the run are given, the line begins with the finished per cent. In a first run, which compiles
-    functions, it ends with their number.
+    If the stages of the run are given, the line begins with the finished per cent. In the first run after an
+    installation, functions are compiled, and the line ends with the number of compiled functions.
     """
 
     def __init__(
@@ -101,7 +102,8 @@ class Progress:
         self._compilation, self._open = Compilation(), ExitStack()
 
     def __enter__(self) -> Progress:
-        # The stack closes everything if an interrupt comes before all is open; else the cursor would stay hidden.
+        # If an interrupt comes before everything is opened, the stack closes what is open. Otherwise the cursor would
+        # remain hidden.
         with ExitStack() as opened:
             self._compilation = opened.enter_context(watched_compilation())
             if self._watched:
@@ -126,23 +128,23 @@ class Progress:
         current_line = self.line
 
         class Line(ProgressColumn):
-            """The current line, which is made only when it is drawn, so that an announcement costs nothing."""
+            """The current line. Its text is computed only when it is drawn, so that announcements take no time."""
 
             def render(self, task: Task) -> Text:
                 del task
                 return Text(current_line())
 
         columns = (SpinnerColumn(), Line(), TimeElapsedColumn())
-        # Each redrawing takes about a millisecond.
+        # Four redraws per second, as each takes about a millisecond.
         bar = Bar(*columns, console=Console(file=self._stream), transient=True, refresh_per_second=4.0)
         bar.add_task("", total=None)
         return bar
 
     def line(self) -> str:
-        """Finished per cent, current stage, and number of compiled functions.
+        """The line to show: finished per cent, current stage, and number of compiled functions.
 
-        A terminal is redrawn while a function is compiled. Other streams get a line between two stages, when no
-        function is being compiled.
+        A terminal shows the function that is being compiled. On other streams lines are printed between stages, when
+        no function is being compiled, so they show the number of functions compiled so far.
         """
         percent, count = f"{int(self._percent):3d} % " if self._stages else "", self._compilation.functions
         compiled = ""
@@ -153,7 +155,10 @@ class Progress:
         return printable(f"{percent}{stage_words(self._now)}{compiled}".strip())
 
     def show(self, announced: Announcement) -> None:
-        """Show what is being done now; a Ctrl-C whose exception a library has caught ends the command here."""
+        """Show the announced stage.
+
+        If a library has caught the exception of a Ctrl-C, the command ends here.
+        """
         end_if_asked()
         self._take(announced)
         now = time.monotonic()

@@ -12,17 +12,17 @@ from identification.stages import Announcement, Stage
 from identification.words.stage_words import NAMES
 
 _BEFORE = "starting and loading"
-"""Row for the time before the command, of which only the processor time is known."""
+"""Name of the row for the time before the first stage, of which only the processor time is known."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """The times at which a stage was announced.
+    """Times at the announcement of a stage.
 
     Attributes:
-        stage: The announced stage; None at the end.
-        clock: Reading of a monotonic clock [s].
-        busy: Processor time of this process so far [s], in all its threads.
+        stage: The announced stage; None for the end of the run.
+        clock: Time of a monotonic clock [s].
+        busy: Processor time of all threads of this process so far [s].
     """
 
     stage: Stage | None
@@ -31,10 +31,10 @@ class Mark:
 
 
 class StageTimes:
-    """Records when the stages of a run are announced.
+    """Records the times at which the stages of a run are announced.
 
     Args:
-        now: Gives clock and processor time [s].
+        now: Function that returns clock time and processor time [s].
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class StageTimes:
         return out
 
     def table(self) -> str:
-        """Table with a row for each stage, the sums, the time before the command, and the peak memory."""
+        """Table with the time before the first stage, a row for each stage, the sums, and the peak memory."""
         rows, before = self.rows(), self._marks[0].busy if self._marks else 0.0
         width = max(len(_BEFORE), *map(len, rows)) if rows else len(_BEFORE)
         lines = [f"{'stage':<{width}}  seconds  of processor time", f"{_BEFORE:<{width}}           {before:17.2f}"]
