@@ -1,4 +1,6 @@
-"""Autocorrelation of noise up to the lag at which it is lost in estimation noise: Geyer's initial positive sequence.
+"""Estimates the autocorrelation of noise up to the lag at which it is lost in estimation errors.
+
+The method is Geyer's initial positive sequence.
 
 References:
     C. J. Geyer, Practical Markov chain Monte Carlo, Statistical Science 7(4), 1992.
@@ -20,7 +22,7 @@ def lagged_products(series: Float[Array, " n"]) -> Float[Array, " n"]:
 
 
 def positive_sequence(products: Float[Array, " n"]) -> Float[Array, " m"]:
-    """Autocorrelation from lag 0 on, up to the first pair of neighbouring lags with a sum of zero or less, ``(m,)``.
+    """Autocorrelation from lag 0 on, ``(m,)``; it ends before the first pair of lags whose sum is zero or negative.
 
     Args:
         products: Result of `lagged_products`, or its sum over several series.

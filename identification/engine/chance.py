@@ -1,4 +1,4 @@
-"""Gain of the best of many columns by chance: thresholds for it, and residuals in random order to estimate it."""
+"""Thresholds for the gain that the best of many columns reaches by chance, and random residuals to estimate them."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from phantom_dyn.array_types import Array, Float
 
 
 def exceeded_by_chance(best: Float[Array, " R"], wrong: float) -> float:
-    """Threshold that the largest gain exceeds with a given probability, from a Gumbel distribution fitted to samples.
+    """Threshold that the largest gain exceeds with a given probability, from a fitted Gumbel distribution.
 
     Args:
-        best: Largest gain in each recording without a gap; the distribution has their mean and standard deviation.
-        wrong: Probability of a larger gain.
+        best: Largest gain in each of ``R`` recordings without a gap. The Gumbel distribution has the mean and standard
+            deviation of these gains.
+        wrong: Probability that the largest gain exceeds the threshold by chance.
     """
     spread = best.std() * np.sqrt(6) / np.pi
     return float(best.mean() - np.euler_gamma * spread - spread * np.log(-np.log1p(-wrong)))
 
 
 def squares_by_chance(count: int, free: float, wrong: float) -> float:
-    """Sum of squares, in units of the noise, that the best of several columns exceeds by chance with a probability.
+    """Sum of squares, in units of the noise variance, that the best of several columns exceeds by chance.
 
     Args:
         count: Number of columns.
         free: Degrees of freedom of the estimate of the noise.
-        wrong: Probability of a larger sum.
+        wrong: Probability that the best column exceeds the sum.
     """
     from scipy.special import fdtri
 
@@ -34,6 +35,6 @@ def squares_by_chance(count: int, free: float, wrong: float) -> float:
 
 
 def shuffled_pieces(pieces: Sequence[Float[Array, " n"]], rng: np.random.Generator) -> Float[Array, " N"]:
-    """Pieces of a series in random order with random signs, which keep their spectra and sizes."""
+    """Pieces of a series, joined in random order and with random signs; the spectrum of each piece does not change."""
     order = rng.permutation(len(pieces))
     return np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in order])

@@ -10,8 +10,8 @@ Outcome = Literal["claimed", "minor", "not_claimed", "displaced"]
 Data = Literal["torques", "poses", "rests"]
 
 NEVER_CLAIMED = 10
-"""Largest number of never claimed causes in a ledger (the list of all claims). It holds those with the largest gain."""
-# A cause counts as displaced by a claimed one only if, in its place, it reaches this share of the claimed cause's gain.
+"""Largest number of causes without a claim in a ledger (the list of all claims): those with the largest gain."""
+# An unclaimed cause counts as displaced by a claimed one only if alone it reaches this share of that one's gain.
 _LEAST_SHARE_OF_GAIN = 0.2
 
 Name = TypeVar("Name")
@@ -39,22 +39,22 @@ class GateResult:
 
     @property
     def part(self) -> float:
-        """Value divided by the needed value, to compare failures of one gate; their difference if zero is needed."""
+        """Value divided by the needed value, or their difference if zero is needed: how nearly a gate is passed."""
         return self.value / self.needed if self.needed > 0.0 else self.value - self.needed
 
 
 @dataclass(frozen=True)
 class Claim(Generic[Name]):
-    """One tested cause, or several that act together, with the results that decided on it.
+    """One tested cause, or several that act together, with the results of the gates.
 
     Attributes:
-        effects: The cause.
+        effects: The cause: one effect, or several that act together.
         gates: Results in the order in which the gates are applied, up to the first that the claim failed.
-        outcome: ``claimed``; ``minor`` if it is seen but too small to matter; ``displaced`` if others explain it
-            instead; else ``not_claimed``.
-        instead: Causes that replaced it.
+        outcome: ``claimed``; ``minor`` if the cause is real but too small to matter; ``displaced`` if other causes
+            explain the same part of the gap; else ``not_claimed``.
+        instead: The causes that displaced this one.
         figures: Further numbers, by name.
-        judged_by: Kind of recordings to which the gates were applied; ``rests`` are recordings of a robot at rest.
+        judged_by: Kind of data on which the claim was tested; ``rests`` are recordings of a robot at rest.
     """
 
     effects: tuple[Name, ...]
@@ -71,11 +71,11 @@ class Claim(Generic[Name]):
 
 
 def could_stand_for(lone_gain: float, needed: float, added_gain: float, claimed_gain: float) -> bool:
-    """True if an unclaimed cause explains enough of what a claimed one explains to count as displaced by it.
+    """True if an unclaimed cause counts as displaced by a claimed one: it gains much alone, but little beside it.
 
     Args:
         lone_gain: Gain of the unclaimed cause without the claimed one.
-        needed: Gain that a claim needs.
+        needed: Gain from which a cause can be claimed.
         added_gain: Gain of the unclaimed cause in addition to the claimed one.
         claimed_gain: Gain of the claimed cause.
     """
@@ -93,11 +93,11 @@ def until_failed(results: Iterable[GateResult]) -> tuple[GateResult, ...]:
 
 
 def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
-    """The result of a gate that may be passed in several ways: the first that passes, or the one that comes nearest.
+    """Result of a gate with several alternative tests: of the first test that passes, or of the most nearly passed one.
 
     Args:
         gate: Name of the gate.
-        ways: Value, needed value and unit of each way; ways after the first that passes are not computed.
+        ways: Value, needed value and unit of each test; tests after the first that passes are not computed.
     """
     tried: list[GateResult] = []
     for value, needed, unit in ways:
@@ -108,15 +108,15 @@ def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
 
 
 def fails_worst(results: Mapping[Key, GateResult]) -> Key | None:
-    """The claim that fails one gate by most, relative to what the gate needs; None if all claims pass."""
+    """The claim with the lowest `GateResult.part` among those that fail a gate; None if all claims pass."""
     failed = {key: result.part for key, result in results.items() if not result.passed}
     return min(failed, key=lambda key: failed[key], default=None)
 
 
 def until_nothing_changes(state: State, steps: Sequence[Callable[[State], State]]) -> State:
-    """The state after steps that are repeated, from the first one on after each change, until none changes it.
+    """The state after applying steps until no step changes it. After each change the first step is applied again.
 
-    A step that changes nothing returns the very object that it was given.
+    A step that changes nothing has to return the same object that it was given.
     """
     while True:
         for step in steps:

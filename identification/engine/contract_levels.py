@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-# probability: rivals below it are not listed.
+# Probability below which a rival is not listed.
 LISTED = 0.05
 
-# share: a finding is minor if it closes less than this share of the gap that remains after changes of the model within
-# tolerance, and if the residual grows by less than `MINOR_FLOORS` without it.
+# A finding is minor if both hold:
+# - it closes less than this share of the gap (the gap after changes of the model within tolerance), and
 MINOR_SHARE = 0.01
-
-# noise floors: without a minor finding, the residual of no joint or frame grows by more than this.
+# - without the finding the residual of every joint or frame grows by less than this many noise floors.
 MINOR_FLOORS = 0.5
 
-# noise floors: the gap of a joint or frame counts as explained if its residual is at most this.
+# The gap of a joint or frame counts as explained if its residual is at most this many noise floors,
 FLOORS_LEFT = 1.5
-
-# share: it also counts as explained if the residual is below this share of the gap that remains after changes of the
-# model within tolerance.
+# or less than this share of the gap (the gap after changes of the model within tolerance).
 GAP_LEFT = 0.1

@@ -1,4 +1,7 @@
-"""Computes Shapley values: the worth that each player adds to those before it, averaged over all orders."""
+"""Computes Shapley values: the worth that each player adds to the players before it, averaged over all orders.
+
+In a diagnosis the players are the findings, and the worth of a set is the share of the gap that it closes.
+"""
 
 from __future__ import annotations
 
@@ -15,23 +18,23 @@ from phantom_dyn.random_streams import random_stream
 Player = TypeVar("Player", bound=Hashable)
 
 _EXACT = 7  # largest number of players for exact values: each further player doubles the number of sets
-_ORDERS = 4  # number of random orders, each used with its reverse
-_ENOUGH = 0.005  # standard error at which a value is accurate enough, for a worth of all players of about one
-_ENOUGH_BY_ORDERS = 0.5 * _ENOUGH  # standard error of a mean over orders below which the value is not improved by sets
-_MOST = 100  # largest number of random sets per player, each used with its complement
+_ORDERS = 4  # number of random orders; the reverse of each is used, too
+_ENOUGH = 0.005  # standard error at which a value is accurate enough; the worth of all players is about one
+_ENOUGH_BY_ORDERS = 0.5 * _ENOUGH  # largest standard error of a mean over orders that is not replaced by a regression
+_MOST = 100  # largest number of random sets per player; the complement of each is used, too
 
 
 def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> dict[Player, float]:
-    """Mean over all orders of the worth that each player adds to those before it; the sum is the worth of all players.
+    """Shapley value of each player; the sum of all values is the worth of all players.
 
-    The values are exact for up to seven players. For more, they are means over four random orders and their reverses if
-    the standard errors are at most 0.005: effects on different joints hardly depend on the order. Otherwise the values
-    that scatter over these orders come from a regression on random sets. Sets are drawn until the standard errors are
-    0.005, or up to a hundred pairs of sets per player.
+    The values of up to seven players are exact. For more players they are means over four random orders and their
+    reverses, if these have standard errors of at most 0.005. Otherwise those values that differ between the orders come
+    from a regression on random sets of players. Sets are drawn until the standard errors are at most 0.005, up to a
+    hundred sets per player.
 
     Args:
         players: All players.
-        worth: Worth of any set of players: zero for the empty set, about one for all of them.
+        worth: Worth of any set of players: zero for the empty set, about one for all players.
     """
     count = len(players)
     if count > _EXACT:
@@ -47,14 +50,14 @@ def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Playe
 
 
 def _sampled(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> Float[Array, " k"]:
-    """Estimates of the values from random orders and, for those that scatter, from random sets."""
+    """Estimates of the values from random orders; those that differ between the orders come from a regression."""
     rng = random_stream("orders of findings")
     orders = [rng.permutation(len(players)) for _ in range(_ORDERS)]
-    there, back = ([_added(players, order[::way], worth) for order in orders] for way in (1, -1))
-    pairs = 0.5 * np.add(there, back)
+    forward, backward = ([_added(players, order[::step], worth) for order in orders] for step in (1, -1))
+    pairs = 0.5 * np.add(forward, backward)
     values = pairs.mean(axis=0)
     if np.std(pairs, axis=0, ddof=1).max() > _ENOUGH * np.sqrt(_ORDERS):
-        every = np.concatenate([there, back])
+        every = np.concatenate([forward, backward])
         uncertain = np.std(every, axis=0, ddof=1) > _ENOUGH_BY_ORDERS * np.sqrt(len(every))
         values[uncertain] = _regressed(players, worth, values, uncertain)
     return values
@@ -77,12 +80,13 @@ def _regressed(
     values: Float[Array, " k"],
     unknown: Bool[Array, " k"],
 ) -> Float[Array, " u"]:
-    """The ``unknown`` values from random sets and their complements, with the other values given.
+    """The ``unknown`` values from a regression on random sets and their complements; the other values are given.
 
-    Shapley values are coefficients of a weighted regression over all sets of players: the worth of a set less that of
-    its complement is fitted by the sum of its players' values less those of the others (Lundberg and Lee, "A Unified
-    Approach to Interpreting Model Predictions", 2017, theorem 2; in pairs: Covert and Lee, "Improving KernelSHAP",
-    2021). All sets of one player are used; larger ones are drawn with the probability of their weight.
+    Shapley values are coefficients of a weighted regression over all sets of players. The regression fits the worth of
+    a set minus the worth of its complement by the values of the players in the set minus the values of the others
+    (Lundberg and Lee, "A Unified Approach to Interpreting Model Predictions", 2017, theorem 2; in pairs: Covert and
+    Lee, "Improving KernelSHAP", 2021). All sets of one player are used. Larger sets are drawn with probabilities
+    proportional to their weights.
     """
     count, everybody = len(players), frozenset(players)
     rng = random_stream("sets of findings")
@@ -90,20 +94,20 @@ def _regressed(
     weight = (count - 1) / (sizes * (count - sizes))
     of_larger = weight[1:-1] / weight[1:-1].sum()
 
-    def beyond_complement(inside: Bool[Array, " k"]) -> float:
-        some = frozenset(player for player, one in zip(players, inside.tolist(), strict=True) if one)
+    def worth_minus_complement(inside: Bool[Array, " k"]) -> float:
+        chosen = frozenset(player for player, is_in in zip(players, inside.tolist(), strict=True) if is_in)
         known = np.where(inside, values, -values)[~unknown].sum()
-        return worth(some) - worth(everybody - some) - known
+        return worth(chosen) - worth(everybody - chosen) - known
 
     sets = [*np.eye(count, dtype=bool)]
-    answers = [beyond_complement(inside) for inside in sets]
+    answers = [worth_minus_complement(inside) for inside in sets]
     total = worth(everybody) - values[~unknown].sum()
     while True:
         for size in rng.choice(sizes[1:-1], size=count, p=of_larger):
             inside = np.zeros(count, dtype=bool)
             inside[rng.permutation(count)[:size]] = True
             sets.append(inside)
-            answers.append(beyond_complement(inside))
+            answers.append(worth_minus_complement(inside))
         drawn = len(sets) - count
         each = np.repeat([2 * weight[0] / count, weight[1:-1].sum() / drawn], [count, drawn])
         found, error = _weighted_fit(np.where(sets, 1.0, -1.0)[:, unknown], np.array(answers), each, total, drawn)
@@ -114,7 +118,18 @@ def _regressed(
 def _weighted_fit(
     signs: Float[Array, "s u"], answers: Float[Array, " s"], weight: Float[Array, " s"], total: float, drawn: int
 ) -> tuple[Float[Array, " u"], Float[Array, " u"]]:
-    """Coefficients with the sum ``total``, and their standard errors from the scatter of the last ``drawn`` rows."""
+    """Weighted least squares under the constraint that the coefficients have the sum ``total``.
+
+    Args:
+        signs: Regressors.
+        answers: Right side.
+        weight: Weight of each row.
+        total: Sum of the coefficients.
+        drawn: Number of rows, counted from the last one, that were drawn at random.
+
+    Returns:
+        Coefficients, and their standard errors from the scatter of the drawn rows.
+    """
     count = signs.shape[1]
     bordered = np.ones((count + 1, count + 1))
     bordered[count, count] = 0.0
@@ -123,6 +138,6 @@ def _weighted_fit(
     found = (inverse @ np.append((signs * weight[:, None]).T @ answers, total))[:count]
     pull = ((weight * (answers - signs @ found))[:, None] * signs)[-drawn:]
     pull -= pull.mean(axis=0)
-    # Residuals are smaller than errors, by the degrees of freedom of the fit.
+    # The last factor accounts for the degrees of freedom of the fit: residuals are smaller than errors.
     spread = inverse[:count, :count] @ (pull.T @ pull) @ inverse[:count, :count] * len(signs) / (len(signs) - count)
     return found, np.sqrt(np.diag(spread))

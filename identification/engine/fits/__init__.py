@@ -1,1 +1,1 @@
-"""Fits of sets of columns with bounded nuisances, and gains of columns that are added to a fit."""
+"""Fits sets of columns with bounded nuisances, and computes gains of columns that are added to a fit."""

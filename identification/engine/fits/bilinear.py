@@ -1,4 +1,8 @@
-"""Computes products of the columns of one model whose gains on the measured torques of rows are fitted."""
+"""Gram matrices of a model in which the gain of a row's measured torque is fitted, too.
+
+A gain multiplies the other coefficients of its row. The fit is therefore bilinear, and is iterated: with the gain of
+the last iteration the columns of the row are rescaled, and the problem is linear again.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +21,12 @@ Array = np.ndarray
 class Scaling:
     """A fitted gain on one row, for a wrong torque constant: the measured torque is ``gain`` times the true one.
 
-    The row's columns are multiplied by the current gain. In the column of the gain, the torque of the current fit
-    replaces that of the given model. At convergence the fit is exact in the gain.
+    All columns of the row are multiplied by the current gain. The column of the gain holds the torque of the given
+    model; the torque of the current fit replaces it. At convergence the linear fit is also the bilinear one.
 
     Attributes:
-        row: Number of the row.
-        column: Column of the gain: the torque of the given model.
+        row: Index of the row.
+        column: Index of the column of the gain: the torque of the given model.
         gain: Current estimate.
         theta: Coefficients of the current fit, with zero for the gain, ``(K,)``.
     """
@@ -35,11 +39,13 @@ class Scaling:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Products of the columns of one model for fits without one fold each, and for their held-out losses.
+    """Products for the fits without one fold each, and the held-out losses.
 
     Attributes:
-        a, b: Of each fold, ``(F, k, k)`` and ``(F, k)``.
-        losses: Function from coefficients for each block, ``(B, k)``, to the weighted squared residual of its core.
+        a: Columns times columns over the blocks of each fold, ``(F, k, k)``.
+        b: Columns times residual over the blocks of each fold, ``(F, k)``.
+        losses: Function from the coefficients for each block, ``(B, k)``, to the weighted squared residual of each
+            block's core, ``(B,)``.
     """
 
     a: Float[Array, "F k k"]
@@ -49,7 +55,14 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Products:
-    """Products of the columns of one model: over all blocks that train, and by fold if that is needed."""
+    """Products over all training blocks, and by fold.
+
+    Attributes:
+        a: Columns times columns, ``(k, k)``.
+        b: Columns times residual, ``(k,)``.
+        c: Residual times residual.
+        held_out: Products by fold; None if nothing is held out.
+    """
 
     a: Float[Array, "k k"]
     b: Float[Array, " k"]
@@ -60,7 +73,14 @@ class Products:
 def products_of(
     problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...], held_out: bool
 ) -> Products:
-    """Products of the active columns; rows with a gain are rescaled."""
+    """Products of the columns of one fit; rows with a gain are rescaled.
+
+    Args:
+        problem: Products of all columns.
+        active: Indices of the columns of the fit.
+        scalings: The fitted gains, at most one for each row.
+        held_out: True if the products by fold are needed.
+    """
     grams = problem.grams
     a, b = problem.total_a[active[:, None], active], problem.total_b[active]
     c = float(grams.c[grams.fold >= 0].sum())
@@ -83,11 +103,13 @@ def products_of(
 def _gain_parts(
     problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling
 ) -> tuple[Int[Array, " m"], Int[Array, " m"], int, Float[Array, " m"]]:
-    """What `_rescale` needs of a row: places of its active columns, that of the gain's column, and coefficients.
+    """Columns and coefficients of one row for `_rescale`.
 
     Returns:
-        Places of the active columns in the row, their places among all active columns, place of the gain's column
-        among them, and coefficients with which they add up to the torque of the current fit.
+        in_row: Positions of the row's active columns among the columns of the row, ``(m,)``.
+        places: Positions of the same columns in ``active``, ``(m,)``.
+        gain_place: Position of the gain's column in these two arrays.
+        coefficients: Coefficients of these columns whose sum is the torque of the current fit, ``(m,)``.
     """
     in_row, places = problem.grams.fold_a.in_row(scaling.row, active)
     gain_place = int(np.searchsorted(active[places], scaling.column))
@@ -97,7 +119,7 @@ def _gain_parts(
 
 
 def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
-    """Products by fold, and losses of blocks; rows with a gain are rescaled."""
+    """Products by fold, and held-out losses, with rescaled rows."""
     grams = problem.grams
     fold_a, fold_b = grams.fold_a.among(active), grams.fold_b[:, active]
     for scaling in scalings:
@@ -119,7 +141,7 @@ def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scaling
 
 
 def _held_out(problem: LinearProblem, active: Int[Array, " k"]) -> HeldOut:
-    """Products by fold, and losses of blocks, without any gain."""
+    """Products by fold, and held-out losses, without any gain."""
     grams = problem.grams
     return HeldOut(grams.fold_a.among(active), grams.fold_b[:, active], lambda x: _losses(problem, active, x))
 
@@ -135,7 +157,8 @@ def _row_losses(
 ) -> Float[Array, " B"]:
     """Change of the loss of each block by a gain on one row.
 
-    The rescaled columns are sums of the given ones. So their coefficients are converted to those of the given columns.
+    Each rescaled column is a linear combination of the given columns. The coefficients ``x`` of the rescaled columns
+    are therefore converted to coefficients of the given columns.
     """
     row, core_a = problem.grams.rows[scaling.row], problem.grams.core_a
     in_row, places, gain_place, coefficients = _gain_parts(problem, active, scaling)
@@ -156,15 +179,17 @@ def _rescale(
     gain_place: int,
     gain: float,
 ) -> tuple[Array, Array, Array]:
-    """Products after a row's columns are multiplied by the gain, and the gain's column is replaced by a sum of all.
+    """Products ``a``, ``b`` and ``c`` of a row after its columns and residual are rescaled.
 
-    The residual decreases by ``gain - 1`` times the gain's column.
+    The columns are multiplied by the gain, the gain's column is replaced by the sum of all columns times
+    ``coefficients``, and ``gain - 1`` times the old gain's column is subtracted from the residual.
     """
-    moved = b - (gain - 1.0) * a[:, :, gain_place]
-    square = c - 2 * (gain - 1.0) * b[:, gain_place] + (gain - 1.0) ** 2 * a[:, gain_place, gain_place]
-    mixed, line, mixed_line = a @ coefficients, gain * moved, moved @ coefficients
-    line[:, gain_place] = mixed_line
-    out = gain**2 * a
-    out[:, :, gain_place] = out[:, gain_place, :] = gain * mixed
-    out[:, gain_place, gain_place] = mixed @ coefficients
-    return out, line, square
+    with_residual = b - (gain - 1.0) * a[:, :, gain_place]
+    new_c = c - 2 * (gain - 1.0) * b[:, gain_place] + (gain - 1.0) ** 2 * a[:, gain_place, gain_place]
+    with_sum = a @ coefficients
+    new_b = gain * with_residual
+    new_b[:, gain_place] = with_residual @ coefficients
+    new_a = gain**2 * a
+    new_a[:, :, gain_place] = new_a[:, gain_place, :] = gain * with_sum
+    new_a[:, gain_place, gain_place] = with_sum @ coefficients
+    return new_a, new_b, new_c

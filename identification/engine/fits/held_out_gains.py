@@ -1,4 +1,7 @@
-"""Computes held-out gains of every rival on many residuals at once, such as simulated residuals without a gap."""
+"""Computes the held-out gain of many sets of columns on many residuals at once.
+
+The residuals are, for example, simulated noise: the gains show what a column gains by chance.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,13 @@ Array = np.ndarray
 def gains_on_residuals(
     problem: LinearProblem, sets: Sequence[tuple[int, ...]], b: Float[Array, "F K R"], core_b: Float[Array, "F K R"]
 ) -> Float[Array, "T R"]:
-    """Held-out gain of each set of columns on each residual, fitted with the nuisances; bounds are ignored.
+    """Held-out gain of each set of columns on each residual, ``(T, R)``, fitted with the nuisances; bounds are ignored.
 
     Args:
         problem: Products of the columns.
-        sets: Columns of one rival each.
-        b: Products of all columns with the residuals over the whole blocks of each fold.
-        core_b: The same over the cores of the blocks.
+        sets: ``T`` sets of columns.
+        b: Products of all columns with the ``R`` residuals over the whole blocks of each fold.
+        core_b: Products of all columns with the residuals over the cores of the blocks of each fold.
     """
     nuisances = problem.fitted_nuisances
     right = b.sum(axis=0)
@@ -33,14 +36,14 @@ def gains_on_residuals(
     for fold, part in enumerate(folds):
         products, held = right - b[fold], core_b[fold]
         base = solve(part.inner, products[nuisances])
-        # Products projected off the nuisances, on the blocks that train and on those that are held out.
+        # From here on both are products with the columns projected off the nuisances.
         products = products - part.made.T @ products[nuisances]
         inside, across = part.core
         held = held - part.made.T @ held[nuisances] - (across.T - part.made.T @ inside) @ base
         for which, columns, (total, less, core) in alike:
             x = solve_each(part.training(columns, total - less[fold]), products[columns])
             gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
-    # A rival also lowers the penalty on the nuisances.
+    # A set of columns also lowers the prior penalty of the nuisances.
     base = solve(whole.inner, right[nuisances])
     products = right - whole.made.T @ right[nuisances]
     costly = problem.precision[nuisances, None] * whole.made
@@ -53,14 +56,14 @@ def gains_on_residuals(
 
 
 def _squares(problem: LinearProblem, columns: Int[Array, "g m"]) -> tuple[Array, Array, Array]:
-    """Products among the columns of each group: over all blocks that train, and of each fold whole and in its cores."""
+    """Products among the columns of each group: over all training blocks, by fold, and by fold over the cores only."""
     grams = problem.grams
     total = problem.total_a[columns[:, :, None], columns[:, None, :]]
     return total, grams.fold_a.within(columns), grams.fold_core_a.within(columns)
 
 
 def _by_size(sets: Sequence[tuple[int, ...]]) -> list[tuple[Int[Array, " g"], Int[Array, "g m"]]]:
-    """Sets with the same number of columns together: which they are, and their columns."""
+    """Sets grouped by their number of columns: for each size, the indices of the sets and their columns."""
     sizes = np.array([len(columns) for columns in sets])
     groups = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
     return [(which, np.array([sets[k] for k in which.tolist()])) for which in groups]

@@ -1,4 +1,4 @@
-"""One fit of some columns: least squares with priors within bounds, on all blocks and once without each fold."""
+"""Fits some columns by least squares with priors and bounds, to all blocks and once without each fold."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Minimum(NamedTuple):
 
     Attributes:
         x: Coefficients of the fit to all training blocks, ``(k,)``.
-        objective: Loss of that fit with priors.
-        without: Coefficients of the fit without each fold, ``(F, k)``; no rows if nothing is held out.
+        objective: Sum of squares of that fit, plus the penalties of the priors.
+        without: Coefficients of the fit without each fold, ``(F, k)``; ``(0, k)`` if nothing is held out.
     """
 
     x: Float[Array, " k"]
@@ -35,15 +35,15 @@ def minimum_of(
     near: Float[Array, " k"],
     folds: tuple[Float[Array, "F k k"], Float[Array, "F k"]] | None = None,
 ) -> Minimum:
-    """The fit of some columns.
+    """The least-squares fit of some columns with priors about zero, within bounds.
 
     Args:
-        square: Columns times columns over the blocks that train.
+        square: Columns times columns over the training blocks.
         line: Columns times residual.
         total: Residual times residual.
         precision: Prior precision of each coefficient about zero.
         bounds: Least and largest value of each coefficient.
-        near: Coefficients of a similar fit, whose active bounds are tried first; NaN for those without.
+        near: Coefficients of a similar fit, whose active bounds are tried first; NaN where there is no such value.
         folds: ``square`` and ``line`` of each fold, which are held out in turn; None to hold out nothing.
     """
     with_prior = square.copy()

@@ -1,8 +1,9 @@
-"""Fits many sets of columns that differ little, each as a change of a similar set that was solved fully.
+"""Fits many sets of columns that differ little: each fit is computed from the full solution of a similar set.
 
-A fit of a robot with many joints contains some hundred nuisances. If one column replaces another, hardly any of them
-reaches or leaves a bound. So a few sets are solved fully and kept as tableaus (see `numerics.tableau`). The fit of any
-other set costs only as much as its differences from the most similar one. The minima are equal up to rounding.
+A fit of a robot with many joints contains about a hundred nuisances. If one column replaces another, the same bounds
+are active for nearly all nuisances. Therefore a few sets are solved fully and kept as tableaus (see
+`numerics.tableau`). The fit of any other set starts from the most similar solved set, and its cost grows with the
+number of columns and active bounds that differ. Its minimum equals that of a full solution up to rounding.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 
-# Largest number of columns and active bounds by which a set may differ from the solved set that its fit starts from.
+# A set that differs from all solved sets by more columns and active bounds than this is solved fully.
 _MOST_DIFFERENCES = 60
-# Numbers of solved sets and of earlier fits that are kept. A new fit starts from the most similar ones.
+# Numbers of solved sets and of earlier fits that are kept. A new fit starts from the most similar of each.
 _KEPT_SETS = 4
 _KEPT_FITS = 100
 # A change of a coefficient that changes the loss by at most this share is rounding.
@@ -39,11 +40,11 @@ class LinearFit(NamedTuple):
     Attributes:
         theta: All coefficients, zero where a column is not in the fit, ``(K,)``.
         active: Columns in the fit.
-        penalty: Cost of the nuisances by their priors: their squares in sigmas, summed.
-        objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
-        loss: Weighted squared residual of each block without its first samples (its core), each predicted by a fit that
-            has not seen the block, ``(B,)``.
-        fold_active: Coefficients of these columns in the fit that has not seen each fold, ``(F, k)``.
+        penalty: Sum of the squared nuisances, each in standard deviations of its prior.
+        objective: In-sample loss over all training blocks, with the penalties of all priors.
+        loss: Weighted squared residual of the core of each block, predicted by the fit without the block's fold,
+            ``(B,)``; empty if nothing was held out.
+        fold_active: Coefficients of the columns ``active`` in the fit without each fold, ``(F, k)``.
     """
 
     theta: Float[Array, " K"]
@@ -55,18 +56,18 @@ class LinearFit(NamedTuple):
 
     @property
     def fold_theta(self) -> Float[Array, "F K"]:
-        """All coefficients of the fit that has not seen each fold."""
+        """All coefficients of the fit without each fold, zero where a column is not in the fit."""
         out = np.zeros((len(self.fold_active), len(self.theta)))
         out[:, self.active] = self.fold_active
         return out
 
 
 class NearFits:
-    """Fits of sets of columns that are linear in their coefficients, each computed from the most similar solved set.
+    """Linear fits of sets of columns, each computed from the most similar solved set.
 
     Args:
         problem: The problem that is fitted.
-        start: Coefficients from which a set is solved fully; NaN for those without a start, ``(K,)``.
+        start: Coefficients at which a full solution starts, ``(K,)``; NaN where there is no start.
     """
 
     def __init__(self, problem: LinearProblem, start: Float[Array, " K"]):
@@ -80,19 +81,19 @@ class NearFits:
     def fit(self, active: Int[Array, " k"], *, held_out: bool) -> LinearFit:
         """Fit of some columns to all blocks; with ``held_out`` also once without each fold."""
         problem = self.problem
-        solved, found, x = self._coefficients(active, held_out=held_out)
+        solved, minima, x = self._coefficients(active, held_out=held_out)
         new, _, index = solved.changes(active)
         every = np.zeros((len(x), len(problem.precision)))
         every[:, index] = x
-        theta = every[-1].copy()  # a view would keep all of them in memory
+        theta = every[-1].copy()  # a view would keep the whole array in memory
         nuisances = slice(0, problem.nuisance_count)
         penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
-        objective = self._loss_without_columns + found[-1].value
+        objective = self._loss_without_columns + minima[-1].value
         loss = _losses(solved, new, x) if held_out else np.zeros(0)
         return LinearFit(theta, active, penalty, objective, loss, every[:-1, active])
 
     def coefficients(self, active: Int[Array, " k"]) -> Float[Array, "G K"]:
-        """Coefficients of the fit of some columns without each fold and, last, of that to all blocks."""
+        """Coefficients of the fits of some columns: one row without each fold, then that of the fit to all blocks."""
         solved, _, x = self._coefficients(active, held_out=True)
         out = np.zeros((len(x), len(self.problem.precision)))
         out[:, solved.changes(active)[2]] = x
@@ -102,39 +103,39 @@ class NearFits:
         self, active: Int[Array, " k"], *, held_out: bool
     ) -> tuple[SolvedSet, list[ChangedMinimum], Float[Array, "G v"]]:
         """The solved set that a fit is computed from, the minima of the fit (see `_minima`), and their coefficients."""
-        problem, (solved, found) = self.problem, self._solved_and_minima(active, held_out=held_out)
-        x, index = np.array([one.x for one in found]), solved.changes(active)[2]
+        problem, (solved, minima) = self.problem, self._solved_and_minima(active, held_out=held_out)
+        x, index = np.array([one.x for one in minima]), solved.changes(active)[2]
         at_bound = (x[-1] <= problem.lower[index]) | (x[-1] >= problem.upper[index])
         count = len(problem.precision)
         fit = PastFit(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count))
         self._past_fits.append(fit)
         if held_out:
             self._held_out_fits.append(fit)
-        return solved, found, x
+        return solved, minima, x
 
     def _solved_and_minima(self, active: Int[Array, " k"], *, held_out: bool) -> tuple[SolvedSet, list[ChangedMinimum]]:
         """The solved set that a fit is computed from, and the minima of the fit (see `_minima`)."""
         solved = self._nearest(active)
-        found = self._minima(solved, active, held_out=held_out)
-        if all(one.converged for one in found):
-            return solved, found
-        # The solved set differs too much, so that rounding errors are too large.
+        minima = self._minima(solved, active, held_out=held_out)
+        if all(one.converged for one in minima):
+            return solved, minima
+        # The nearest solved set differs so much that rounding errors are too large.
         solved = self._solve(active)
         return solved, self._minima(solved, active, held_out=held_out)
 
     def _minima(self, solved: SolvedSet, active: Int[Array, " k"], *, held_out: bool) -> list[ChangedMinimum]:
-        """Fits of some columns from a solved set: with ``held_out`` first those without each fold, last that of all."""
+        """Minima of the fits of some columns: with ``held_out`` those without each fold; last that of all blocks."""
         new, gone, index = solved.changes(active)
         bounds = self.problem.lower[index], self.problem.upper[index]
         tableaus = (*solved.folds, solved.whole) if held_out else (solved.whole,)
         entering = [*(solved.fold_entering(new) if held_out else ()), solved.entering(new)]
-        near = np.full((len(tableaus), len(self.problem.precision)), np.nan)
+        start = np.full((len(tableaus), len(self.problem.precision)), np.nan)
         similar = self._most_similar_fit(active, held_out=held_out)
-        # If the set is the solved one, its active bounds are known.
+        # No start is needed if the set is the solved one, as its active bounds are known.
         if similar is not None and len(new) + len(gone) > 0:
-            near[:, similar.index] = similar.x[-len(near) :]
-        parts = zip(tableaus, entering, near[:, index], strict=True)
-        return [changed(one, more, gone, bounds, start) for one, more, start in parts]
+            start[:, similar.index] = similar.x[-len(start) :]
+        parts = zip(tableaus, entering, start[:, index], strict=True)
+        return [changed(one, more, gone, bounds, near) for one, more, near in parts]
 
     def _most_similar_fit(self, active: Int[Array, " k"], *, held_out: bool) -> PastFit | None:
         """The earlier fit of the most similar set; the latest one if several are equally similar."""
@@ -143,29 +144,32 @@ class NearFits:
         return min(reversed(past), key=lambda one: (one.bits ^ wanted).bit_count(), default=None)
 
     def _bits(self, active: Int[Array, " k"]) -> int:
-        """A number with the bit of each column set."""
+        """The set as an integer with one bit for each column, so that two sets can be compared quickly."""
         return int.from_bytes(np.packbits(marked(active, len(self.problem.precision))).tobytes())
 
     def gains(self, active: Int[Array, " k"], sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
-        """Decrease of the in-sample loss by further columns, to second order, with active bounds kept active."""
+        """Decrease of the in-sample loss of a fit when each set of columns is added to it.
+
+        The active bounds of the fit are kept active, so that the decrease is exact to second order.
+        """
         problem, (solved, (found,)) = self.problem, self._solved_and_minima(active, held_out=False)
         new, _, _ = solved.changes(active)
         inside = frozenset(active.tolist())
-        own = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
-        wanted = np.array(sorted({k for some in own.values() for k in some}), dtype=int)
+        added = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
+        wanted = np.array(sorted({k for own in added.values() for k in own}), dtype=int)
+        gains = dict.fromkeys(added, 0.0)
         if not len(wanted):
-            return dict.fromkeys(own, 0.0)
-        added = _AddedColumns(solved, new, found, wanted)
-        gains = dict.fromkeys(own, 0.0)
-        for size in {len(some) for some in own.values()} - {0}:
-            same = [columns for columns, some in own.items() if len(some) == size]
-            columns = np.array([own[some] for some in same])
-            depth = gains_within(*added.left(columns), problem.lower[columns], problem.upper[columns])
-            gains.update(zip(same, depth.tolist(), strict=True))
+            return gains
+        projected = _ProjectedColumns(solved, new, found, wanted)
+        for size in {len(own) for own in added.values()} - {0}:
+            same_size = [columns for columns, own in added.items() if len(own) == size]
+            own = np.array([added[columns] for columns in same_size])
+            found_gains = gains_within(*projected.products(own), problem.lower[own], problem.upper[own])
+            gains.update(zip(same_size, found_gains.tolist(), strict=True))
         return gains
 
     def _nearest(self, active: Int[Array, " k"]) -> SolvedSet:
-        """The most similar solved set; a set that differs much from all of them is solved fully."""
+        """The most similar solved set; the set itself, newly solved, if it differs much from all solved sets."""
         wanted, similar = marked(active, len(self.problem.precision)), self._most_similar_fit(active, held_out=False)
         near = min(self._solved, key=lambda one: one.differences(wanted, similar), default=None)
         if near is None or near.differences(wanted, similar) > _MOST_DIFFERENCES:
@@ -174,7 +178,12 @@ class NearFits:
         return near
 
     def _solve(self, active: Int[Array, " k"], near: SolvedSet | None = None) -> SolvedSet:
-        """A set that is solved fully and kept; the set that was used last comes last."""
+        """Solve a set fully and keep it; the oldest kept set is dropped.
+
+        Args:
+            active: The columns of the set.
+            near: A solved set whose minimum is the start.
+        """
         start = self._start
         if near is not None:
             start = start.copy()
@@ -184,19 +193,22 @@ class NearFits:
         return solved
 
 
-class _AddedColumns:
-    """Columns that may be added to a fit, projected off its free columns.
+class _ProjectedColumns:
+    """Columns that may be added to a fit, projected off the free columns of the fit.
 
-    Their products are the Schur complement ``square + cross response' - slope_by_flipped among_flipped^-1
-    flipped_by_wanted'``: the second term takes off the free columns of the solved set (``response`` has the sign for
-    that), the third the difference of the two sets. Flipped columns are free here and held there, or the other way
+    The products of the projected columns are the Schur complement
+
+        square + cross response' - slope_by_flipped among_flipped^-1 flipped_by_wanted'
+
+    The second term (``response`` is negative for free columns) projects off the free columns of the solved set. The
+    third term corrects for flipped columns: those that are free in the fit and held in the solved set, or the other way
     round.
 
     Args:
         solved: The solved set from which the fit was computed.
         new: Columns of the fit that are not in the solved set.
-        found: The fit.
-        wanted: The columns that may be added, in order.
+        found: The minimum of the fit.
+        wanted: Indices of the columns that may be added, in ascending order.
     """
 
     def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: ChangedMinimum, wanted: Int[Array, " w"]):
@@ -208,7 +220,8 @@ class _AddedColumns:
         is_solved = places < n
         products = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
         products_with_entered = products + cross[:, free] @ entered.response[:, free].T
-        # Response of the slopes of the wanted columns to each action, and of the flipped columns to a wanted one.
+        # Response of the slope of each wanted column to each action, and response of each flipped column to a shift of
+        # each wanted one.
         slope_by_action = np.empty((len(wanted), len(places)))
         signs = np.where(solved.whole.held[places[is_solved]], 1.0, -1.0)
         slope_by_action[:, is_solved] = signs * response[:, places[is_solved]]
@@ -221,19 +234,25 @@ class _AddedColumns:
         self._flipped_response = np.linalg.solve(among_flipped, flipped_by_wanted.T).T
         self._slope = (slope + slope_by_action @ action) / self._scale
 
-    def left(self, columns: Int[Array, "g m"]) -> tuple[Float[Array, "g m m"], Float[Array, "g m"]]:
-        """Products of the projected columns among each group, with priors, and with the residual."""
+    def products(self, columns: Int[Array, "g m"]) -> tuple[Float[Array, "g m m"], Float[Array, "g m"]]:
+        """Products among the projected columns of each group, with priors, and their products with the residual."""
         at, size = np.searchsorted(self._wanted, columns), columns.shape[1]
         square = self._problem.total_a[columns[:, :, None], columns[:, None, :]]
         square[:, np.arange(size), np.arange(size)] += self._problem.precision[columns]
-        taken = self._cross[at] @ self._response[at].transpose(0, 2, 1)
-        taken = taken - self._slope_by_flipped[at] @ self._flipped_response[at].transpose(0, 2, 1)
+        projection = self._cross[at] @ self._response[at].transpose(0, 2, 1)
+        projection = projection - self._slope_by_flipped[at] @ self._flipped_response[at].transpose(0, 2, 1)
         scale = self._scale[at]
-        return square + taken / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
+        return square + projection / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
 
 
 def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) -> Float[Array, " B"]:
-    """Loss of the core of each block by the fit that has not seen it, computed from the loss of the solved set."""
+    """Held-out loss of the core of each block, computed as a change of the loss of the solved set.
+
+    Args:
+        solved: The solved set from which the fit was computed.
+        new: Columns of the fit that are not in the solved set.
+        x: Coefficients without each fold and last of the fit to all blocks, the new columns last.
+    """
     grams, n = solved.problem.grams, len(solved.columns)
     x = x[solved.which]
     step, entered = x[:, :n] - solved.at, x[:, n:]
@@ -242,7 +261,7 @@ def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) ->
     out = solved.losses + 2.0 * np.einsum("bk,bk->b", solved.core_slope, step)
     slope = (lines @ (x[:, :n])[:, :, None])[:, :, 0] - grams.core_b[:, new]
     out += 2.0 * np.einsum("bm,bm->b", slope, entered) + np.einsum("bm,bmk,bk->b", entered, square, entered)
-    # Coefficients of other limbs hardly change. Most of their changes are rounding.
+    # The coefficients of other limbs change by rounding only: they are left out to save time.
     size = np.abs(step).max(axis=0) ** 2 * solved.core_diagonal
     used = np.flatnonzero(size > _ROUNDING_SHARE * max(float(size.max(initial=0.0)), 1.0))
     _add_quadratic_forms(out, solved.core, used, np.ascontiguousarray(step[:, used]))

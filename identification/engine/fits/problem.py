@@ -1,4 +1,4 @@
-"""What the engine fits: products of columns, priors and bounds."""
+"""Interface of a fitting problem: products of columns, priors and bounds."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class LinearProblem(Protocol):
 
     @property
     def total_a(self) -> Float[Array, "K K"]:
-        """Columns times columns, summed over the blocks that train."""
+        """Columns times columns, summed over the training blocks."""
         ...
 
     @property
     def total_b(self) -> Float[Array, " K"]:
-        """Columns times residual, summed over the blocks that train."""
+        """Columns times residual, summed over the training blocks."""
         ...
 
     @property
@@ -47,7 +47,7 @@ class LinearProblem(Protocol):
 
     @property
     def nuisance_count(self) -> int:
-        """Number of nuisances: parameters that may take any value within a prior. Their columns come first."""
+        """Number of nuisances (parameters with a prior that are no candidate effect). Their columns come first."""
         ...
 
     @property

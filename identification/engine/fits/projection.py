@@ -1,4 +1,4 @@
-"""Gains of many rivals that are added to one fit: the columns of each rival are projected off those of the fit."""
+"""Gains of many sets of columns, each added to one fit: the added columns are projected off those of the fit."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ def gains_if_added(
         sets: Indices of the columns of each rival.
     """
     inside = frozenset(fitted.active.tolist())
-    new = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
-    wanted = np.array(sorted({k for own in new.values() for k in own}), dtype=int)
+    added = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
+    wanted = np.array(sorted({k for own in added.values() for k in own}), dtype=int)
     cross, made, gradient = project_off_fit(problem, fitted, wanted)
     a = problem.total_a
-    gains = dict.fromkeys(new, 0.0)
-    for size in {len(own) for own in new.values()} - {0}:
+    gains = dict.fromkeys(added, 0.0)
+    for size in {len(own) for own in added.values()} - {0}:
         # Sets of one size are stacked, so that only products within each set are computed.
-        same = [columns for columns, own in new.items() if len(own) == size]
-        own = np.array([new[columns] for columns in same])
+        same_size = [columns for columns, own in added.items() if len(own) == size]
+        own = np.array([added[columns] for columns in same_size])
         at = np.searchsorted(wanted, own)
-        left = a[own[:, :, None], own[:, None, :]] - cross[:, at].transpose(1, 2, 0) @ made[:, at].transpose(1, 0, 2)
-        left[:, np.arange(size), np.arange(size)] += problem.precision[own]
-        found = gains_within(left, gradient[at], problem.lower[own], problem.upper[own])
-        gains.update(zip(same, found.tolist(), strict=True))
+        projection = cross[:, at].transpose(1, 2, 0) @ made[:, at].transpose(1, 0, 2)
+        projected = a[own[:, :, None], own[:, None, :]] - projection
+        projected[:, np.arange(size), np.arange(size)] += problem.precision[own]
+        found = gains_within(projected, gradient[at], problem.lower[own], problem.upper[own])
+        gains.update(zip(same_size, found.tolist(), strict=True))
     return gains
 
 
@@ -53,9 +54,10 @@ def project_off_fit(
         columns: Indices of the columns to project.
 
     Returns:
-        Products of the fit's free columns with the given columns, coefficients of the projection, and products of the
-        projected columns with the residual of the fit. A column of the fit is free if its coefficient is not at a
-        bound.
+        cross: Products of the fit's free columns with the given columns. A column is free if its coefficient is not at
+            a bound.
+        made: Coefficients of the projection: those of the free columns for each given column.
+        gradient: Products of the projected columns with the residual of the fit.
     """
     active, theta = fitted.active, fitted.theta
     x = theta[active]
@@ -70,7 +72,7 @@ def project_off_fit(
 def gains_within(
     a: Float[Array, "T k k"], b: Float[Array, "T k"], lower: Float[Array, "T k"], upper: Float[Array, "T k"]
 ) -> Float[Array, " T"]:
-    """Gain of each rival: the minimum of ``x a x - 2 b x`` within bounds, with the opposite sign."""
+    """Gain of each set of columns: minus the minimum of ``x a x - 2 b x`` within bounds."""
     x = solve_each(a, b[:, :, None])[:, :, 0]
     outside = np.any((x < lower) | (x > upper), axis=1)
     if a.shape[1] == 1:
@@ -88,8 +90,8 @@ class FoldProjection:
     Attributes:
         problem: The linear problem.
         lines: Training products of the nuisances with all columns, ``(n, K)``.
-        core: Products over the cores of the fold's blocks (the samples of its held-out loss): among the nuisances, and
-            of these with all columns.
+        core: Products over the held-out samples, the cores of the fold's blocks: among the nuisances, and of the
+            nuisances with all columns.
         made: Coefficients of the projection: those of the nuisances for each column, ``(n, K)``.
     """
 
@@ -109,26 +111,26 @@ class FoldProjection:
 
         Args:
             columns: Indices of the columns of each group.
-            square: Training products among them without the projection.
+            square: Training products among the columns of each group, not projected.
         """
         made, cross = _each(self.made, columns), _each(self.lines, columns)
         return square - cross.mT @ made + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
 
     def held_out(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
-        """Products over the held-out cores among each group of columns projected by the training fit.
+        """Products over the held-out cores among each group of columns; the training fit gives the projection.
 
         Args:
             columns: Indices of the columns of each group.
-            square: Products over the held-out cores among them without the projection.
+            square: Products over the held-out cores among the columns of each group, not projected.
         """
         inside, across = self.core
         made = _each(self.made, columns)
-        turned = _each(across, columns).mT @ made
-        return square - turned - turned.mT + made.mT @ inside @ made
+        mixed = _each(across, columns).mT @ made
+        return square - mixed - mixed.mT + made.mT @ inside @ made
 
 
 def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
-    """The projection without each fold, and last that of the fit to all training blocks."""
+    """The projections off the nuisances fitted without each fold, and last that of the fit to all training blocks."""
     grams, nuisances = problem.grams, problem.fitted_nuisances
     every = np.arange(len(problem.precision))
     of_folds, cores = (products.between(nuisances, every) for products in (grams.fold_a, grams.fold_core_a))
@@ -142,5 +144,5 @@ def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
 
 
 def _each(rows: Float[Array, "n K"], columns: Int[Array, "g m"]) -> Float[Array, "g n m"]:
-    """The columns of each group."""
+    """The columns of each group, stacked by group."""
     return rows[:, columns].transpose(1, 0, 2)

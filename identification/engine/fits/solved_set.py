@@ -1,4 +1,4 @@
-"""Solves a set of columns fully, and keeps everything that fits of similar sets need from the solution."""
+"""The full solution of one set of columns, with the arrays from which fits of similar sets are computed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class _EnteringParts:
-    """Parts of `Entering` for one column, in ``T`` tableaus."""
+    """Fields of `Entering` for one column that enters ``T`` tableaus; they do not depend on other entering columns."""
 
     cross: Float[Array, "T n"]
     response: Float[Array, "T n"]
@@ -26,14 +26,15 @@ class _EnteringParts:
 
 @dataclass(frozen=True)
 class PastFit:
-    """Coefficients of the fits of one set.
+    """Coefficients of an earlier fit of a set.
 
     Attributes:
-        bits: The set as a number with one bit for each column.
+        bits: The set as an integer with one bit for each column.
         index: Columns of ``x``, ``(v,)``.
-        x: Coefficients without each fold, if the set was held out, and last those of the fit to all blocks, ``(G, v)``.
-        known: True for the columns of ``x`` among all, ``(K,)``.
-        held: True for those at a bound in the fit to all blocks, ``(K,)``.
+        x: Coefficients, ``(G, v)``: rows of the fits without each fold, if these were made, and last a row of the fit
+            to all blocks.
+        known: True for each of all columns that ``x`` contains, ``(K,)``.
+        held: True for each of all columns that is at a bound in the fit to all blocks, ``(K,)``.
     """
 
     bits: int
@@ -50,7 +51,7 @@ class SolvedSet:
     Attributes:
         problem: The problem that is fitted.
         columns: Columns of the set, ``(n,)``.
-        whole: Its fit.
+        whole: The fit to all blocks.
     """
 
     problem: LinearProblem
@@ -62,17 +63,19 @@ class SolvedSet:
 
     @cached_property
     def inside(self) -> Bool[Array, " K"]:
-        """True for the columns of the set among all columns."""
+        """True for each of all columns that is in the set."""
         return marked(self.columns, len(self.problem.precision))
 
     @cached_property
     def folds(self) -> tuple[Tableau, ...]:
-        """The fits that have not seen one fold each."""
+        """The fits without one fold each."""
         problem, columns = self.problem, self.columns
         a, b, lower, upper = quadratic(problem, columns)
         near = self.whole.x * self.whole.scale
-        less_a, less_b = problem.grams.fold_a.among(columns), problem.grams.fold_b[:, columns]
-        return tuple(tableau(a - x, b - y, lower, upper, near) for x, y in zip(less_a, less_b, strict=True))
+        fold_a, fold_b = problem.grams.fold_a.among(columns), problem.grams.fold_b[:, columns]
+        return tuple(
+            tableau(a - own_a, b - own_b, lower, upper, near) for own_a, own_b in zip(fold_a, fold_b, strict=True)
+        )
 
     @cached_property
     def core(self) -> Float[Array, "B n n"]:
@@ -81,7 +84,7 @@ class SolvedSet:
 
     @cached_property
     def which(self) -> Int[Array, " B"]:
-        """Number of the fit that predicts each block: the fit without its fold, or the last one, to all blocks."""
+        """Index of the fit that predicts each block: that without its fold, or for fold -1 the last, to all blocks."""
         fold = self.problem.grams.fold
         return np.where(fold < 0, len(self.folds), fold)
 
@@ -108,35 +111,41 @@ class SolvedSet:
 
     @cached_property
     def held(self) -> Bool[Array, " K"]:
-        """True for the columns of the set whose coefficient is at a bound, among all columns."""
+        """True for each of all columns that is in the set and at a bound."""
         return marked(self.columns[self.whole.held], len(self.problem.precision))
 
     def differences(self, wanted: Bool[Array, " K"], similar: PastFit | None) -> int:
-        """Number of columns that only one of two sets has, or that are at a bound in only one of them.
+        """Number of columns by which a set differs from this one, or that are at a bound in only one of the two.
 
         Args:
-            wanted: The columns of the set.
-            similar: An earlier fit of a similar set, whose active bounds are compared; None if there is none.
+            wanted: True for each of all columns that is in the other set.
+            similar: An earlier fit that resembles the other set, for its active bounds; None if there is none.
         """
-        other = self.inside != wanted
+        differs = self.inside != wanted
         if similar is not None:
-            other = other | (self.inside & wanted & similar.known & (self.held != similar.held))
-        return int(np.count_nonzero(other))
+            differs = differs | (self.inside & wanted & similar.known & (self.held != similar.held))
+        return int(np.count_nonzero(differs))
 
     def changes(self, active: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " l"], Int[Array, " v"]]:
-        """Columns of a set that enter, places of those that leave, and all columns with those that enter last."""
+        """Changes from this set to the set ``active``.
+
+        Returns:
+            new: Columns that enter, ``(m,)``.
+            gone: Positions in `columns` of those that leave, ``(l,)``.
+            index: `columns` followed by ``new``, ``(v,)``; those that leave are still included.
+        """
         new = active[~self.inside[active]]
         gone = np.flatnonzero(~marked(active, len(self.inside))[self.columns])
         return new, gone, np.concatenate([self.columns, new])
 
     def entering(self, columns: Int[Array, " m"]) -> Entering:
-        """Columns that are not in the set, as they enter its fit."""
+        """The given columns as unknowns that enter the fit to all blocks; they are not in the set."""
         problem = self.problem
         square = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
         return self.whole.entering_of(*self.entering_parts(columns), square)
 
     def entering_parts(self, columns: Int[Array, " m"]) -> tuple[Array, Array, Array, Array]:
-        """Parts of `entering` without the products among the columns: see `Tableau.entering_parts`."""
+        """Cross, response, slope and scale of the given columns, as in `Entering`, for the fit to all blocks."""
         known = self._entering
         new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
         if len(new):
@@ -151,7 +160,7 @@ class SolvedSet:
         return _stacked_parts(self.whole, [known[k] for k in columns.tolist()], 0)
 
     def fold_entering(self, columns: Int[Array, " m"]) -> list[Entering]:
-        """Columns that are not in the set, as they enter the fit without each fold."""
+        """The given columns as unknowns that enter the fit without each fold; they are not in the set."""
         problem, known = self.problem, self._fold_entering
         new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
         whole = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
@@ -167,7 +176,7 @@ class SolvedSet:
         return [one.entering_of(*_stacked_parts(one, pieces, k), squares[k]) for k, one in enumerate(self.folds)]
 
     def core_products(self, columns: Int[Array, " m"]) -> Float[Array, "B m n"]:
-        """Products of further columns with those of the set over the core of each block."""
+        """Products of columns that are not in the set with those of the set, over the core of each block."""
         new = np.array([k for k in columns.tolist() if k not in self._core_products], dtype=int)
         if len(new):
             lines = self.problem.grams.core_a.between(new, self.columns)
@@ -177,21 +186,21 @@ class SolvedSet:
 
 
 def marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
-    """True for the given columns among all columns, ``(K,)``."""
+    """Mask of all ``count`` columns that is True for the given ones, ``(K,)``."""
     out = np.zeros(count, dtype=bool)
     out[columns] = True
     return out
 
 
 def quadratic(problem: LinearProblem, columns: Int[Array, " n"]) -> tuple[Array, Array, Array, Array]:
-    """Products of some columns with priors, those with the residual, and bounds."""
+    """Quadratic problem of some columns: products with priors, products with the residual, lower and upper bounds."""
     a = problem.total_a[np.ix_(columns, columns)]
     a.flat[:: len(a) + 1] += problem.precision[columns]
     return a, problem.total_b[columns], problem.lower[columns], problem.upper[columns]
 
 
 def _stacked_parts(one: Tableau, pieces: list[_EnteringParts], which: int) -> tuple[Array, Array, Array, Array]:
-    """Parts of several columns as they enter one of the tableaus."""
+    """Cross, response, slope and scale of several columns that enter tableau number ``which``."""
     n = len(one.x)
     cross, response = (
         np.array([getattr(piece, name)[which] for piece in pieces]).reshape(-1, n) for name in ("cross", "response")

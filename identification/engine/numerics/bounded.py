@@ -1,4 +1,4 @@
-"""Finds minima of small quadratic problems within bounds."""
+"""Minimises small quadratic functions ``x a x / 2 - b x`` within bounds."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from identification.engine.numerics.elimination import eliminate, solve_eliminat
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn.array_types import Array, Float
 
-# Added to the unit diagonal: keeps problems with two equal columns solvable, and is below the accuracy of the products.
-_TWINS = 1e-12
-# Largest number of steps that exchange all bounds at once, and of the steps after them, each of which lowers the loss.
+# Added to the diagonal of a matrix that is scaled to a unit diagonal, so that problems with two equal columns can be
+# solved. It is smaller than the rounding errors of the products.
+_RIDGE = 1e-12
+# Largest number of steps that exchange all wrong bounds at once, and of the following steps that each lower the loss.
 _AT_ONCE, _DESCENDING = 10, 400
-# A multiplier is of the wrong sign from this size on.
+# A multiplier (the slope of the loss at a bound) counts as having the wrong sign from this size on.
 _WRONG = 1e-9
 
 
@@ -20,18 +21,18 @@ def solve(a: Float[Array, "k k"], b: Float[Array, "k ..."]) -> Float[Array, "k .
     """Solution of ``a x = b`` for a positive definite ``a`` whose rows may differ by many orders of magnitude."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
     scaled = a * scale[:, None] * scale[None, :]
-    scaled.flat[:: len(scaled) + 1] += _TWINS
+    scaled.flat[:: len(scaled) + 1] += _RIDGE
     right = b * (scale if b.ndim == 1 else scale[:, None])
     x = np.linalg.solve(scaled, right)
     return x * (scale if b.ndim == 1 else scale[:, None])
 
 
 def solve_each(a: Float[Array, "g k k"], b: Float[Array, "g k r"]) -> Float[Array, "g k r"]:
-    """As `solve`, for several matrices of one size at once."""
-    if a.shape[-1] == 1:  # most are, and LAPACK takes many times as long for a division
-        return b / (np.maximum(a, 1e-300) * (1.0 + _TWINS))
+    """Solutions of ``a x = b`` as `solve` returns them, for several matrices of one size at once."""
+    if a.shape[-1] == 1:  # the most frequent case, in which a division is many times as fast as LAPACK
+        return b / (np.maximum(a, 1e-300) * (1.0 + _RIDGE))
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(a, axis1=1, axis2=2), 1e-300))
-    scaled = a * scale[:, :, None] * scale[:, None, :] + _TWINS * np.eye(a.shape[-1])
+    scaled = a * scale[:, :, None] * scale[:, None, :] + _RIDGE * np.eye(a.shape[-1])
     return np.linalg.solve(scaled, b * scale[:, :, None]) * scale[:, :, None]
 
 
@@ -44,9 +45,9 @@ def bounded_solve(
 ) -> Float[Array, " k"]:
     """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by active sets.
 
-    First, in each step, all violated bounds become active and all bounds with a wrong multiplier inactive (the
-    primal-dual active set method of Hintermueller, Ito and Kunisch, 2002). If it converges, that takes few steps. It
-    may cycle with nearly equal columns. Then only steps follow that lower the loss, so that no active set is repeated.
+    The first steps make all violated bounds active and all bounds with a wrong multiplier inactive (the primal-dual
+    active set method of Hintermueller, Ito and Kunisch, 2002). They usually converge within a few steps, but may cycle
+    if two columns are nearly equal. The steps after them lower the loss each time, so that no active set is repeated.
 
     Args:
         a: Quadratic part.
@@ -68,16 +69,26 @@ def bounded_solve_without(
     upper: Float[Array, " k"],
     near: Float[Array, " k"],
 ) -> Float[Array, "F k"]:
-    """As `bounded_solve`, once without each of several parts of ``a`` and ``b``."""
+    """Minima as of `bounded_solve`, one row for each part (fold) that is subtracted from ``a`` and ``b``.
+
+    Args:
+        a: Quadratic part, with all parts.
+        b: Linear part, with all parts.
+        less_a: Part of ``a`` that each row leaves out.
+        less_b: Part of ``b`` that each row leaves out.
+        lower: Lower bounds.
+        upper: Upper bounds.
+        near: Minimum of a similar problem, whose active bounds are tried first; NaN for unknowns without a start.
+    """
     return _minima_of(a, b, less_a, less_b, np.stack([lower, upper, near]))[: len(less_a)]
 
 
 def _minima_of(a: Array, b: Array, less_a: Array, less_b: Array, ends: Array) -> Array:
-    """As `_minima`, with arrays brought to one memory layout, as the loop is compiled once for each layout."""
+    """Result of `_minima`, called with arrays of one memory layout: the loop is compiled once for each layout."""
     k = len(b)
     out = np.empty((max(len(less_a), 1), k))
     a, b, less_a, less_b = (np.ascontiguousarray(array, dtype=float) for array in (a, b, less_a, less_b))
-    # Two matrices and some vectors to work in: compiling the allocation of each takes longer than compiling a loop.
+    # Work space is allocated here: compiling the allocation of an array takes longer than compiling a loop.
     work = np.empty((2, k, k)), np.empty((8, k)), np.empty((2, k), dtype=bool), np.empty(k, dtype=np.int64)
     _minima(a, b, less_a, less_b, ends, out, work)
     return out
@@ -95,13 +106,13 @@ def _minima(
 ) -> None:
     """Fill each row of ``out`` with a minimum within bounds.
 
-    The loops are over numbers, because operations on arrays take several times as long to compile.
+    The loops are over single numbers, because array expressions take several times as long to compile.
 
     Args:
         a: Quadratic part.
         b: Linear part.
-        less_a: Part of ``a`` that each row leaves out; of length 0 where nothing is left out.
-        less_b: The same of ``b``.
+        less_a: Part of ``a`` that each row leaves out; of length 0 if nothing is left out.
+        less_b: Part of ``b`` that each row leaves out.
         ends: Lower bounds, upper bounds and start, ``(3, k)``.
         out: One row per minimum.
         work: Arrays that the loop works in, from `_minima_of`.
@@ -117,42 +128,42 @@ def _minima(
             for j in range(k):
                 matrices[0, i, j] = a[i, j] - less_a[part, i, j] if len(less_a) else a[i, j]
             x[i], fixed[i] = near[i], near[i] <= lower[i] or near[i] >= upper[i]
-        # Of the steps that lower the loss: the loss now, the loss when bounds were last released, and the released
-        # number with the largest expected gain.
-        least, last, most = np.inf, np.inf, -1
+        # For the steps that lower the loss: the loss now, the loss when bounds were last released, and the released
+        # unknown with the largest expected gain.
+        lowest, at_release, best = np.inf, np.inf, -1
         for step in range(_AT_ONCE + _DESCENDING):
             descending = step >= _AT_ONCE
             for i in range(k):
                 trial[i] = x[i] if fixed[i] else 0.0
             _free_minimum(matrices, right, fixed, trial, vectors, free)
-            left = _clip_to_bounds(trial, lower, upper, fixed, outside, end)
+            violated = _clip_to_bounds(trial, lower, upper, fixed, outside, end)
             reached = _loss(matrices, right, end if descending else trial, gradient)
-            if descending and left:
-                if reached < least:
+            if descending and violated:
+                if reached < lowest:
                     _hold(outside, end, fixed, x)
-                    least, most = reached, -1
-                elif most >= 0:
-                    # Releasing all bounds at once raised the loss: release only the one with the largest expected gain.
+                    lowest, best = reached, -1
+                elif best >= 0:
+                    # Releasing all bounds at once raised the loss: release only the best one.
                     for i in range(k):
-                        fixed[i] = i != most and (x[i] <= lower[i] or x[i] >= upper[i])
-                    most = -1
+                        fixed[i] = i != best and (x[i] <= lower[i] or x[i] >= upper[i])
+                    best = -1
                 else:
                     _step_to_first_bound(outside, trial, end, fixed, x)
                 continue
-            converged = descending and reached >= last  # equal up to rounding
-            most = _release(matrices, gradient, trial, lower, upper, fixed)
+            converged = descending and reached >= at_release  # equal up to rounding
+            best = _release(matrices, gradient, trial, lower, upper, fixed)
             _hold(outside, end, fixed, x)
-            if left == 0 and (converged or most < 0):
+            if violated == 0 and (converged or best < 0):
                 break
             if descending:
-                least, last = reached, reached
+                lowest, at_release = reached, reached
         for i in range(k):
             out[part, i] = min(max(x[i], lower[i]), upper[i])
 
 
 @inlined
 def _clip_to_bounds(x: Array, lower: Array, upper: Array, fixed: Array, outside: Array, out: Array) -> int:
-    """Write a point, clipped to its bounds, to ``out``; return how many of its numbers were outside."""
+    """Write a point, clipped to its bounds, to ``out``; mark the unknowns that were outside and return their number."""
     count = 0
     for i in range(len(x)):
         outside[i] = not fixed[i] and (x[i] < lower[i] or x[i] > upper[i])
@@ -163,7 +174,7 @@ def _clip_to_bounds(x: Array, lower: Array, upper: Array, fixed: Array, outside:
 
 @inlined
 def _hold(outside: Array, end: Array, fixed: Array, x: Array) -> None:
-    """Move to a point, clipped to its bounds, and hold the numbers that were outside."""
+    """Set ``x`` to a clipped point, and fix the unknowns that were outside of their bounds."""
     for i in range(len(x)):
         x[i] = end[i]
         fixed[i] = fixed[i] or outside[i]
@@ -171,7 +182,11 @@ def _hold(outside: Array, end: Array, fixed: Array, x: Array) -> None:
 
 @inlined
 def _release(matrices: Array, slope: Array, x: Array, lower: Array, upper: Array, fixed: Array) -> int:
-    """Free all numbers at a bound whose slope points inwards; return the most useful one, -1 if there is none."""
+    """Free all unknowns at a bound from which the loss decreases inwards.
+
+    Returns:
+        The freed unknown with the largest expected gain; -1 if none is freed.
+    """
     most, largest = -1, 0.0
     for i in range(len(x)):
         inwards = (x[i] <= lower[i] and slope[i] < -_WRONG) or (x[i] >= upper[i] and slope[i] > _WRONG)
@@ -185,7 +200,7 @@ def _release(matrices: Array, slope: Array, x: Array, lower: Array, upper: Array
 
 @inlined
 def _step_to_first_bound(outside: Array, to: Array, end: Array, fixed: Array, x: Array) -> None:
-    """Move straight towards a point until the first unknown is at its bound, and hold that one."""
+    """Move ``x`` straight towards a point until the first unknown reaches its bound, and fix this unknown."""
     share, first = 1.0, -1
     for i in range(len(x)):
         if outside[i]:
@@ -201,7 +216,7 @@ def _step_to_first_bound(outside: Array, to: Array, end: Array, fixed: Array, x:
 
 @inlined
 def _loss(matrices: Array, b: Array, x: Array, slope: Array) -> float:
-    """Value of ``x a x / 2 - b x``; its slope is written to an array."""
+    """Value of ``x a x / 2 - b x``; the gradient is written to ``slope``."""
     _slope(matrices, b, x, slope)
     total = 0.0
     for i in range(len(x)):
@@ -223,9 +238,9 @@ def _slope(matrices: Array, b: Array, x: Array, out: Array) -> None:
 
 @inlined
 def _free_minimum(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Array, free: Array) -> None:
-    """Make ``x`` the minimum with some coefficients fixed at their values in it, the others zero there.
+    """Fill the free entries of ``x`` with the minimum for the given fixed ones; the free entries are zero at first.
 
-    By ``L D L^T`` without pivoting, which a positive definite matrix does not need.
+    The solution is by ``L D L^T`` without pivoting, which a positive definite matrix does not need.
     """
     scale, right, moved = vectors[5], vectors[6], vectors[7]
     _slope(matrices, b, x, moved)
@@ -240,7 +255,7 @@ def _free_minimum(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Ar
     for i in range(count):
         for k in range(i, count):
             matrices[1, i, k] = matrices[0, free[i], free[k]] * scale[i] * scale[k]
-        matrices[1, i, i] += _TWINS
+        matrices[1, i, i] += _RIDGE
     eliminate(matrices[1], count)
     solve_eliminated(matrices[1], right, count)
     for i in range(count):

@@ -14,9 +14,13 @@ _PANEL = 4
 
 @inlined
 def eliminate(u: Array, count: int | np.int64) -> None:
-    """Overwrite the upper triangle of a matrix, ``count`` rows and columns, with ``U``: it equals ``U^T D^-1 U``.
+    """Overwrite the upper triangle of a matrix with the ``U`` of its factorisation ``U^T D^-1 U``.
 
     ``D`` is the diagonal of ``U``. No rows are exchanged: a positive definite matrix does not need it.
+
+    Args:
+        u: A matrix whose first ``count`` rows and columns are positive definite; overwritten.
+        count: Number of rows and columns to factorise.
     """
     for first in range(0, count, _PANEL):
         last = min(first + _PANEL, count)

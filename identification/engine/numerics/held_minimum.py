@@ -1,8 +1,12 @@
-"""Minimum of a changed problem for a given set of held unknowns, from the tableau of the solved problem.
+"""Minimum of a changed quadratic problem for a given set of held unknowns, from the tableau of the solved problem.
 
-This is the Schur complement method for quadratic programs (Gill, Murray, Saunders and Wright, 1990): the changes are
-the solution of a small system, whose size is the number of changes and not that of the problem. It is compiled, as a
-search solves some hundred thousand of these systems.
+Held unknowns are fixed at a value, the others are free. The method is the Schur complement method for quadratic
+programs (Gill, Murray, Saunders and Wright, 1990): the size of the linear system is the number of changes, not that of
+the problem. The code is compiled, because a search solves about a hundred thousand of these systems.
+
+An action on an unknown of the solved problem is a force (a change of the linear part) if the unknown is free there, and
+a shift of its value if it is held there. The state of an unknown is its value if it is free and the slope of the loss
+if it is held.
 """
 
 from __future__ import annotations
@@ -11,23 +15,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.engine.numerics.tableau import TWINS, Entering, Tableau
+from identification.engine.numerics.tableau import RIDGE, Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Array, Float, Int
 
-# Largest number of steps that remove the rounding of a minimum, and the largest gain of the last step.
+# Largest number of Newton steps that remove rounding errors, and the gain of a step from which on they have converged.
 _CORRECTED, _SMALL = 8, 0.01
 
 
 class HeldMinimum(NamedTuple):
-    """A minimum with some unknowns held, in the tableau's units.
+    """A minimum with some unknowns held, in the scaled units of the tableau.
 
     Attributes:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
         slope: Derivative of the loss by each unknown, zero for free ones, ``(n + m,)``.
-        indices: First the flipped unknowns, which are free here and held in the solved problem or the other way round;
-            then those that are held at another value, ``(d,)``.
-        action: For each of these a force if it was free, or a shift if it was held, ``(d,)``.
+        indices: Unknowns on which an action is applied, ``(d,)``. First those that are flipped: free here and held in
+            the solved problem, or the other way round. Then those that are held in both, but at different values.
+        action: The action on each of these unknowns, ``(d,)``.
         flipped: Number of flipped unknowns.
     """
 
@@ -40,7 +44,14 @@ class HeldMinimum(NamedTuple):
 
 @fused
 def minimum(solved: Tableau, entering: Entering, held: Array, value: Array) -> HeldMinimum:
-    """Minimum with some unknowns held at given values."""
+    """Minimum with some unknowns held at given values.
+
+    Args:
+        solved: Tableau of the solved problem, with ``n`` unknowns.
+        entering: The ``m`` unknowns that are added; the solved problem holds them at zero.
+        held: True for held unknowns, ``(n + m,)``.
+        value: Values of the held unknowns, ``(n + m,)``.
+    """
     n, v = len(solved.x), len(held)
     state, old_value, was_held = np.empty(v), np.zeros(v), np.ones(v, dtype=np.bool_)
     state[:n], state[n:], was_held[:n] = solved.state, entering.slope, solved.held
@@ -71,7 +82,7 @@ def minimum(solved: Tableau, entering: Entering, held: Array, value: Array) -> H
             slope[i] = state[i]
     for j in range(flips):
         index = indices[j]
-        # An unknown that was held is shifted; one that was free gets its slope as a force.
+        # A force on an unknown that is held now is the slope of the loss there. A shift is a change of its value.
         if not was_held[index]:
             slope[index] = action[j]
         elif not held[index]:
@@ -81,7 +92,7 @@ def minimum(solved: Tableau, entering: Entering, held: Array, value: Array) -> H
 
 @fused
 def refined(solved: Tableau, entering: Entering, held: Array, found: HeldMinimum) -> tuple:
-    """A minimum without the rounding of the tableau, its value, and whether the correction has converged."""
+    """The minimum after Newton steps that remove its rounding errors, its loss, and whether the steps converged."""
     n, v = len(solved.x), len(held)
     x, slope, b, force = found.x.copy(), found.slope, np.empty(v), np.empty(v)
     b[:n], b[n:] = solved.b, -entering.slope
@@ -96,8 +107,8 @@ def refined(solved: Tableau, entering: Entering, held: Array, found: HeldMinimum
         step = _correction(solved, entering, force, held, found.indices[: found.flipped])
         total, lowered = 0.0, 0.0
         for i in range(v):
-            # The ridge for problems with equal columns is not part of the problem.
-            total += x[i] * (slope[i] - b[i] - TWINS * x[i])
+            # The ridge on the diagonal is not part of the loss.
+            total += x[i] * (slope[i] - b[i] - RIDGE * x[i])
             lowered += slope[i] * step[i]
             x[i] += step[i]
         total, gain = total + lowered, abs(lowered)
@@ -113,7 +124,7 @@ def refined(solved: Tableau, entering: Entering, held: Array, found: HeldMinimum
 
 @fused
 def _slope(solved: Tableau, entering: Entering, x: Array, b: Array) -> Array:
-    """Slope of the loss by all unknowns; ``b`` is its linear part."""
+    """Gradient of the loss with the linear part ``b``."""
     n, out = len(solved.x), -b
     # Rows are added one by one: the compiler may not reorder a sum over a row.
     for j in range(n):
@@ -133,7 +144,7 @@ def _slope(solved: Tableau, entering: Entering, x: Array, b: Array) -> Array:
 
 @fused
 def _correction(solved: Tableau, entering: Entering, force: Array, held: Array, flipped: Array) -> Array:
-    """Change of the free unknowns by a force on each; ``flipped`` as in `HeldMinimum`."""
+    """Change of the free unknowns by a force on each; ``flipped`` holds the flipped unknowns, see `HeldMinimum`."""
     n, v, k = len(solved.x), len(held), len(flipped)
     out = np.zeros(v)
     for p in range(n):
@@ -158,7 +169,7 @@ def _correction(solved: Tableau, entering: Entering, force: Array, held: Array, 
 
 @fused
 def _response(solved: Tableau, entering: Entering, index: int, observed: int) -> float:
-    """Change of the state of one unknown, ``observed``, by a unit action on another."""
+    """Change of the state of unknown ``observed`` by a unit action on unknown ``index``."""
     n = len(solved.x)
     if index >= n:
         return (
@@ -168,7 +179,7 @@ def _response(solved: Tableau, entering: Entering, index: int, observed: int) ->
         )
     if observed < n:
         return solved.response[index, observed]
-    # By symmetry: a slope responds to a force on a free unknown as this unknown does to a shift, with opposite sign.
+    # Responses are symmetric, except that those between a free and a held unknown have opposite signs.
     return entering.response[observed - n, index] if solved.held[index] else -entering.response[observed - n, index]
 
 
@@ -185,7 +196,7 @@ def _add_responses(solved: Tableau, entering: Entering, index: int, action: floa
 
 @fused
 def answers_among(solved: Tableau, entering: Entering, indices: Array) -> Array:
-    """Changes of the states of some unknowns by a unit action on each of them, one column per action, ``(k, k)``."""
+    """Responses of the states of some unknowns to a unit action on each of them, one column per action, ``(k, k)``."""
     out = np.empty((len(indices), len(indices)))
     for j in range(len(indices)):
         for i in range(len(indices)):

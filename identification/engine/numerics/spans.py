@@ -8,7 +8,12 @@ from phantom_dyn.array_types import Array, Float
 
 
 def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "m r"]:
-    """Orthonormal basis of the span of columns; the tolerance is relative to the size of each."""
+    """Orthonormal basis of the span of columns, which are first scaled to unit norm.
+
+    Args:
+        matrix: The columns.
+        tolerance: Directions with a singular value below this share of the largest one are left out.
+    """
     norms = np.linalg.norm(matrix, axis=0)
     kept = matrix[:, norms > 0] / norms[norms > 0]
     if not kept.size:
@@ -18,7 +23,7 @@ def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "
 
 
 def orthogonal_part(matrix: Array, basis: Float[Array, "m r"]) -> Array:
-    """The part of columns that is orthogonal to a span; it is projected twice to remove rounding errors."""
+    """The part of columns that is orthogonal to the span of a basis; projecting twice removes rounding errors."""
     for _ in range(2):
         matrix = matrix - basis @ (basis.T @ matrix)
     return matrix

@@ -1,8 +1,8 @@
-"""The principal pivot transform of a quadratic problem that is solved within bounds.
+"""Tableau (principal pivot transform) of a quadratic problem that is solved within bounds.
 
-A free unknown lies within its bounds, a held one at a bound. The tableau holds the response of all unknowns to a force
-on a free one (a change of the linear part), and to a shift of a held one. The minimum of a problem with additional
-unknowns, or without some of them, follows from it: see `tableau_changes.py`.
+A free unknown is between its bounds, a held one at a bound. The tableau holds the responses of all unknowns to a force
+on each free unknown (a change of the linear part) and to a shift of each held one. From these `tableau_changes.py`
+computes the minimum of a problem with additional unknowns, or without some of them.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ import numpy as np
 from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Added to the unit diagonal, so that a problem with two equal columns has a solution. It is larger than in `bounded`,
-# as an inverse loses twice the digits of a solution.
-TWINS = 1e-11
-# Newton steps that remove the rounding of the inverse.
+# Added to the unit diagonal, so that a problem with two equal columns has a solution. It is larger than in
+# `bounded.py`, because computing an inverse loses twice as many digits as solving one system.
+RIDGE = 1e-11
+# Number of Newton steps that remove the rounding errors of the inverse.
 _REFINED = 3
 # A slope counts as nonzero only beyond this share of the largest entry of the linear part.
 _ROUNDING = 1e-12
 
 
 class Entering(NamedTuple):
-    """Unknowns that enter a solved problem, in scaled units.
+    """Unknowns that are added to a solved problem, in scaled units.
 
     Attributes:
         cross: Entries of the quadratic part between the entering unknowns and those of the solved problem, ``(m, n)``.
         response: Response of the solved problem's unknowns to a shift of each entering one, ``(m, n)``.
         square: Entries of the quadratic part among the entering unknowns, ``(m, m)``.
-        schur_complement: Second derivatives of the loss by the entering unknowns after the free unknowns of the solved
-            problem have been eliminated, ``(m, m)``.
-        slope: Derivative of the loss by each entering unknown, at zero, ``(m,)``.
+        schur_complement: Second derivatives of the loss by the entering unknowns, if the free unknowns of the solved
+            problem follow, ``(m, m)``.
+        slope: Derivative of the loss by each entering unknown at zero, ``(m,)``.
         scale: Unit of each entering unknown, ``(m,)``.
     """
 
@@ -51,7 +51,7 @@ class Tableau(NamedTuple):
         a: Quadratic part, ``(n, n)``.
         b: Linear part, ``(n,)``.
         scale: Unit of each unknown, ``(n,)``.
-        held: Unknowns at a bound, ``(n,)``.
+        held: True for unknowns at a bound, ``(n,)``.
         x: Minimum, ``(n,)``.
         state: Values of free unknowns, slopes of held ones, ``(n,)``.
         response: Response of the state to a force on a free unknown or a shift of a held one, one row for each action,
@@ -71,7 +71,7 @@ class Tableau(NamedTuple):
     def entering_parts(
         self, cross: Float[Array, "m n"], diagonal: Float[Array, " m"], b: Float[Array, " m"]
     ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, " m"], Float[Array, " m"]]:
-        """Parts of `Entering` that do not depend on other entering unknowns: cross, response, slope and scale.
+        """Cross, response, slope and scale of `Entering`, which do not depend on the other entering unknowns.
 
         Args:
             cross: Entries of the quadratic part between the entering unknowns and those of the solved problem.
@@ -94,9 +94,17 @@ class Tableau(NamedTuple):
         scale: Float[Array, " m"],
         square: Float[Array, "m m"],
     ) -> Entering:
-        """Entering unknowns, from the arrays of `entering_parts` and the entries among them, priors included."""
+        """Entering unknowns, from the results of `entering_parts`.
+
+        Args:
+            cross: First result.
+            response: Second result.
+            slope: Third result.
+            scale: Fourth result.
+            square: Entries of the quadratic part among the entering unknowns, unscaled, priors included.
+        """
         square = square * scale[:, None] * scale
-        square.flat[:: len(square) + 1] += TWINS
+        square.flat[:: len(square) + 1] += RIDGE
         free = ~self.held
         return Entering(cross, response, square, square + cross[:, free] @ response[:, free].T, slope, scale)
 
@@ -121,7 +129,7 @@ def tableau(
     x = bounded_solve(a, b, lower, upper, near) / scale
     held = (x <= lower / scale) | (x >= upper / scale)
     scaled, rhs = a * scale[:, None] * scale, b * scale
-    scaled.flat[:: len(scaled) + 1] += TWINS
+    scaled.flat[:: len(scaled) + 1] += RIDGE
     free, at_bound = np.flatnonzero(~held), np.flatnonzero(held)
     inverse = _inverse(scaled[np.ix_(free, free)])
     cross = scaled[np.ix_(free, at_bound)]
@@ -131,7 +139,7 @@ def tableau(
     response[np.ix_(at_bound, free)] = -sensitivity.T
     response[np.ix_(free, at_bound)] = sensitivity
     response[np.ix_(at_bound, at_bound)] = scaled[np.ix_(at_bound, at_bound)] - cross.T @ sensitivity
-    # The inverse alone is not accurate where large terms cancel.
+    # Newton steps: the inverse alone is inaccurate where large terms cancel.
     for _ in range(_REFINED):
         x[free] += inverse @ (rhs[free] - scaled[free] @ x)
     state = np.where(held, scaled @ x - rhs, x)

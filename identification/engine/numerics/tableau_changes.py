@@ -1,8 +1,8 @@
-"""Minimum of a quadratic problem within bounds that differs from a solved one by some unknowns.
+"""Minimum of a quadratic problem within bounds, from a solved problem to which unknowns are added or removed.
 
-Unknowns enter or leave. The search finds which unknowns are held at a bound: first by block principal pivoting, which
-exchanges all wrong bounds at once, then by steps of an active-set method. For a given set of held unknowns,
-`held_minimum` computes the others.
+The search finds which unknowns are held at a bound. It first uses block principal pivoting, which exchanges all wrong
+bounds at once. If this does not converge, it uses an active-set method. For each set of held unknowns `held_minimum.py`
+computes the minimum.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from identification.engine.numerics.tableau import Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-# Largest number of active-set steps, and of block exchanges in a row that do not lower the number of wrong bounds.
+# Largest number of active-set steps, and of successive block exchanges that do not lower the number of wrong bounds.
 _STEPS, _TRIES = 300, 3
-# A multiplier counts as having the wrong sign from this size on.
+# A multiplier (the slope of the loss at a bound) counts as having the wrong sign from this size on.
 _WRONG = 1e-9
 
 
@@ -31,10 +31,10 @@ class ChangedMinimum:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
         slope: Derivative of the loss by each unknown, zero for free ones, ``(n + m,)``.
         value: ``x a x - 2 b x`` of the changed problem.
-        converged: False if rounding is too large or the steps were not enough: solve the problem from scratch.
+        converged: False if rounding errors are too large or the steps were not enough; the problem then has to be
+            solved from scratch.
         flipped: Unknowns that are free here and held in the solved problem, or the other way round, ``(k,)``.
-        action: The change as actions on the solved problem: the unknowns (first the flipped ones, then those that are
-            held at another value), and for each a force if it was free, or a shift if it was held.
+        action: Unknowns of the solved problem on which an action is applied, and the actions: see `HeldMinimum`.
     """
 
     x: Float[Array, " v"]
@@ -52,29 +52,29 @@ def changed(
     bounds: tuple[Float[Array, " v"], Float[Array, " v"]],
     near: Float[Array, " v"],
 ) -> ChangedMinimum:
-    """Minimum of a solved problem after unknowns enter and others leave.
+    """Minimum of a solved problem after unknowns are added and others removed.
 
     Args:
         solved: A solved problem.
-        entering: Unknowns that enter; they come last.
-        leaving: Indices of the unknowns that leave, which are zero in the result.
+        entering: Unknowns that are added, after those of the solved problem.
+        leaving: Indices of the unknowns that are removed; the result has zeros there.
         bounds: Lower and upper bounds of all unknowns.
-        near: Minimum of a similar problem. The search starts with the bounds that are active there; for unknowns whose
-            entry is NaN, with those that are active in the solved problem.
+        near: Minimum of a similar problem, whose active bounds are tried first. For unknowns whose entry is NaN, the
+            active bounds of the solved problem are tried first.
     """
-    # Arrays of one layout, as the function is compiled for each layout.
+    # One array of a fixed layout, because the function is compiled once for each layout.
     ends = np.stack([*bounds, near])
     x, slope, value, converged, places, action, flipped = _changed(solved, entering, leaving, ends)
     return ChangedMinimum(x, slope, value, converged, places[:flipped], (places, action))
 
 
 class _Constraints(NamedTuple):
-    """Bounds, and unknowns that are zero because they leave, in the tableau's units.
+    """Bounds and removed unknowns, in the scaled units of the tableau.
 
     Attributes:
         low: Lower bounds, ``(v,)``.
         high: Upper bounds, ``(v,)``.
-        leaving: Unknowns that leave, ``(v,)``.
+        leaving: True for removed unknowns, which are held at zero, ``(v,)``.
         tolerance: Size of a slope above which its unknown is released from a bound, ``(v,)``.
     """
 
@@ -99,7 +99,7 @@ def _changed(solved: Tableau, entering: Entering, leaving: Array, ends: Array) -
     _fill_start(solved, bounds, ends[2] / unit, held, value)
     found, total, converged, done = _block_pivoting(solved, entering, held, value, bounds)
     if not done and not np.isnan(ends[2]).all():
-        # The similar problem may have other active bounds: often the solved problem is a better start.
+        # The bounds of the similar problem did not work: try those of the solved problem.
         _fill_start(solved, bounds, np.full(v, np.nan), held, value)
         found, total, converged, done = _block_pivoting(solved, entering, held, value, bounds)
     if not done:
@@ -115,7 +115,7 @@ def _changed(solved: Tableau, entering: Entering, leaving: Array, ends: Array) -
 
 @fused
 def _fill_start(solved: Tableau, bounds: _Constraints, start: Array, held: Array, value: Array) -> None:
-    """Write the first held unknowns and their values: from ``start``, or from the solved problem where it is NaN."""
+    """Write the initially held unknowns and their values: from ``start``, or where it is NaN from the solved one."""
     for i in range(len(start)):
         given, was_held = not np.isnan(start[i]), i < len(solved.x) and solved.held[i]
         held[i], value[i] = was_held, solved.x[i] if was_held else 0.0
@@ -128,7 +128,7 @@ def _fill_start(solved: Tableau, bounds: _Constraints, start: Array, held: Array
 
 @fused
 def _block_pivoting(solved: Tableau, entering: Entering, held: Array, value: Array, bounds: _Constraints) -> tuple:
-    """Minimum by block principal pivoting, its value, whether it converged, and whether the right bounds were found."""
+    """Minimum by block principal pivoting, its loss, whether it is accurate, and whether the active set was found."""
     v = len(held)
     fewest, attempts = v + 1, _TRIES
     wrong, outside = np.empty(v, dtype=np.bool_), np.empty(v, dtype=np.bool_)
@@ -136,7 +136,7 @@ def _block_pivoting(solved: Tableau, entering: Entering, held: Array, value: Arr
     while True:
         count = _mark_wrong(found.x, found.slope, held, bounds, wrong, outside)
         if count == 0:
-            # Convergence has to hold after the rounding is removed.
+            # No bound may be wrong after rounding errors are removed, too.
             found, total, converged = refined(solved, entering, held, found)
             if not converged:
                 return found, total, False, True
@@ -159,9 +159,9 @@ def _block_pivoting(solved: Tableau, entering: Entering, held: Array, value: Arr
 
 @fused
 def _active_set_steps(solved: Tableau, entering: Entering, held: Array, x: Array, bounds: _Constraints) -> tuple:
-    """Minimum by an active-set method, its value, and whether it converged.
+    """Minimum by an active-set method, its loss, and whether it converged.
 
-    All points are within the bounds, and every step lowers the loss, so that no set of bounds occurs twice.
+    All points are within the bounds, and every step lowers the loss, so that no active set is repeated.
     """
     v = len(held)
     found, released = _hold_violated(solved, entering, held, x, bounds), -1
@@ -184,7 +184,7 @@ def _active_set_steps(solved: Tableau, entering: Entering, held: Array, x: Array
         _clip(found.x, bounds, x)
         worst = _worst_multiplier(x, found.slope, held, bounds)
         if worst < 0:
-            # Convergence has to hold after the rounding is removed.
+            # No multiplier may be wrong after rounding errors are removed, too.
             found, total, converged = refined(solved, entering, held, found)
             _clip(found.x, bounds, x)
             worst = _worst_multiplier(x, found.slope, held, bounds)
@@ -194,7 +194,7 @@ def _active_set_steps(solved: Tableau, entering: Entering, held: Array, x: Array
         for i in range(v):
             all_released[i] = held[i] and not _has_wrong_multiplier(x[i], found.slope[i], bounds, i)
         released_minimum = _hold_violated(solved, entering, all_released, x.copy(), bounds)
-        # The change of a quadratic loss is the mean of both slopes times the step.
+        # The change of a quadratic loss is the step times the mean of the slopes at its two ends.
         if np.sum((found.slope + released_minimum.slope) * (released_minimum.x - found.x)) < 0.0:
             held, found = all_released, released_minimum
         else:
@@ -206,7 +206,7 @@ def _active_set_steps(solved: Tableau, entering: Entering, held: Array, x: Array
 
 @fused
 def _hold_violated(solved: Tableau, entering: Entering, held: Array, value: Array, bounds: _Constraints) -> HeldMinimum:
-    """A minimum for which unknowns outside of their bounds are held at these, until none is outside."""
+    """The minimum after all unknowns outside of their bounds are held at these, repeated until none is outside."""
     while True:
         found, outside = minimum(solved, entering, held, value), 0
         for i in range(len(held)):
@@ -225,7 +225,7 @@ def _violated_bound(x: Array, bounds: _Constraints, i: int) -> float:
 
 @fused
 def _clip(x: Array, bounds: _Constraints, out: Array) -> None:
-    """Write the unknowns, clipped to their bounds, into ``out``; those that leave are zero."""
+    """Write the unknowns, clipped to their bounds, into ``out``; removed unknowns are zero."""
     for i in range(len(x)):
         out[i] = 0.0 if bounds.leaving[i] else min(max(x[i], bounds.low[i]), bounds.high[i])
 
@@ -238,7 +238,7 @@ def _outside(x: float, bounds: _Constraints, i: int) -> bool:
 
 @fused
 def _has_wrong_multiplier(x: float, slope: float, bounds: _Constraints, i: int) -> bool:
-    """True if the multiplier of a held unknown has the wrong sign: the loss falls away from its bound."""
+    """True if the multiplier of a held unknown has the wrong sign: the loss decreases from its bound inwards."""
     below, above = (
         x <= bounds.low[i] and slope < -bounds.tolerance[i],
         x >= bounds.high[i] and slope > bounds.tolerance[i],
@@ -248,9 +248,9 @@ def _has_wrong_multiplier(x: float, slope: float, bounds: _Constraints, i: int) 
 
 @fused
 def _mark_wrong(x: Array, slope: Array, held: Array, bounds: _Constraints, wrong: Array, outside: Array) -> int:
-    """Mark unknowns that violate a bound or whose multiplier has the wrong sign in ``wrong``; return their number.
+    """Mark unknowns that violate a bound, or whose multiplier has the wrong sign, in ``wrong``; return their number.
 
-    Those that violate a bound are marked in ``outside`` as well.
+    Unknowns that violate a bound are marked in ``outside``, too.
     """
     count = 0
     for i in range(len(x)):
@@ -262,7 +262,7 @@ def _mark_wrong(x: Array, slope: Array, held: Array, bounds: _Constraints, wrong
 
 @fused
 def _worst_multiplier(x: Array, slope: Array, held: Array, bounds: _Constraints) -> int:
-    """The held unknown whose multiplier is largest among those with the wrong sign; -1 if there is none."""
+    """The held unknown with the largest multiplier of the wrong sign; -1 if there is none."""
     worst, largest = -1, -1.0
     for i in range(len(x)):
         if held[i] and _has_wrong_multiplier(x[i], slope[i], bounds, i) and abs(slope[i]) > largest:

@@ -9,7 +9,8 @@ from typing import TypeVar
 S = TypeVar("S")
 T = TypeVar("T")
 
-# Products, filters and elementwise functions release the interpreter's lock; more than two threads wait for each other.
+# NumPy's products, filters and elementwise functions release the interpreter's lock. More than two threads would mostly
+# wait for each other.
 _THREADS = 2
 
 

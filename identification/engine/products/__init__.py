@@ -1,1 +1,1 @@
-"""Computes products of columns and residual by block; all fits use these products."""
+"""Computes products of columns and residual by block of samples; all fits use these products, not the samples."""

@@ -1,7 +1,7 @@
-"""Products of columns and residual by block: fits and held-out losses of any columns without a pass over the samples.
+"""Products of columns and residual by block, and the fits and held-out losses that are computed from them.
 
-The fit of a bootstrap replicate or of a fold needs only the sum of the products over its blocks, each counted as often
-as it was drawn, and no pass over the samples.
+The fit of a fold, or of a bootstrap replicate, needs only the sum of the products over its blocks (each counted as
+often as it was drawn), not the samples.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from phantom_dyn.array_types import Array, Float, Int
 RIDGE = 1e-9
 """Share of each diagonal entry of a Gram matrix that is added to it, so that fits with equal columns can be solved."""
 _AT_ONCE = 64  # number of draws whose normal equations are solved in one call
-_RANK = 1e-12  # relative cutoff of singular values, for columns scaled to unit size: smaller ones are rounding errors
+# Singular values below this share of the largest one count as rounding errors, for columns scaled to unit size.
+_RANK = 1e-12
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,14 @@ class Products:
         return solve(part + RIDGE * np.diag(np.diag(part)), self.right[columns])
 
     def left(self, columns: list[int], coefficients: Float[Array, " k"]) -> float:
-        """Sum of squares of the residual that the given coefficients leave."""
+        """Sum of squares of the residual after the columns times the given coefficients are subtracted."""
         part = self.gram[np.ix_(columns, columns)]
         return float(self.total - 2 * self.right[columns] @ coefficients + coefficients @ part @ coefficients)
 
 
 @dataclass(frozen=True)
 class NuisancePrior:
-    """Gaussian prior on the coefficients of the nuisance columns: the last columns, which are part of every fit.
+    """Gaussian prior on the coefficients of the nuisance columns. These are the last columns, and part of every fit.
 
     Attributes:
         precision: Precision of the prior, ``(F, F)``.
@@ -77,7 +78,7 @@ class NuisancePrior:
         )
 
     def fitted_with(self, products: Products, columns: list[int], theta: Float[Array, " k"]) -> Float[Array, " F"]:
-        """Coefficients of the nuisance columns, fitted with given coefficients of some other columns."""
+        """Coefficients of the nuisance columns, fitted while the other ``columns`` have the coefficients ``theta``."""
         n = len(products.right) - self.count
         if self.count == 0:
             return np.zeros(0)
@@ -92,7 +93,7 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class BlockProducts:
-    """`Products` of each block.
+    """Products of columns and residual for each block.
 
     Attributes:
         gram: Products of the columns with each other, ``(B, C, C)``.
@@ -105,7 +106,7 @@ class BlockProducts:
     total: Float[Array, " B"]
 
     def summed(self, counts: Float[Array, " B"]) -> Products:
-        """Sum over all blocks, each as often as ``counts`` says."""
+        """Sum over all blocks, each multiplied by its entry of ``counts``."""
         gram = np.tensordot(counts, self.gram, axes=1)
         return Products(gram, counts @ self.right, float(counts @ self.total))
 
@@ -115,14 +116,14 @@ class BlockProducts:
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 
     def summed_without(self, counts: Float[Array, " B"], prior: NuisancePrior) -> Products:
-        """Sum over all blocks, each as often as ``counts`` says, with the nuisance columns eliminated."""
+        """Sum over all blocks, each multiplied by its entry of ``counts``, with the nuisance columns eliminated."""
         return prior.eliminate_from(self.summed(counts))
 
     def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[Products, list[int]]]:
         """For each fold, the products of its training blocks and the indices of its held-out blocks.
 
         Args:
-            folds: Fold of each block. Blocks of fold -1 are in no fit; the fit of all other blocks predicts them.
+            folds: Fold of each block. Blocks of fold -1 are in no fit: the fit to all other blocks predicts them.
         """
         for fold in np.unique(folds):
             train = (folds >= 0) & (folds != fold)
@@ -151,10 +152,9 @@ class BlockProducts:
         return out
 
     def fits_without_each(self, columns: list[int]) -> Float[Array, "B k"]:
-        """Least squares coefficients of some columns by one fit for each block, which leaves that block out.
+        """Least-squares coefficients of some columns, one row for each block: the fit to all other blocks.
 
-        Columns may be linear combinations of others, as two poses of one body are: each fit returns the solution of
-        least norm.
+        If columns are linearly dependent, each fit returns the solution of least norm.
         """
         at = np.array(columns, dtype=int)
         gram, right = self.gram[:, at[:, None], at], self.right[:, at]
@@ -166,7 +166,7 @@ class BlockProducts:
         return out
 
     def losses(self, columns: list[int]) -> Float[Array, " B"]:
-        """Sum of squares of each block's residual after a fit to all other blocks."""
+        """Sum of squares of each block's residual, predicted by the fit to all other blocks."""
         at, x = np.array(columns, dtype=int), self.fits_without_each(columns)
         predicted = np.einsum("bk,bkl,bl->b", x, self.gram[:, at[:, None], at], x)
         return np.maximum(self.total - 2 * np.einsum("bk,bk->b", x, self.right[:, at]) + predicted, 0.0)
@@ -175,7 +175,7 @@ class BlockProducts:
 def block_products(
     x: Float[Array, "n C"], y: Float[Array, " n"], weight: Float[Array, " n"], blocks: Int[Array, " n"], count: int
 ) -> BlockProducts:
-    """Products of each block.
+    """Weighted products of columns and residual for each block.
 
     Args:
         x: Columns.
@@ -196,7 +196,7 @@ def block_products(
 def held_out_residual(
     x: Float[Array, "n k"], y: Float[Array, " n"], blocks: Int[Array, " n"], coefficients: Float[Array, "B k"]
 ) -> Float[Array, " n"]:
-    """Residual of each sample after the fit that leaves out the block of the sample.
+    """Held-out residual of each sample: the fit leaves out the block of the sample.
 
     Args:
         x: Columns of the fit.

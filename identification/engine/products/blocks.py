@@ -9,7 +9,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Bool, Int
 
-FOLDS = 8  # each fit sees seven eighths of the blocks; more folds cost as many fits more
+FOLDS = 8  # each fit sees seven eighths of the blocks; every further fold costs a further fit
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,10 @@ class Block:
 
     Attributes:
         log: Index of the series.
-        start: First sample.
-        stop: One after the last.
-        core: First sample of its core: earlier ones share noise with the block before, through the filter.
+        start: Index of the first sample.
+        stop: Index after the last sample.
+        core: Index of the first sample of the core. The samples before it share noise with the previous block, because
+            the filter spreads noise.
     """
 
     log: int
@@ -30,12 +31,12 @@ class Block:
 
 
 def held_out_share(blocks: Sequence[Block]) -> float:
-    """Share of the samples that are judged while they are held out: those of the cores."""
+    """Share of the samples that are in the cores, on which held-out losses are computed."""
     return sum(b.stop - b.core for b in blocks) / sum(b.stop - b.start for b in blocks)
 
 
 def assign_folds(blocks: Sequence[Block], held_out: Bool[np.ndarray, " logs"]) -> Int[np.ndarray, " B"]:
-    """Fold of each block; folds take turns, so that each covers all series. It is -1 for series held out entirely."""
+    """Fold of each block, in turn, so that each fold covers all series; -1 for blocks of series held out entirely."""
     folds = np.full(len(blocks), -1)
     seen = [k for k, block in enumerate(blocks) if not held_out[block.log]]
     folds[seen] = np.arange(len(seen)) % min(FOLDS, max(2, len(seen)))

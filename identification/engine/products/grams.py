@@ -18,12 +18,12 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 
 @dataclass(frozen=True)
 class Weights:
-    """Noise of each row: a squared residual counts ``1 / (floor^2 * spread)``, times the square of its trust.
+    """Weights of squared residuals: ``trust^2 / (floor^2 * spread)``.
 
     Attributes:
-        floor: Noise floor, in the unit of the row, ``(nv,)``.
-        spread: Samples of coloured noise that carry the information of one of white noise, ``(nv,)``.
-        trust: Factor of each sample, for each log ``(n, nv)``; None: one.
+        floor: Noise floor of each row, in the unit of the row, ``(nv,)``.
+        spread: Number of samples of coloured noise with the information of one sample of white noise, ``(nv,)``.
+        trust: Factor of each sample's residual, for each log ``(n, nv)``; None if all factors are one.
     """
 
     floor: Float[Array, " nv"]
@@ -32,11 +32,11 @@ class Weights:
 
     @property
     def per_sample(self) -> Float[Array, " nv"]:
-        """Weight of a squared residual on each row."""
+        """Weight of a squared residual on each row, for a trust of one."""
         return 1.0 / (self.floor**2 * self.spread)
 
     def scale(self, log: int, part: slice) -> Float[Array, "n nv"]:
-        """Factor of the residuals of some samples of a log that makes their squares count as they should."""
+        """Square roots of the weights of some samples of a log, by which residuals are multiplied."""
         trust = 1.0 if self.trust is None else self.trust[log][part]
         return np.sqrt(self.per_sample) * trust * np.ones((part.stop - part.start, 1))
 
@@ -45,14 +45,17 @@ class Weights:
 class RowGrams:
     """Weighted products of one row's columns and residual.
 
+    Products of columns with columns are stored as lower triangles, see `products.triangles`.
+
     Attributes:
-        index: Which of all columns, ``(k,)``.
-        a: Columns times columns over the whole blocks of each fold, then of those that no fit may see, as triangles
-            (see `products.triangles`), ``(F + 1, k (k + 1) / 2)``: block by block they would take several times the
-            memory.
-        b: Columns times residual over whole blocks, ``(B, k)``.
-        c: Residual times residual, ``(B,)``.
-        core_a, core_b, core_c: The same over the core of each block, ``(B, k (k + 1) / 2)``, ``(B, k)`` and ``(B,)``.
+        index: Indices of the row's columns among all columns, ``(k,)``.
+        a: Columns times columns over the whole blocks of each fold, and last of the blocks in no fit,
+            ``(F + 1, k (k + 1) / 2)``. They are not stored by block, to save memory.
+        b: Columns times residual over each whole block, ``(B, k)``.
+        c: Residual times residual over each whole block, ``(B,)``.
+        core_a: Columns times columns over the core of each block, ``(B, k (k + 1) / 2)``.
+        core_b: Columns times residual over the core of each block, ``(B, k)``.
+        core_c: Residual times residual over the core of each block, ``(B,)``.
         count: Effective number of samples in each core, ``(B,)``.
     """
 
@@ -67,22 +70,24 @@ class RowGrams:
 
     @cached_property
     def core_total(self) -> tuple[Float[Array, "k k"], Float[Array, " k"], float]:
-        """Products of all cores together, written out."""
+        """The products ``a`` (as a full matrix), ``b`` and ``c``, summed over all cores."""
         return square(self.core_a.sum(axis=0)), self.core_b.sum(axis=0), float(self.core_c.sum())
 
 
 @dataclass(frozen=True)
 class Grams:
-    """Products of all columns and the residual, rows summed with their weights.
+    """Weighted products of all columns and the residual, summed over the rows.
 
     Attributes:
-        rows: The rows that were summed.
-        fold_a: Columns times columns over the whole blocks of each fold (with the shape ``(F, K, K)``).
-        unseen_a: The same over the blocks that no fit may see (with the shape ``(1, K, K)``).
-        b: Columns times residual over whole blocks, ``(B, K)``.
-        c: Residual times residual, ``(B,)``.
-        core_a, core_b, core_c: The same over the core of each block, on which fits of other blocks are judged.
-        fold: Which blocks are held out together, ``(B,)``; -1 for blocks that no fit may see.
+        rows: The products of each row.
+        fold_a: Columns times columns over the whole blocks of each fold, ``(F, K, K)`` as full matrices.
+        unseen_a: Columns times columns over the blocks in no fit, ``(1, K, K)`` as full matrices.
+        b: Columns times residual over each whole block, ``(B, K)``.
+        c: Residual times residual over each whole block, ``(B,)``.
+        core_a: Columns times columns over the core of each block, ``(B, K, K)`` as full matrices.
+        core_b: Columns times residual over the core of each block, ``(B, K)``.
+        core_c: Residual times residual over the core of each block, ``(B,)``.
+        fold: Fold of each block, ``(B,)``; blocks of one fold are held out together, those with -1 are in no fit.
         count: Effective number of samples in each core, ``(B,)``.
     """
 
@@ -99,17 +104,17 @@ class Grams:
 
     @cached_property
     def total_a(self) -> Float[Array, "K K"]:
-        """Columns times columns over all blocks that train, written out."""
+        """Columns times columns over all training blocks, as a full matrix."""
         return self.fold_a.total()
 
     @cached_property
     def train_a(self) -> RowProducts:
-        """Columns times columns over all blocks that train, row by row (with the shape ``(1, K, K)``)."""
+        """Columns times columns over all training blocks, stored row by row, ``(1, K, K)`` as a full matrix."""
         return self.fold_a.grouped(np.zeros(self.fold_a.shape[0], dtype=int))
 
     @cached_property
     def everything(self) -> Float[Array, "K K"]:
-        """Columns times columns over all blocks, written out."""
+        """Columns times columns over all blocks, as a full matrix."""
         return self.total_a if (self.fold >= 0).all() else self.total_a + self.unseen_a.total()
 
     @cached_property
@@ -133,7 +138,7 @@ class Grams:
 
 
 class TouchedColumns(Protocol):
-    """Columns of some series, row by row."""
+    """Columns and residual of some series, stored row by row. A column touches a row if it is not zero there."""
 
     @property
     def rows(self) -> Sequence[Sequence[int]]:
@@ -142,7 +147,7 @@ class TouchedColumns(Protocol):
 
     @property
     def values(self) -> Sequence[Sequence[Float[Array, "n k"]]]:
-        """For each series and row, samples of those columns, ``(n, len(rows[row]))``."""
+        """For each series and row, samples of the columns that touch the row, ``(n, len(rows[row]))``."""
         ...
 
     @property
@@ -152,21 +157,21 @@ class TouchedColumns(Protocol):
 
     @property
     def usable(self) -> Sequence[Bool[Array, "n rows"]]:
-        """For each series, samples that may be used on each row."""
+        """For each series, True for the samples of each row that may be used."""
         ...
 
 
 def row_grams(
     columns: TouchedColumns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights, row: int
 ) -> RowGrams:
-    """Products of one row.
+    """Weighted products of one row's columns and residual.
 
     Args:
-        columns: All columns.
-        blocks: Blocks of the same logs.
-        folds: Which blocks are held out together; -1 for blocks that no fit may see.
-        weights: Noise per row.
-        row: Which.
+        columns: Columns and residual of all rows.
+        blocks: Blocks of samples of the series.
+        folds: Fold of each block; -1 for blocks in no fit.
+        weights: Weights of squared residuals.
+        row: Index of the row.
     """
     size, groups = len(columns.rows[row]) + 1, int(folds.max(initial=-1)) + 1
     whole, product = np.zeros((groups + 1, size, size)), np.empty((size, size))
@@ -182,21 +187,21 @@ def row_grams(
         joined = np.column_stack([x, residual] if use.all() else [x[use], residual[use]])
         if weights.trust is not None:
             joined *= weights.trust[block.log][part, row][use, None]
-        # The core is the block less its first few samples.
+        # The core is the block without its first few samples, which are called its edge here.
         first = int(np.searchsorted(np.flatnonzero(use), block.core - block.start))
         np.matmul(joined[first:].T, joined[first:], out=product)
         core_a[k], core[k] = triangle(product, lower), product[:, -1]
         edge = joined[:first]
         last = core[k] + edge.T @ edge[:, -1]
         b[k], c[k] = last[:-1], last[-1]
-        # Fold -1 comes last.
+        # The index -1 of blocks in no fit is the last entry.
         whole[folds[k]] += product
         edges[folds[k]].append(edge)
         count[k] = (len(joined) - first) / weights.spread[row]
     for products, parts in zip(whole, edges, strict=True):
         if parts:
-            guard = np.concatenate(parts)
-            products += guard.T @ guard
+            joined_edges = np.concatenate(parts)
+            products += joined_edges.T @ joined_edges
     weight = weights.per_sample[row]
     core_a *= weight
     core *= weight
@@ -226,8 +231,8 @@ def summed(total: int, rows: tuple[RowGrams, ...], folds: Int[Array, " B"], alwa
     Args:
         total: Number of all columns.
         rows: Products of every row.
-        folds: Which blocks are held out together.
-        always: Columns of every fit, in order.
+        folds: Fold of each block; -1 for blocks in no fit.
+        always: Indices of the columns of every fit, in ascending order.
     """
     count, index = len(folds), tuple(row.index for row in rows)
     fold_a = RowProducts(index, tuple(row.a[:-1] for row in rows), total, always)

@@ -1,8 +1,8 @@
-"""Gram matrices of the regressor's columns by block of samples, stored separately for each row (joint).
+"""Gram matrices of columns by block of samples, stored separately for each row (joint).
 
-Most columns touch a single row, and the product of columns that touch no common row is zero. Full matrices for a robot
-with six joints would have a thousand columns for each block, and nine tenths of their entries would be zero. Of each
-symmetric matrix the lower triangle is stored, see `products.triangles`.
+A column touches a row if it is not zero there. Most columns touch a single row, and the product of two columns that
+touch no common row is zero: for a robot with six joints and a thousand columns, nine tenths of a full matrix would be
+zero. Each symmetric matrix is stored as its lower triangle, see `products.triangles`.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ class RowProducts:
     """Gram matrices of ``B`` blocks, stored row by row; the sum over the rows is computed on demand.
 
     Attributes:
-        index: For each row, the columns that touch it (are not zero there).
+        index: For each row, the columns that touch it.
         values: For each row, the products of these columns as lower triangles, ``(B, k (k + 1) / 2)``.
         columns: Number of all columns.
-        always: Columns that every fit contains; they are the first columns of each fit, ``(m,)``.
+        always: Columns that every fit contains, ``(m,)``. Products among them are computed once and kept.
     """
 
     index: tuple[Int[Array, " k"], ...]
@@ -40,7 +40,7 @@ class RowProducts:
         return len(self.values[0]), self.columns, self.columns
 
     def among(self, columns: Int[Array, " k"]) -> Float[Array, "B k k"]:
-        """Products among some columns, each of which is given once."""
+        """Products among some columns; no column may be given twice."""
         out = np.zeros((self.shape[0], len(columns), len(columns)))
         n_always = self._n_always(columns)
         if n_always:
@@ -71,13 +71,13 @@ class RowProducts:
         return out
 
     def in_row(self, row: int, columns: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " m"]]:
-        """The columns among some that touch a row: their positions in ``index`` of the row, and in ``columns``."""
+        """Those of the given columns that touch a row: their positions in ``index[row]``, and in ``columns``."""
         positions = self._position_in_row[row][columns]
         touching = np.flatnonzero(positions >= 0)
         return positions[touching], touching
 
     def of_row(self, row: int, chosen: Int[Array, " m"]) -> Float[Array, "B m m"]:
-        """Products in one row among some of the columns that touch it, given by their positions in its ``index``."""
+        """Products in one row among some of the columns that touch it, given by their positions in ``index[row]``."""
         return square(self.values[row], chosen)
 
     def column_of_row(self, row: int, chosen: Int[Array, " m"], number: int) -> Float[Array, "B m"]:
@@ -85,13 +85,13 @@ class RowProducts:
         return self.values[row][:, place_of(chosen, chosen[number])]
 
     def squares_of_row(self, row: int, chosen: Int[Array, " m"], x: Float[Array, "B m"]) -> Float[Array, " B"]:
-        """``x a x`` for each block, with an ``x`` for each block and ``a`` from `of_row`."""
+        """``x a x`` of each block, where ``a`` is the matrix of `of_row`."""
         out = np.zeros(len(x))
         _square(out, self.values[row], chosen, np.ascontiguousarray(x), 0)
         return out
 
     def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
-        """Sums over the blocks of each group. Groups count from zero; blocks with a negative group are left out."""
+        """Sums over the blocks of each group; groups are numbered from zero, and a negative group is left out."""
         if np.array_equal(groups, np.arange(self.shape[0])):
             return self
         chosen = [np.flatnonzero(groups == group) for group in range(int(groups.max(initial=-1)) + 1)]
@@ -99,7 +99,7 @@ class RowProducts:
         return RowProducts(self.index, values, self.columns, self.always)
 
     def squares(self, columns: Int[Array, " k"], x: Float[Array, "B k"]) -> Float[Array, " B"]:
-        """``x a x`` for each block, with an ``x`` for each block and ``a`` the products among some columns."""
+        """``x a x`` of each block, where ``a`` is the matrix of products among some columns."""
         n_always = self._n_always(columns)
         x0 = np.ascontiguousarray(x[:, :n_always])
         out = (
@@ -137,7 +137,7 @@ class RowProducts:
         return out
 
     def _n_always(self, columns: Int[Array, " k"]) -> int:
-        """Number of leading columns that are those of every fit: all of ``always``, or zero."""
+        """Length of ``always`` if the given columns begin with it, else zero."""
         count = len(self.always)
         return count if np.array_equal(columns[:count], self.always) else 0
 
@@ -156,7 +156,7 @@ class RowProducts:
 
 
 def _total(values: Float[Array, "B n"], blocks: Int[Array, " m"]) -> Float[Array, " n"]:
-    """Sum over some blocks, which are not copied."""
+    """Sum over some blocks; indexing with all of them at once would copy them."""
     out = np.zeros(values.shape[1:])
     for block in blocks:
         out += values[block]

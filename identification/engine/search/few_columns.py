@@ -1,8 +1,8 @@
 """Searches for the few columns that explain a residual: a beam search over sets, in which each column has a price.
 
-The price is what a column may gain by chance. Residual and columns are projected off the nuisances first, so that the
-fit of a set is a small system of equations. If the columns depend on the fitted values, `until_same_set` computes them
-again after each search and repeats the search.
+The price of a column is the gain that it may have by chance. Residual and columns are projected off the nuisances
+first, so that the fit of a set is a small linear system. If the columns depend on the fitted coefficients,
+`until_same_set` recomputes the columns after each search and repeats the search.
 """
 
 from __future__ import annotations
@@ -21,20 +21,23 @@ Chosen = tuple[int, ...]
 _BEAM = 8  # number of sets that are extended in each step
 _MOST = 20  # largest number of columns of a set
 _MOST_WITHOUT_GAIN = 2  # largest number of steps in a row without a better set
-_TIE = 1e-8  # differences of costs below this share of the total are rounding, as between equal columns
-_LEAST_EIGENVALUE = 1e-9  # of the products of normalised columns; below it they are linearly dependent
-_ROUNDS = 5  # largest number of searches
+_TIE = 1e-8  # costs are rounded to this share of the total square, so that sets of equal columns have equal costs
+_LEAST_EIGENVALUE = 1e-9  # of the products of normalised columns; below it the columns count as linearly dependent
+_ROUNDS = 5  # largest number of searches in `until_same_set`
 
 
 @dataclass(frozen=True)
 class SetFits:
-    """Products of residual and columns in units of noise, projected off the nuisances: fits of any set in microseconds.
+    """Products of residual and columns, from which the fit of any set of columns is computed in microseconds.
+
+    Residual and columns are in units of the noise, and projected off the nuisances.
 
     Attributes:
-        products: Products of the columns, ``(p, p)``.
+        products: Products of the columns with each other, ``(p, p)``.
         slopes: Products of the columns with the residual, ``(p,)``.
-        total: Square of the residual.
-        lower, upper: Bounds of each coefficient, ``(p,)``; a set with a coefficient beyond them is impossible.
+        total: Sum of squares of the residual.
+        lower: Least value of each coefficient, ``(p,)``; a set with a smaller coefficient is not allowed.
+        upper: Largest value of each coefficient, ``(p,)``.
         seen: Indices of the columns that are not linear combinations of nuisances.
     """
 
@@ -46,7 +49,7 @@ class SetFits:
     seen: Chosen
 
     def values(self, chosen: Sequence[int]) -> Float[Array, " k"] | None:
-        """Best coefficients of some columns; None if these are linearly dependent."""
+        """Least-squares coefficients of some columns; None if the columns are linearly dependent."""
         at = list(chosen)
         products = self.products[np.ix_(at, at)]
         size = np.sqrt(np.diag(products))
@@ -56,7 +59,7 @@ class SetFits:
         return np.linalg.solve(scaled, self.slopes[at] / size) / size
 
     def squares(self, chosen: Sequence[int]) -> float:
-        """Sum of squares that some columns leave; infinite if a coefficient is beyond its bounds."""
+        """Sum of squares of the residual after a fit of some columns; infinite if a coefficient violates a bound."""
         at = list(chosen)
         if not at:
             return self.total
@@ -72,11 +75,11 @@ def set_fits(
     bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
     seen: Bool[Array, " p"],
 ) -> SetFits:
-    """Fits of all sets of columns, from the products of columns and residual.
+    """Products for the fits of all sets of columns.
 
     Args:
-        columns: In units of noise, projected off the nuisances.
-        residual: The same of the residual.
+        columns: Columns in units of the noise, projected off the nuisances.
+        residual: Residual in units of the noise, projected off the nuisances.
         bounds: Least and largest coefficient of each column.
         seen: False for columns that are linear combinations of nuisances.
     """
@@ -90,11 +93,14 @@ def set_fits(
 
 
 def few_columns(fits: SetFits, price: float) -> Chosen:
-    """The set of columns with the lowest sum of squares and prices, in ascending order; of equal columns the first.
+    """The set of columns with the lowest cost: sum of squares plus the price of its columns.
 
     Args:
-        fits: Products.
+        fits: Products of the columns.
         price: Price of a column.
+
+    Returns:
+        Indices of the columns in ascending order; of equal columns the first.
     """
     best: tuple[float, Chosen] = (_rounded_cost(fits, (), price), ())
     front: list[Chosen] = [()]
@@ -115,12 +121,12 @@ def few_columns(fits: SetFits, price: float) -> Chosen:
 
 
 def _improved_by_exchange(fits: SetFits, chosen: Chosen, price: float) -> Chosen:
-    """The set after all exchanges and removals of a column that lower squares and prices."""
+    """The set after columns are removed or exchanged as long as this lowers its cost."""
     while chosen:
         others = [k for k in fits.seen if k not in chosen]
-        trials = [tuple(x for x in chosen if x != k) for k in chosen]
-        trials += [tuple(sorted((*(x for x in chosen if x != k), other))) for k in chosen for other in others]
-        value, trial = min((_rounded_cost(fits, trial, price), trial) for trial in trials)
+        smaller = [tuple(x for x in chosen if x != k) for k in chosen]
+        exchanged = [tuple(sorted((*kept, other))) for kept in smaller for other in others]
+        value, trial = min((_rounded_cost(fits, trial, price), trial) for trial in [*smaller, *exchanged])
         if value >= _rounded_cost(fits, chosen, price):
             return chosen
         chosen = trial
@@ -128,27 +134,27 @@ def _improved_by_exchange(fits: SetFits, chosen: Chosen, price: float) -> Chosen
 
 
 def _rounded_cost(fits: SetFits, chosen: Sequence[int], price: float) -> float:
-    """Squares and prices of a set, rounded so that sets of equal columns have equal costs."""
+    """Sum of squares plus prices of a set, rounded so that sets of equal columns have equal costs."""
     value, grain = fits.squares(chosen) + price * len(chosen), max(_TIE * fits.total, 1e-6)
     return float(np.round(value / grain)) * grain if np.isfinite(value) else np.inf
 
 
 def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list[Chosen]:
-    """Rivals of a group of columns: the group with one of its columns exchanged for another one.
+    """Rivals of a group of columns: the group with one column exchanged, if this hardly raises the sum of squares.
 
     Args:
-        fits: Products.
+        fits: Products of the columns.
         chosen: All columns that were found.
-        group: Some of them.
-        near: Largest increase of the sum of squares by a rival.
+        group: Some of the columns that were found, such as those of one joint.
+        near: Increase of the sum of squares below which an exchanged group is a rival.
     """
-    rest, most = tuple(k for k in chosen if k not in group), fits.squares(chosen) + near
+    rest, limit = tuple(k for k in chosen if k not in group), fits.squares(chosen) + near
     out = []
     for removed in group:
         kept = tuple(k for k in group if k != removed)
         for other in fits.seen:
             trial = tuple(sorted((*kept, other)))
-            if other not in chosen and fits.squares((*rest, *trial)) < most:
+            if other not in chosen and fits.squares((*rest, *trial)) < limit:
                 out.append(trial)
     return out
 
@@ -156,14 +162,17 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
 def until_same_set(
     state: State, search: Callable[[State, int], tuple[State, Chosen]], recompute: Callable[[State, Chosen], State]
 ) -> tuple[State, Chosen]:
-    """Search, and compute the columns at the fit of the set found, until a search finds the same set again.
+    """Repeat a search, each time with columns recomputed at the fit of the set found, until it finds the same set.
 
-    It also ends if a search returns to an earlier set. Returns the last state and set.
+    The repetition also ends if a search returns to an earlier set, or after five searches.
 
     Args:
         state: Initial state, with the columns of the first search.
-        search: Takes a state and the number of earlier rounds, returns the new state and the set found.
-        recompute: The state with columns computed at the fit of a set.
+        search: Function from a state and the number of earlier searches to a new state and the set found.
+        recompute: Function from a state and a set to the state with columns computed at the fit of that set.
+
+    Returns:
+        The last state and the last set.
     """
     chosen: Chosen = ()
     tried: list[Chosen] = []

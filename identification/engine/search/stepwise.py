@@ -1,7 +1,7 @@
-"""Chooses groups of columns one by one: orthogonal least squares with exchanges.
+"""Chooses terms (one or two columns each) one by one: orthogonal least squares with exchanges.
 
-Each step adds the group that lowers the sum of squares most. Then each chosen group is exchanged for another one if
-that lowers the sum further. Only products of the columns, summed over blocks, are needed, so that the choice can be
+Each step adds the term that lowers the sum of squares most. Then each chosen term is exchanged for another one if the
+exchange lowers the sum further. Only products of the columns, summed over blocks, are needed, so that the choice can be
 repeated on other blocks at little cost.
 """
 
@@ -16,7 +16,8 @@ from phantom_dyn.array_types import Array, Float, Int
 
 Chosen = tuple[int, ...]
 
-_RANK = 1e-5  # least share of a column's squares that is orthogonal to the chosen columns: less is rounding
+# A column counts as linearly dependent on the chosen ones if less than this share of its square is orthogonal to them.
+_RANK = 1e-5
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Terms:
 
 
 def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
-    """Chosen terms at every size from one to ``most``, each after exchanges."""
+    """The chosen terms for each number of terms from one to ``most``, each after exchanges."""
     out: list[Chosen] = []
     chosen: Chosen = ()
     for _ in range(most):
@@ -51,7 +52,10 @@ def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
 
 
 def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list[Chosen]:
-    """The given terms with 0 to ``most`` further ones, added without exchanges; without given terms, as `stepwise`."""
+    """The given terms, followed by sets with one to ``most`` further terms, added without exchanges.
+
+    Without given terms the sets are those of `stepwise`.
+    """
     if not start:
         return [(), *stepwise(terms, products, most)]
     out = [start]
@@ -66,48 +70,49 @@ def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list
 
 def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
     """The chosen terms after exchanges of single terms that lower the sum of squares, in at most three rounds."""
-    left = residual_squares(terms, products, chosen)
+    lowest = residual_squares(terms, products, chosen)
     for _ in range(3 if len(chosen) > 1 else 0):
-        before = left
+        before = lowest
         for place in range(len(chosen)):
             others = chosen[:place] + chosen[place + 1 :]
             gain = gains(terms, products, others)
             tried = (*others[:place], int(np.argmax(gain)), *others[place:])
             now = residual_squares(terms, products, tried)
-            if now < left:
-                chosen, left = tried, now
-        if left >= before * (1 - 1e-9):
+            if now < lowest:
+                chosen, lowest = tried, now
+        if lowest >= before * (1 - 1e-9):
             break
     return chosen
 
 
 def residual_squares(terms: Terms, products: Products, chosen: Chosen) -> float:
-    """Sum of squares that a least squares fit of some terms leaves."""
+    """Sum of squares of the residual after a least-squares fit of some terms."""
     columns = terms.columns(chosen)
     return products.left(columns, products.fitted(columns)) if columns else products.total
 
 
 def gains(terms: Terms, products: Products, chosen: Chosen) -> Float[Array, " K"]:
-    """Decrease of the sum of squares by each term in addition to the chosen ones, which have zero."""
+    """Decrease of the sum of squares by each term in addition to the chosen ones; zero for chosen terms, ``(K,)``."""
     gram, right = products.gram, products.right
-    # For the parts of the columns that are orthogonal to the chosen ones: their squares, their products with the
+    # Of the parts of the columns that are orthogonal to the chosen columns: their squares, their products with the
     # residual, and the product of the two columns of each term.
-    size = np.diag(gram).copy()
-    kept, rest, cross = size.copy(), right.copy(), gram[terms.first, terms.second].copy()
+    full_square = np.diag(gram).copy()
+    square, slope, cross = full_square.copy(), right.copy(), gram[terms.first, terms.second].copy()
     columns = terms.columns(chosen)
     if columns:
         part = gram[np.ix_(columns, columns)]
-        reach = np.linalg.solve(part + RIDGE * np.diag(np.diag(part)), gram[columns])
-        kept -= np.einsum("kc,kc->c", gram[columns], reach)
-        rest -= reach.T @ right[columns]
-        cross -= np.einsum("kt,kt->t", gram[columns][:, terms.first], reach[:, terms.second])
-    a, b = terms.first, terms.second
-    good = kept[a] > _RANK * np.maximum(size[a], 1e-300)
-    safe = np.where(good, kept[a], 1.0)
-    gain = np.where(good, rest[a] ** 2 / safe, 0.0)
-    beyond = kept[b] - cross**2 / safe
-    pair = good & (a != b) & (beyond > _RANK * np.maximum(size[b], 1e-300))
-    more = (rest[b] - cross / safe * rest[a]) ** 2 / np.where(pair, beyond, 1.0)
-    gain += np.where(pair, more, 0.0)
+        coefficients = np.linalg.solve(part + RIDGE * np.diag(np.diag(part)), gram[columns])
+        square -= np.einsum("kc,kc->c", gram[columns], coefficients)
+        slope -= coefficients.T @ right[columns]
+        cross -= np.einsum("kt,kt->t", gram[columns][:, terms.first], coefficients[:, terms.second])
+    first, second = terms.first, terms.second
+    independent = square[first] > _RANK * np.maximum(full_square[first], 1e-300)
+    first_square = np.where(independent, square[first], 1.0)
+    gain = np.where(independent, slope[first] ** 2 / first_square, 0.0)
+    # The second column adds the gain of its part that is orthogonal to the first one.
+    second_square = square[second] - cross**2 / first_square
+    has_second = independent & (first != second) & (second_square > _RANK * np.maximum(full_square[second], 1e-300))
+    second_slope = slope[second] - cross / first_square * slope[first]
+    gain += np.where(has_second, second_slope**2 / np.where(has_second, second_square, 1.0), 0.0)
     gain[list(chosen)] = 0.0
     return gain
