@@ -1,1 +1,1 @@
-"""Estimators of base parameters: one file each, all returning a `Fit`."""
+"""Estimators of base parameters: one file for each, and each returns a `Fit`."""

@@ -1,4 +1,4 @@
-"""The list of estimators; a new one needs its own file and an entry here."""
+"""The list of estimators; a new estimator needs its own file and an entry in this list."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Estimator:
     Attributes:
         name: Name for ``--estimator``.
         fit: Function from equations to a fit.
-        simulates: True if it simulates the closed loop. Then every log needs references ``q_ref.<joint>``, and
-            ``robot.yaml`` a controller of every joint with a drive.
+        simulates: True if the estimator simulates the closed loop. It then needs references ``q_ref.<joint>`` in every
+            log, and in ``robot.yaml`` a controller of every joint with a drive.
     """
 
     name: str
@@ -34,7 +34,7 @@ ESTIMATORS: tuple[Estimator, ...] = (
     Estimator("ols", ols),  # ordinary least squares: all rows have the same weight
     Estimator("wls", wls),  # weighted least squares: each joint is weighted by its noise
     Estimator("irls", irls),  # robust least squares: the influence of outliers is bounded
-    Estimator("consistent", consistent),  # as wls, with physically consistent parameters
+    Estimator("consistent", consistent),  # weighted least squares with physically consistent parameters
     Estimator("iv", iv, simulates=True),  # instrumental variables: encoder noise causes no bias
     Estimator("didim", didim, simulates=True),  # the torque of a simulated loop is fitted to the measured one
 )

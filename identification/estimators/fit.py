@@ -1,6 +1,6 @@
 """Result of an estimator: base parameters with their uncertainty, and the torque that they predict.
 
-`refit` fits a `Reduction`, which needs no samples and takes milliseconds.
+`refit` fits a `Reduction` (triangular factors of the equations) instead of samples, in milliseconds.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ class Fit:
     Attributes:
         estimator: Name in `identification.estimators.estimator_list.ESTIMATORS`.
         theta: Base parameters, shape ``(r,)``.
-        cov: Covariance with the autocorrelation of the residual, see `coloured_scatter`.
-        cov_white: Covariance if the noise of all samples were independent.
+        cov: Covariance, with the autocorrelation of the residual taken into account, shape ``(r, r)``.
+        cov_white: Covariance if the noise of all samples were independent, shape ``(r, r)``.
         names: Names of the base parameters.
         units: Units of the base parameters.
         sigma: Noise of each joint's torque, shape ``(nv,)``.
         correlation: Number of samples per independent sample of each joint's residual, shape ``(nv,)``.
-        relative_error: Root mean square of the residual over that of the measured torque [%], shape ``(nv,)``.
+        relative_error: Root mean square of the residual divided by that of the measured torque [%], shape ``(nv,)``.
         cond: Condition number of the weighted base regressor with columns of norm one.
         base: Base parameters, with the regrouping of all parameters.
         effects: The terms that were fitted.
@@ -80,7 +80,7 @@ class Fit:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on what to be careful with."""
+        """The sentences of `cautions`."""
         return tuple(caution.sentence for caution in self.cautions)
 
     @property
@@ -115,14 +115,14 @@ class Fit:
 
 @dataclass(frozen=True)
 class Values:
-    """Values of base parameters with their covariance, and the residual from which it is estimated.
+    """Values of base parameters with their covariance, and the residual from which the covariance is estimated.
 
     Attributes:
         theta: Base parameters, shape ``(r,)``.
-        cov: As in `Fit`.
-        cov_white: As in `Fit`.
-        sigma: As in `Fit`.
-        correlation: As in `Fit`.
+        cov: Covariance, with the autocorrelation of the residual taken into account, shape ``(r, r)``.
+        cov_white: Covariance if the noise of all samples were independent, shape ``(r, r)``.
+        sigma: Noise of each joint's torque, shape ``(nv,)``.
+        correlation: Number of samples per independent sample of each joint's residual, shape ``(nv,)``.
         residual: Residual torque, shape ``(N, nv)``.
         factor: Triangular factor of the weighted equations that determined the values, shape ``(r, r)``.
     """
@@ -143,10 +143,10 @@ class Values:
 
 @dataclass(frozen=True)
 class InfluencedValues(Values):
-    """Values of estimators that are linear in the noise.
+    """Values of an estimator whose estimates are linear in the noise of the torque.
 
     Attributes:
-        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+        influence: Derivative of each estimate by the torque of each joint at each sample, shape ``(N, nv, r)``.
     """
 
     influence: Float[Array, "N nv r"]
@@ -154,13 +154,13 @@ class InfluencedValues(Values):
 
 @dataclass(frozen=True)
 class JointNoise:
-    """Noise of each joint in the model of an estimator.
+    """Noise of each joint, as an estimator models it.
 
     Attributes:
         sigma: Noise of each joint's torque, shape ``(nv,)``.
-        information: Weight (squared) of each joint's rows, see `sandwich`, shape ``(nv,)``.
+        information: Squared weight of each joint's rows, see `sandwich`, shape ``(nv,)``.
         scatter: Variance of each joint's score, see `sandwich`, shape ``(nv,)``.
-        score: Residual in the normal equations, for a robust estimator after its limit, shape ``(N, nv)``.
+        score: Residual as it enters the normal equations, shape ``(N, nv)``; a robust estimator limits it.
     """
 
     sigma: Float[Array, " nv"]
@@ -205,9 +205,9 @@ def values_of_influence(
         theta: Base parameters.
         rows: Regressor of the unknowns.
         target: Right-hand side of the equations.
-        influence: Change of each value per noise of each joint at each sample.
+        influence: Derivative of each value by the torque of each joint at each sample.
         factor: Triangular factor of the weighted equations.
-        starts: First sample of each recording, and N.
+        starts: Index of the first sample of each recording, and last N.
     """
     residual = target - rows @ theta
     sigma = residual_noise(rows, influence, residual)
@@ -221,7 +221,7 @@ def fit_of(
     base: BaseParameters,
     values: Values,
 ) -> Fit:
-    """The `Fit` with given values.
+    """The `Fit` that has the given values, with its errors and warnings.
 
     Args:
         estimator: Name of the estimator.
@@ -260,8 +260,8 @@ class ReducedFit:
 
     Attributes:
         theta: Base parameters, shape ``(r,)``.
-        cov: Covariance if the noise of all samples were independent, ``(r, r)``. A reduction does not contain the
-            autocorrelation of the noise, with which the covariance is larger (see `coloured_scatter`).
+        cov: Covariance if the noise of all samples were independent, ``(r, r)``. The true covariance is larger, because
+            noise is autocorrelated; a reduction does not contain the autocorrelation.
         sigma: Noise of each joint's torque, times its weight if there is one, shape ``(nv,)``; NaN if there are no more
             equations than unknowns.
         base: The unknowns, with the regrouping of all parameters.

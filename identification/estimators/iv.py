@@ -1,9 +1,9 @@
-r"""Instrumental variables (IDIM-IV), which noise in the motion does not bias, and the test for a bias of least squares.
+r"""Instrumental variables (IDIM-IV), and a test whether errors of the recorded motion bias least squares.
 
 Under a position controller, noise of the positions enters both torque and regressor, which biases least squares. The
-instruments :math:`Z` are the regressor of a simulated closed loop, which has no noise:
-:math:`Z^T S^{-1} (y - W \theta) = 0`. The Durbin-Wu-Hausman test compares this estimate with weighted least squares: it
-tests whether errors of the recorded motion (noise, filters, derivatives) bias least squares.
+estimate with instruments solves :math:`Z^T S^{-1} (y - W \theta) = 0`. The instruments :math:`Z` are the regressor of a
+simulated closed loop, which has no noise, so that this estimate is not biased. The Durbin-Wu-Hausman test compares it
+with weighted least squares.
 
 References:
     A. Janot, P.-O. Vandanjon, M. Gautier, A generic instrumental variable approach for industrial robot
@@ -30,8 +30,8 @@ from phantom_dyn.errors import IdentifiabilityError
 _SETTLED = 0.05  # largest step of a converged estimate, in its standard deviations
 _LEAST_LINK = 1e-9  # smallest correlation between instruments and regressor
 
-# Largest variance of the difference, relative to that of least squares, with which both estimates agree by
-# construction: some columns, such as a constant, are their own instruments.
+# Directions in which the difference of both estimates has less than this share of the variance of least squares are
+# left out of the test: there both agree by construction, because columns such as a constant are their own instruments.
 _EQUAL_VARIANCE = 1e-8
 _SMALL_BIAS = 0.5  # largest bias that needs no action, in standard deviations of least squares
 
@@ -57,7 +57,7 @@ def iv(regressor: Regressor, *, feedback: Feedback | None = None, iterations: in
         before = found
         simulation = resimulated(regressor, start.loops, base, found.theta)
         found = with_instruments(regressor, base, simulation.rows(base), 1.0 / floored(before.sigma, regressor))
-        # Without noise, the second term allows for rounding.
+        # Without noise the first term is zero; the second one allows for rounding errors.
         still = np.abs(found.theta - before.theta) <= _SETTLED * found.std + 1e-9 * np.abs(found.theta)
         if still.all():
             return fit_of("iv", regressor, base, found)
@@ -72,17 +72,17 @@ def with_instruments(
     Args:
         regressor: The equations.
         base: The unknowns.
-        instruments: Rows without noise.
+        instruments: Regressor on the simulated motion.
         weights: One over the noise of each joint.
 
     Raises:
-        IdentifiabilityError: If the instruments do not follow the regressor.
+        IdentifiabilityError: If the instruments are not correlated with the regressor.
     """
     rows = base_rows(regressor, base)
     factor = factor_of(instruments, weights)
     influence = influence_of(instruments, factor, weights)
     link = np.einsum("njk,njl->kl", influence, rows, optimize=True)
-    # The matrix is the identity if instruments and regressor are equal.
+    # If instruments and regressor are equal, the matrix of which the smallest singular value is taken is the identity.
     if np.linalg.svd(factor @ np.linalg.solve(factor.T, link.T).T, compute_uv=False)[-1] < _LEAST_LINK:
         raise IdentifiabilityError(
             "The simulated motion does not follow the recorded one, so that it says nothing about it: check references "
@@ -95,7 +95,7 @@ def with_instruments(
 
 @dataclass(frozen=True)
 class Endogeneity:
-    """Outcome of the test.
+    """Result of the Durbin-Wu-Hausman test.
 
     Attributes:
         probability: Probability of a chi-squared statistic at least as large if least squares is not biased.
@@ -136,7 +136,7 @@ class Endogeneity:
 
 
 def hausman_test(regressor: Regressor, *, feedback: Feedback | None = None) -> Endogeneity:
-    """Test of weighted least squares against instrumental variables, which allows for autocorrelated noise.
+    """Durbin-Wu-Hausman test of weighted least squares against instrumental variables, for autocorrelated noise.
 
     Args:
         regressor: The equations.
@@ -158,10 +158,10 @@ def hausman_test(regressor: Regressor, *, feedback: Feedback | None = None) -> E
 def compared(
     influence: Float[Array, "N nv r"], found: InfluencedValues, regressor: Regressor, names: tuple[str, ...]
 ) -> Endogeneity:
-    """The test from both estimates of the same parameters.
+    """Result of the test, from both estimates of the same parameters.
 
     Args:
-        influence: Change of each estimate of least squares per noise of each joint at each sample.
+        influence: Derivative of each least-squares estimate by the torque of each joint at each sample.
         found: Estimates with instruments.
         regressor: The equations.
         names: Names of the parameters.
@@ -169,7 +169,7 @@ def compared(
     difference = np.einsum("njk,nj->k", influence, regressor.y, optimize=True) - found.theta
     least_squares_cov, _, _ = covariances(influence, found.residual, found.sigma, regressor.starts)
     difference_cov, _, _ = covariances(influence - found.influence, found.residual, found.sigma, regressor.starts)
-    # The units are such that the estimates of least squares are independent with variance one.
+    # The differences are transformed to coordinates in which the least-squares estimates have the covariance identity.
     scale = np.linalg.cholesky(least_squares_cov)
     whitened = np.linalg.solve(scale, np.linalg.solve(scale, difference_cov).T)
     size, axes = np.linalg.eigh(0.5 * (whitened + whitened.T))

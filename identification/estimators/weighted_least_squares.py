@@ -17,12 +17,12 @@ from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
 
-# The fit is repeated until the relative weights of the joints change by less than this share. In the first fit, without
-# weights, joints with large torques cause large residuals of the others, whose weights are too small afterwards.
+# The fit is repeated until the relative weights of the joints change by less than this share. One repetition is not
+# enough: in the first fit, which has no weights, joints with large torques cause large residuals of the other joints.
 _CHANGE = 0.1
 PASSES = 8
-"""Largest number of fits, with the first one, which has no weights."""
-_HUBER = 1.345  # residual, in units of the noise, beyond which its influence is constant; 95 % efficient
+"""Largest number of fits, including the first one without weights."""
+_HUBER = 1.345  # residual, in units of the noise, beyond which the influence is constant; 95 % efficiency
 _MAD_OF_NORMAL = 0.6744897501960817  # median of the absolute value of a standard normal
 
 
@@ -44,7 +44,7 @@ def ols(regressor: Regressor) -> Fit:
 
 
 def wls(regressor: Regressor) -> Fit:
-    """Base parameters by least squares, each joint weighted by its noise.
+    """Base parameters by least squares, each joint weighted by the inverse of its noise.
 
     Args:
         regressor: The equations.
@@ -70,15 +70,15 @@ def weights_agree(before: Float[Array, " nv"], after: Float[Array, " nv"]) -> bo
     """True if the noise ``after`` gives the joints the same relative weights as ``before``.
 
     Args:
-        before: Noise of each joint from which the weights of a fit were computed.
-        after: Noise of each joint from the residual of this fit.
+        before: Noise of each joint by which a fit was weighted.
+        after: Noise of each joint from the residual of the fit.
     """
     ratio = after / before
     return bool(ratio.max() <= (1.0 + _CHANGE) * ratio.min())
 
 
 def floored(sigma: Float[Array, " nv"], regressor: Regressor) -> Float[Array, " nv"]:
-    """Noise for the weights: ``sigma``, but at least 1e-9 of the largest torque of any joint.
+    """Noise from which weights are computed: ``sigma``, but at least 1e-9 of the largest torque of any joint.
 
     Without this limit, a joint without noise (in a simulation, or without a drive) would have an infinite weight.
 

@@ -26,7 +26,7 @@ class Controllers(NamedTuple):
 
     Attributes:
         q_ref: References, ``(N, nv)``.
-        gains: Position gain, velocity gain and torque limit of each joint, ``(3, nv)``.
+        gains: Rows with position gain, velocity gain and torque limit of each joint, ``(3, nv)``.
         window: Samples over which the controller differentiates positions; 0 if it uses the true velocity.
         delay: Delay of the torque [s].
         held: True if the controller computes a torque once per sample and holds it, False if in every step.
@@ -167,9 +167,8 @@ def write_command(
 def write_torque(controllers: Controllers, k: int, s: int, commanded: Array, applied: Array, tau: Array) -> None:
     """Write the torque that acts in step ``s`` after sample ``k``, with delay and limits, and the torque of the sample.
 
-    The command of a controller that computes in every step is interpolated linearly at the delayed time. A command that
-    is held for a sample is not interpolated. Simulations with variable steps keep a queue of commands instead, see
-    `phantom_dyn.effects.drive.input_delay`.
+    Commands that are computed in every step are interpolated linearly at the delayed time. Commands that are held for a
+    sample are not interpolated.
     """
     held, steps = controllers.held, controllers.steps
     if held:
@@ -185,7 +184,7 @@ def write_torque(controllers: Controllers, k: int, s: int, commanded: Array, app
         limit = controllers.gains[2, i]
         applied[i] = min(max(given, -limit), limit)
         if s == 0:
-            # The torque of a step is that at its middle, so the torque at the sample is the mean of two steps.
+            # The torque of a step is that at its middle; the torque at the sample is the mean of the two steps around.
             tau[k, i] = applied[i] if held or k == 0 else 0.5 * (before + applied[i])
 
 
@@ -205,7 +204,7 @@ def friction_levels(E: Array, dry: Array, v: Array, h: float, viscous: Array, le
 
 @jit
 def add_viscous(E: Array, viscous: Array, v: Array, h: float, force: Array, mass: Array) -> None:
-    """Add viscous friction at the middle of the step: its known part to the force, its implicit part to the mass."""
+    """Add viscous friction at the middle of a step: by the old velocity to the force, by its change to the mass."""
     nv = len(v)
     for e in range(len(E)):
         if viscous[e] != 0.0:

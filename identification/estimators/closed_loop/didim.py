@@ -1,9 +1,9 @@
 r"""Direct and inverse dynamic identification (DIDIM): fits the torque of a simulated closed loop to the measured one.
 
-Only references and torques are used, as positions come from the simulation. The simulated motion depends little on the
-parameters, because the controllers keep it near the reference. So the derivative of the simulated torque is nearly the
-regressor on the simulated motion, and a few linear fits converge. Recordings whose torque is not that of the stated
-controllers are refused, as the simulated loop would be another one.
+Only references and torques are used; positions come from the simulation. The simulated motion depends little on the
+parameters, because the controllers keep it near the reference. Therefore the derivative of the simulated torque is
+nearly the regressor on the simulated motion, and a few linear fits converge. A recording is refused if its torque is
+not that of the stated controllers.
 
 References:
     M. Gautier, A. Janot, P.-O. Vandanjon, A new closed-loop output error method for parameter identification of robot
@@ -29,14 +29,15 @@ from phantom_dyn.errors import EstimationError, LogError
 
 _SETTLED = 0.05  # largest step of a converged estimate, in its standard deviations
 _HALVINGS = 6  # largest number of halvings of a step with which the simulation diverges
-# Largest relative difference between recorded and commanded torque; noise of a velocity and held samples cause less.
+# A recording is refused if the relative difference between recorded and commanded torque is larger. Velocity noise and
+# held samples cause smaller differences.
 _LARGEST_MISFIT = 0.5
-# Largest relative difference with fitted gains for which the message states these gains.
+# The message states fitted gains if the relative difference with these gains is smaller.
 _FITTED_GAINS = 0.2
 
 
 def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
-    """Base parameters from references and torques.
+    """Base parameters from references and torques, by simulations of the closed loop.
 
     Args:
         regressor: The equations.
@@ -77,7 +78,7 @@ def _damped_step(
     theta: Float[Array, " r"],
     step: Float[Array, " r"],
 ) -> tuple[Float[Array, " r"], Resimulation]:
-    """The estimates after a step, and their simulation; the step is halved while the simulation diverges."""
+    """The estimates after a step, and the simulation with them; the step is halved while the simulation diverges."""
     for _ in range(_HALVINGS):
         try:
             return theta + step, resimulated(regressor, loops, base, theta + step)
@@ -107,7 +108,7 @@ def require_own_controllers(loops: Iterable[Loop]) -> None:
         loops: Recordings with their controllers and references.
 
     Raises:
-        LogError: The message names the joint, the difference, and gains that would give the torque if there are any.
+        LogError: The message names the joint and the difference. If some gains reproduce the torque, it names them.
     """
     for loop in loops:
         log, feedback = loop.log, loop.feedback
@@ -148,6 +149,6 @@ def _torque_in_band(loop: Loop, commanded: Float[Array, "N nv"]) -> Float[Array,
 
 
 def _relative_rms(part: Float[Array, " n"], whole: Float[Array, " n"]) -> float:
-    """Root mean square of a part over that of the whole; zero if the whole is zero."""
+    """Root mean square of a part divided by that of the whole; zero if the whole is zero."""
     size = float(np.sqrt(np.mean(whole**2)))
     return float(np.sqrt(np.mean(part**2))) / size if size > 0.0 else 0.0

@@ -1,7 +1,7 @@
-"""Simulates recordings again, with their references and controllers and a robot with estimated parameters.
+"""Simulates recordings in closed loop: recorded references, stated controllers, a robot with estimated parameters.
 
-The estimators that simulate closed loops begin with the parameters of least squares (`start_of`). The equations on the
-simulated motion are their instruments, or their regressor.
+The estimators that simulate closed loops start with the parameters of least squares (`start_of`). They use the
+regressor on the simulated motion, as instruments (`iv`) or as the regressor of the fit (`didim`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Feedback:
         kp: Position gains, shape ``(nv,)``.
         kd: Velocity gains, shape ``(nv,)``.
         limit: Largest torques, infinite without a limit, shape ``(nv,)``.
-        delay: Time [s] by which the torque is late.
+        delay: Delay of the torque [s].
         held: True if the controllers compute a torque once per sample of the recording and hold it; False if they
             compute it continuously.
         window: Number of samples over which held controllers differentiate the position; 0 for the true velocity.
@@ -71,7 +71,7 @@ def feedback_of(robot: Robot) -> Feedback:
     """The controllers that ``robot.yaml`` states.
 
     Args:
-        robot: Gives the actuators.
+        robot: The robot.
 
     Raises:
         ParameterError: If a joint with a drive has no controller, or one that cannot be simulated, or if the delays of
@@ -130,7 +130,7 @@ class Loop:
 
 
 def loop_of(robot: Robot, log: Log, feedback: Feedback) -> Loop:
-    """The loop of a log, after a check of its references.
+    """The closed loop of a log, after a check of its references.
 
     Args:
         robot: The robot of the log.
@@ -263,8 +263,8 @@ class Start:
 
     Attributes:
         loops: Recordings with their controllers.
-        simulation: Simulation with the parameters of least squares, or if that diverges, of the given robot.
-        base: Base parameters that the simulated motion excites; it has no noise that could excite others.
+        simulation: Simulation with the parameters of least squares; if it diverges, with those of the given robot.
+        base: Base parameters that the simulated motion excites. Noise of the recorded motion can excite further ones.
         theta: Values of the base parameters in the simulated robot.
         weights: One over the noise of each joint, from the residual of least squares.
     """

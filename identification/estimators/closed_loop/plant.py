@@ -25,15 +25,16 @@ class Plant(NamedTuple):
             `phantom_dyn._kernels.single_state.joint_rows`.
         joint_indices: Parent, kind and velocity index of each joint, from the same function.
         root: Motion of the root from `phantom_dyn._kernels.single_state.at_root`; the simulation copies it.
-        chain: Motion of the tree for that of the active joints; friction of the passive joints is in ``friction``.
+        chain: Map from the motion of the active joints to that of all joints of the tree. It contains no friction.
         rotor: Rotor inertia that is added to the mass matrix, ``(nv, nv)``.
         passive: Indices of the passive joints in the tree, ``(ne - nv,)``.
-        J_friction: Velocity of each joint with friction per velocity of the active joints, ``(ne, nv)``. The
-            first ``nv`` rows are the active joints; the rows of the passive ones are overwritten at every state.
+        J_friction: Jacobian from the velocities of the active joints to those of the joints with friction,
+            ``(ne, nv)``. The first ``nv`` rows are the active joints; the rows of the passive ones are overwritten at
+            every state.
         friction: Parameters of each joint with friction, ``(ne, 5)``: Coulomb torque, additional torque at standstill
             (Stribeck), Stribeck velocity, viscous coefficients forward and backward.
         constant_torque: Constant torques on the joints, ``(nv,)``.
-        stiffness: Stiffness of springs at the joints, which are relaxed at position zero, ``(nv,)``.
+        stiffness: Stiffness of springs at the joints, which have no torque at position zero, ``(nv,)``.
     """
 
     joint_constants: Array
@@ -76,7 +77,7 @@ def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r
 
 
 def all_parameters(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Float[Array, " p"]:
-    """Values of all columns for the given base parameters; dependent columns have the values of the model.
+    """Values of all parameters for the given base parameters; dependent ones have the values of the model.
 
     Args:
         regressor: Gives robot and columns.
@@ -90,7 +91,7 @@ def all_parameters(regressor: Regressor, base: BaseParameters, theta: Float[Arra
 
 
 def model_parameters(regressor: Regressor) -> Float[Array, " p"]:
-    """Values of all columns in the given model: standard parameters of its links, and zero for the effects."""
+    """Values of all parameters in the given model: standard parameters of its links, and zero for the effects."""
     full = np.zeros(len(regressor.names))
     if regressor.rigid_body:
         full[: regressor.first_effect] = standard_parameters(regressor.robot)
@@ -98,7 +99,7 @@ def model_parameters(regressor: Regressor) -> Float[Array, " p"]:
 
 
 def require_simulable(regressor: Regressor) -> None:
-    """Raise an error for effects that the compiled simulation does not know, before anything is computed.
+    """Raise an error, before anything is computed, if the compiled simulation lacks one of the effects.
 
     Args:
         regressor: Gives robot and terms.
@@ -149,7 +150,7 @@ def _plant_of_model(robot: Robot) -> Plant:
 
 
 def _chain_without_friction(robot: Robot) -> Chain:
-    """Motion of the tree for that of the active joints, without friction, which is in ``Plant.friction``."""
+    """Map from the motion of the active joints to that of the tree. Friction is zero, as `Plant.friction` has it."""
     chain, nt = robot.chain, robot.model.nv
     zeros, rotor = np.zeros(nt), np.zeros(nt)
     if chain is None:

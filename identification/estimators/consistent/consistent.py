@@ -1,7 +1,7 @@
 """Weighted least squares with physically consistent parameters: positive masses, possible inertias, positive friction.
 
-Base parameters do not determine the standard parameters. Of all consistent standard parameters, those nearest to the
-given bodies are returned.
+Base parameters do not determine the standard parameters. Of all consistent standard parameters with the fitted base
+parameters, those nearest to the bodies of the given robot are returned.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class FullParameters:
     """All parameters of a robot, which are physically consistent.
 
     Attributes:
-        names: Names of all ``p`` columns of the fit.
-        pi: Standard parameters of all bodies and coefficients of the effects, shape ``(p,)``.
-        shift: Difference from the fitted base parameters, in standard deviations, shape ``(r,)``.
+        names: Names of all ``p`` parameters.
+        pi: Standard parameters of all bodies, then coefficients of the effects, shape ``(p,)``.
+        shift: Base parameters of ``pi`` minus the fitted ones, in standard deviations of the fit, shape ``(r,)``.
     """
 
     names: tuple[str, ...]
@@ -52,10 +52,12 @@ class FullParameters:
 
 
 def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
-    """Consistent parameters nearest to fitted base parameters (in the metric of their covariance), and to the robot's.
+    """Consistent parameters nearest to the fitted base parameters, in the metric of the fit's covariance.
+
+    If several are equally near, those nearest to the parameters of the robot are returned.
 
     Args:
-        robot: The robot that was fitted; its inertias are the reference.
+        robot: The robot that was fitted.
         fit: Fit of `torque_regressor` equations.
 
     Raises:
@@ -76,7 +78,7 @@ def covariance_root(fit: Fit) -> Float[Array, "r r"]:
     """
     if not np.isfinite(fit.cov).all():
         raise ParameterError("The fit has no covariance, as it has no more equations than unknowns: record more.")
-    # Without noise, the standard deviations are rounding errors or zero.
+    # The floor avoids a division by zero: without noise the standard deviations are rounding errors or zero.
     size = np.abs(fit.theta).max(initial=0.0)
     deviation = np.maximum(fit.std(), 1e-12 * (size if size > 0 else 1.0))
     values, vectors = np.linalg.eigh(fit.cov / np.outer(deviation, deviation))
@@ -97,13 +99,13 @@ def coefficient_bounds(
     """Physical bounds of the coefficients of terms, ``-inf`` and ``inf`` without a bound.
 
     Args:
-        robot: The robot; its friction and rotor inertia shift the bounds of coefficients that add to them.
-        terms: Terms of a regressor, in its order.
-        names: Names of all their coefficients.
+        robot: The robot. Its friction and rotor inertia shift the bounds of coefficients that add to them.
+        terms: Terms of a regressor, in the order of its columns.
+        names: Names of the coefficients of all terms.
     """
     given = []
     for term in terms:
-        # The same effect may act twice with two shapes, under one name.
+        # The same effect may act with two different shapes; the terms then have the same label.
         same = sum(other.label == term.label for other in terms)
         count = sum(name.rpartition(".")[0] == term.label for name in names) // same
         bounds = term.effect.coefficient_bounds(robot, term.joint, term.shape)
@@ -136,7 +138,7 @@ class ConsistentFit(Fit):
     """A `Fit` with physically consistent parameters.
 
     Attributes:
-        pi: Standard parameters of all bodies, then the coefficients of the effects, shape ``(p,)``; parameters that the
+        pi: Standard parameters of all bodies, then coefficients of the effects, shape ``(p,)``. Parameters that the
             recording does not determine are near those of the robot.
         held: One sentence per body or coefficient with an active constraint.
     """
@@ -146,12 +148,13 @@ class ConsistentFit(Fit):
 
 
 def consistent(regressor: Regressor, *, prior: float | None = None) -> ConsistentFit:
-    """Physically consistent parameters by least squares, each joint weighted by its noise.
+    """Physically consistent parameters by least squares, each joint weighted by the inverse of its noise.
 
     Args:
-        regressor: The equations, with inertial parameters among the unknowns; its robot is the reference of the prior.
-        prior: Weight of the distance from the robot's bodies, see `Program`. By default the distance only decides among
-            parameters that fit equally well.
+        regressor: The equations, with inertial parameters among the unknowns. The prior is about the parameters of its
+            robot.
+        prior: Weight of the prior, see `Program`. By default the prior only decides among parameters that fit equally
+            well.
 
     Raises:
         ParameterError: If inertial parameters are not among the unknowns.
@@ -178,7 +181,7 @@ def consistent(regressor: Regressor, *, prior: float | None = None) -> Consisten
 def _constrained(
     free: Fit, regressor: Regressor, program: Program, solution: ProgramSolution, prior: float | None
 ) -> ConsistentFit:
-    """The unconstrained fit with the solution of the constrained program instead of its own."""
+    """The unconstrained fit, with its parameters replaced by the solution of the constrained program."""
     held = _held_sentences(regressor, solution)
     fit = replace(free, theta=free.base.values(solution.pi))
     if held or prior is not None:
@@ -199,7 +202,7 @@ def _constrained(
 
 
 def _relative_error(regressor: Regressor, fit: Fit) -> Float[Array, " nv"]:
-    """Root mean square of a fit's residual over that of the measured torque [%]; nan for a joint without torque."""
+    """RMS of a fit's residual divided by the RMS of the measured torque [%]; nan for a joint without torque."""
     residual = np.empty_like(regressor.y)
     for at, block in base_blocks(regressor, fit.base):
         residual[at] = regressor.y[at] - block @ fit.theta
@@ -219,7 +222,7 @@ def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
     prior = np.asarray(block_diag(*metrics, np.zeros((0, free_columns))))
     equations = program.factor * program.scale
     finite = FREE * np.eye(len(program.scale))[10 * len(program.bodies) :]
-    # A triangular factor is inverted, because the product matrix would have entries from 1 to 1e18.
+    # The triangular factor is inverted, not the normal matrix, whose entries would range from 1 to 1e18.
     triangle = np.linalg.qr(np.vstack([equations, prior, finite]), mode="r")
     inverse = np.linalg.inv(triangle)
     out = (selection(free.base) * program.scale) @ inverse

@@ -1,7 +1,7 @@
-r"""The physical consistency of a body's inertial parameters, as a matrix that is linear in them.
+r"""Pseudo-inertia matrices of bodies, which state whether inertial parameters are physically consistent.
 
 A body with given parameters can exist if and only if its pseudo-inertia :math:`P = \int [x; 1][x; 1]^T dm` (4 x 4,
-[Wensing]_) is positive semidefinite.
+[Wensing]_) is positive semidefinite. The matrix is linear in the ten inertial parameters.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
@@ -21,8 +21,9 @@ from phantom_dyn.errors import ParameterError
 _ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # order of the six inertia entries
 
 _FLOOR = 1e-4
-"""Smallest eigenvalue of a reference body's pseudo-inertia: a thickness of 1 % of its radius of gyration. Files contain
-rods and points, to which every distance would be infinite, and inertias that violate the triangle inequality."""
+"""Smallest eigenvalue of a reference body's pseudo-inertia, in units of mass and squared radius of gyration. It means a
+thickness of 1 % of that radius. Robot files contain rods and points, from which every distance would otherwise be
+infinite, and inertias that violate the triangle inequality."""
 
 
 def _pseudo_basis() -> Array:
@@ -61,10 +62,10 @@ def standard_of(pseudo: Float[Array, "4 4"]) -> Float[Array, " 10"]:
 
 @dataclass(frozen=True)
 class ReferenceBody:
-    """A body from which distances are measured, in units of its own mass and radius of gyration.
+    """A body from which the distance of other parameters is measured, in units of its mass and radius of gyration.
 
     Attributes:
-        standard: Ten parameters of the body, changed to the nearest possible ones if necessary.
+        standard: Ten parameters of the body; if such a body cannot exist, the nearest possible ones.
         scale: Unit of each of the ten parameters.
         whitening: ``C^-1``, where ``C C^T`` is the body's pseudo-inertia in these units.
     """
@@ -81,7 +82,7 @@ class ReferenceBody:
 
 
 def reference_body(standard: Float[Array, " 10"], *, mass: float | None = None) -> ReferenceBody:
-    """The reference for a given body; eigenvalues below `_FLOOR` are raised to it.
+    """The reference body for given parameters; eigenvalues of the pseudo-inertia below `_FLOOR` are raised to it.
 
     Args:
         standard: Ten parameters of the body.
@@ -101,7 +102,7 @@ def reference_body(standard: Float[Array, " 10"], *, mass: float | None = None) 
 
 
 def reference_bodies(standard: Float[Array, " p"]) -> tuple[ReferenceBody, ...]:
-    """The reference for each body; the unit of mass of a body without mass is the mean of the other masses."""
+    """The reference body for each body; a body without mass has the mean of the other masses as its unit of mass."""
     bodies = standard.reshape(-1, 10)
     if not np.isfinite(bodies).all():
         raise ParameterError("The parameters of a reference body are not finite: give finite ones.")

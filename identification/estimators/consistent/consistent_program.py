@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""The convex program for physically consistent parameters, and its solution.
+"""The convex program (least squares with matrix inequalities) for physically consistent parameters, and its solution.
 
-If no constraint is active, the solution is a closed form; else cvxpy states the program and Clarabel solves it. The
-program contains the recording only as a triangular factor, so that its size does not depend on the number of samples.
+If no constraint is active, the solution has a closed form. Otherwise the program is stated in cvxpy and solved by
+Clarabel. The recording enters as a triangular factor, so that the size of the program does not depend on the number of
+samples.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError
 
 FREE = 1e-3
-"""Prior distance of a coefficient whose torque is as large as that of all bodies together. The prior distance of a body
-that is as far from its reference as the reference is large is 1. So if a recording does not separate a coefficient from
-bodies, mainly the coefficient changes."""
+"""Prior distance of a coefficient that alone produces as much torque as all bodies together. In comparison, a change of
+a body by its own size has a prior distance of 1. If a recording does not separate a coefficient from bodies, mainly the
+coefficient therefore changes."""
 
 CHOOSING = 1e-6
 """Weight of a prior that only chooses among parameters that the recording cannot distinguish."""
 
 _ATTEMPTS = ((1e7, 1e-10), (1e7, 1e-9), (1e7, 1e-7), (1e5, 1e-7), (1e4, 1e-6), (1e3, 1e-6))
-"""Settings of the attempts in turn: the largest norm of the equations, and Clarabel's tolerance in units of the
-log-likelihood. Without noise the norm is 1e9 and more, and a prior would be lost in the solver's double precision."""
+"""Settings of successive attempts: the norm to which the equations are limited, and Clarabel's tolerance in units of
+the log-likelihood. Without noise the norm would be 1e9 or more, and the prior would be lost to rounding."""
 
 _ACTIVE_SLACK = 1e-5  # largest slack of an active inequality, in units of its row
 _LEAST_MULTIPLIER = 1e-3  # smallest multiplier (gain of the log-likelihood per unit of slack) of an active inequality
@@ -42,15 +43,15 @@ class Program:
     Attributes:
         factor: Matrix of the equations, shape ``(k, p)``.
         target: Right-hand side of the equations, shape ``(k,)``.
-        bodies: References, one per body.
+        bodies: Reference of each body.
         lower: Lower bounds of the coefficients, ``-inf`` without a bound.
         upper: Upper bounds of the coefficients, ``inf`` without a bound.
-        weight: Weight of the prior, which is half the squared distance from the references, in units of the
-            log-likelihood: ``1 / s^2`` if the bodies are known to a share ``s`` (one sigma). The default only chooses
-            among parameters that the recording cannot distinguish.
-        margin: Smallest eigenvalue of each pseudo-inertia in units of the reference's mass and radius of gyration. The
-            default is a thickness of one per mil of the radius, which is about the precision of numbers in a file.
-        exact: True if ``factor pi == target`` has to hold, so that only the prior is minimised.
+        weight: Weight of the prior, which is half the squared distance from the references. It is ``1 / s^2`` if the
+            bodies are known with a relative standard deviation ``s``. The default only chooses among parameters that
+            the recording cannot distinguish.
+        margin: Smallest eigenvalue of each pseudo-inertia, in units of the reference's mass and squared radius of
+            gyration. The default is a thickness of one per mil of that radius, about the precision of numbers in files.
+        exact: True if ``factor pi == target`` has to hold exactly, so that only the prior is minimised.
     """
 
     factor: Float[Array, "k p"]
@@ -64,7 +65,7 @@ class Program:
 
     @property
     def scale(self) -> Float[Array, " p"]:
-        """Unit of each column: that of the reference body; for a coefficient, its column is as large as all bodies'."""
+        """Unit of each parameter: that of the reference body; a unit coefficient has as much torque as all bodies."""
         body_scales = np.concatenate([np.zeros(0), *(body.scale for body in self.bodies)])
         norms = np.linalg.norm(self.factor[:, len(body_scales) :], axis=0)
         size = (
@@ -115,7 +116,7 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
 
 
 def _root(body: ReferenceBody) -> Array:
-    """``U``, where ``|U^-1 d|`` is the distance of a change ``d`` in units of the reference's scale."""
+    """Matrix ``U`` for which ``|U^-1 d|`` is the prior distance of a change ``d`` in units of the reference's scale."""
     return np.asarray(solve_triangular(np.linalg.qr(body.metric, mode="r"), np.eye(10)))
 
 
@@ -123,9 +124,9 @@ def solve_program(program: Program) -> ProgramSolution:
     """Solution of a program.
 
     Raises:
-        EstimationError: If there is none, or the solver does not find it.
+        EstimationError: If there is no solution, or the solver does not find it.
     """
-    # With a strong prior, the objective is scaled by its weight, as a solver needs an objective of order one.
+    # The solver needs an objective of order one: with a strong prior the objective is divided by its weight.
     strength = max(1.0, program.weight)
     root, weight = np.sqrt(strength), program.weight / strength
     scaled = program if program.exact else replace(
@@ -151,8 +152,8 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
     if is_possible(program, start * scale):
         return ProgramSolution(start * scale), ""
     at, rows, least = _inequalities(program, scale)
-    # Unless equations are exact, the coordinates are those of a triangular factor: a body depends only on coordinates
-    # from its own first one on.
+    # Unless the equations are exact, the map from coordinates to parameters is upper triangular: a body depends only on
+    # the coordinates from its own first parameter on.
     first = tuple(0 if program.exact else 10 * body for body in range(n))
     bodies = [slice(10 * body, 10 * body + 10) for body in range(n)]
     slopes = [np.einsum("kd,kij->ijd", back[body], PSEUDO).reshape(1, 16, -1) for body in bodies]
@@ -177,31 +178,39 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
 
 
 def _coordinates(program: Program, largest: float) -> tuple[Array, Array]:
-    """Scaled parameters as ``start + back @ u``, where equations and prior together are ``|u|^2 / 2`` plus a constant.
+    """Coordinates ``u`` in which the objective is ``|u|^2 / 2`` plus a constant.
 
-    In these coordinates, all directions have the same curvature for the solver, however well they are determined.
+    In these coordinates the objective has the same curvature in all directions, which the solver needs: some directions
+    are determined by the equations, others only by the prior.
+
+    Args:
+        program: The program.
+        largest: Norm to which the equations are limited.
+
+    Returns:
+        ``start`` and ``back``: scaled parameters are ``start + back @ u``.
     """
     n, p = len(program.bodies), len(program.scale)
     columns = program.factor * program.scale
-    known = np.concatenate([*(body.standard for body in program.bodies), np.zeros(p - 10 * n)]) / program.scale
-    drawn = np.asarray(block_diag(*(body.metric for body in program.bodies), FREE * np.eye(p - 10 * n)))
+    reference = np.concatenate([*(body.standard for body in program.bodies), np.zeros(p - 10 * n)]) / program.scale
+    prior = np.asarray(block_diag(*(body.metric for body in program.bodies), FREE * np.eye(p - 10 * n)))
     if program.exact:
         start = nearest_unconstrained(program) / program.scale
         free = np.asarray(null_space(columns))
-        # Orthonormal in the metric of the prior.
-        triangle = np.linalg.qr(drawn @ free, mode="r")
+        # The columns of `back` are orthonormal in the metric of the prior.
+        triangle = np.linalg.qr(prior @ free, mode="r")
         back = np.linalg.solve(triangle.T, free.T).T
-        return start + back @ (drawn @ back).T @ (drawn @ (known - start)), back
+        return start + back @ (prior @ back).T @ (prior @ (reference - start)), back
     shrunk = min(1.0, largest / max(float(np.linalg.norm(columns)), 1.0))
-    drawn *= np.sqrt(program.weight)
-    q, triangle = np.linalg.qr(np.vstack([shrunk * columns, drawn]))
-    target = np.concatenate([shrunk * (program.target - columns @ known), np.zeros(len(drawn))])
-    start = known + np.linalg.solve(triangle, q.T @ target)
+    prior *= np.sqrt(program.weight)
+    q, triangle = np.linalg.qr(np.vstack([shrunk * columns, prior]))
+    target = np.concatenate([shrunk * (program.target - columns @ reference), np.zeros(len(prior))])
+    start = reference + np.linalg.solve(triangle, q.T @ target)
     return start, np.linalg.inv(triangle)
 
 
 def _inequalities(program: Program, scale: Array) -> tuple[Array, Array, Array]:
-    """For each inequality the index of its coefficient, its row of norm one, and its right-hand side."""
+    """Bounds of the coefficients as inequalities ``rows @ x >= least``: index of the coefficient, row, right side."""
     first, units = 10 * len(program.bodies), np.eye(len(scale))
     lower, upper = (np.flatnonzero(np.isfinite(bounds)) for bounds in (program.lower, program.upper))
     least = np.concatenate([program.lower[lower], -program.upper[upper]])

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """The cvxpy program for physically consistent parameters, built once per shape of its arrays and solved repeatedly.
 
-Most of the time of a solution is its translation to a cone program, which depends only on the shapes of the arrays. So
-the numbers are parameters of the program (disciplined parametrised programming, [Agrawal]_).
+Translating a program to a cone program takes longer than solving it, but depends only on the shapes of the arrays.
+Therefore the numbers are parameters of the program (disciplined parametrised programming, [Agrawal]_).
 
 References:
     .. [Agrawal] A. Agrawal, B. Amos, S. Barratt, S. Boyd, S. Diamond, J. Z. Kolter, Differentiable convex optimization
@@ -62,15 +62,15 @@ class Values:
 
 @dataclass(frozen=True)
 class Stated:
-    """A program whose numbers are set at each solution; a lock allows one solution at a time.
+    """A cvxpy program whose numbers are set before each solution; a lock allows one solution at a time.
 
     Attributes:
-        shape: Sizes of its arrays.
-        problem: Problem of cvxpy.
-        unknowns: Variable of cvxpy.
-        limits: Linear inequalities, or None.
-        bodies: Matrices that are positive semidefinite.
-        parameters: Parameters of cvxpy in the order of `_numbers`.
+        shape: Sizes of the program's arrays.
+        problem: The cvxpy problem.
+        unknowns: The cvxpy variable.
+        limits: The linear inequalities, or None.
+        bodies: The matrix inequality of each body.
+        parameters: The cvxpy parameters, in the order of `_numbers`.
     """
 
     shape: Shape
@@ -82,7 +82,12 @@ class Stated:
     _alone: threading.Lock = field(default_factory=threading.Lock)
 
     def solved(self, values: Values, tolerance: float) -> tuple[Array, Array, list[Array], str]:
-        """Coordinates at the minimum, dual values of inequalities and bodies, and the status of Clarabel."""
+        """Solve the program for some numbers.
+
+        Returns:
+            Coordinates at the minimum, dual values of the linear inequalities, dual values of the matrix inequalities,
+            and the status of Clarabel.
+        """
         import cvxpy as cp
 
         size = self.unknowns.size
@@ -127,14 +132,16 @@ def stated(shape: Shape) -> Stated:
     u = cp.Variable(shape.unknowns)
     parameters: list[Any] = []
 
-    def asked(*size: int) -> Any:
+    def parameter(*size: int) -> Any:
         parameters.append(cp.Parameter(size))
         return parameters[-1]
 
-    limits = asked(shape.inequalities, shape.unknowns) @ u >= asked(shape.inequalities) if shape.inequalities else None
+    limits = None
+    if shape.inequalities:
+        limits = parameter(shape.inequalities, shape.unknowns) @ u >= parameter(shape.inequalities)
     bodies = []
     for first in shape.bodies:
-        matrix = cp.reshape(asked(16, shape.unknowns - first) @ u[first:], (4, 4), order="C") + asked(4, 4)
-        bodies.append(matrix >> asked(4, 4))
+        matrix = cp.reshape(parameter(16, shape.unknowns - first) @ u[first:], (4, 4), order="C") + parameter(4, 4)
+        bodies.append(matrix >> parameter(4, 4))
     problem = cp.Problem(cp.Minimize(0.5 * cp.sum_squares(u)), [*([] if limits is None else [limits]), *bodies])
     return Stated(shape, problem, u, limits, bodies, parameters)

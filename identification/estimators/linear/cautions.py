@@ -14,17 +14,17 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
 
 _POOR_CONDITION = 1000.0  # condition number above which a relative error of 1e-3 in a column may double a parameter
-_AT_BOUND = 2.0  # distance from a bound, in standard deviations, up to which a value may be at the bound
-_NAMED = 0.3  # smallest weight, relative to the largest, of a named parameter in the worst determined combination
-# A joint rests on its stop if it is slower than the first share of its largest speed, and closer to the stop than the
-# second share of its range. It is reported if it does so in more than the third share of the samples.
+_AT_BOUND = 2.0  # a value closer to its bound than this many standard deviations counts as at the bound
+_NAMED = 0.3  # parameters with at least this share of the largest weight in the worst determined combination are named
+# A joint counts as resting on its stop if it is slower than the first share of its largest speed, and closer to the
+# stop than the second share of its range. It is reported if it rests in more than the third share of the samples.
 _STANDSTILL, _NEAR, _OFTEN = 1e-2, 1e-3, 5e-3
 _NOTHING = 100.0  # relative error of a model that predicts no torque [%]
 _CLIPPED = 0.999  # share of a torque limit above which the drive is at its limit
 
 
 class About(Enum):
-    """Subject of a warning, by which callers leave some warnings out."""
+    """Subject of a warning, by which callers select warnings."""
 
     SEPARATION = auto()
     BOUND = auto()
@@ -76,7 +76,7 @@ def misfit_sentences(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
 
     Args:
         robot: The robot.
-        error: Root mean square of the residual over that of the measured torque [%], NaN without torque.
+        error: Root mean square of the residual divided by that of the measured torque [%], NaN without torque.
     """
     for joint, share in zip(robot.joint_names, error, strict=True):
         if share > _NOTHING:

@@ -1,4 +1,4 @@
-"""Weighted linear least squares for base parameters: of equations in blocks, or of whole arrays."""
+"""Weighted linear least squares for base parameters, from equations in blocks or in whole arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError
 
 _KEPT = 5_000_000
-"""Largest number of entries of the base equations that are kept between passes (40 MB); others are computed again."""
+"""Largest number of entries of the base equations that are kept in memory (40 MB); larger ones are recomputed."""
 
 _DEPENDENT = 1e-11  # a column is dependent if less than this share of its norm is independent of the columns before it
 
@@ -28,10 +28,10 @@ class Solution:
         theta: Base parameters, shape ``(r,)``.
         factor: Triangular factor of the weighted base regressor, shape ``(r, r)``.
         residual: Residual torque, not weighted, shape ``(N, nv)``.
-        grams: Gram matrix ``(X_j R^-1)^T (X_j R^-1)`` of each joint, with its unweighted rows ``X_j`` and the factor
-            ``R``, shape ``(nv, r, r)``.
-        rows: For each joint, the columns on which its torque can depend (`base_places`), ``(c, N)``; empty if they are
-            too large to be kept.
+        grams: Gram matrix ``(X_j R^-1)^T (X_j R^-1)`` of each joint, where ``X_j`` are its unweighted rows and ``R`` is
+            ``factor``, shape ``(nv, r, r)``.
+        rows: For each joint, the columns on which its torque can depend (`base_places`), transposed, ``(c, N)``; empty
+            if they are too large to be kept in memory.
     """
 
     theta: Float[Array, " r"]
@@ -86,7 +86,7 @@ def solve_factor(factor: Float[Array, "q q"]) -> tuple[Float[Array, " r"], Float
     r = len(factor) - 1
     square, right = factor[:r, :r], factor[:r, r]
     norms = np.linalg.norm(square, axis=0)
-    # With rows of weight zero, columns may be dependent that were independent without weights.
+    # Rows of weight zero may make columns dependent.
     if (np.abs(np.diag(square)) < 1e-12 * norms).any() or not norms.all():
         raise IdentifiabilityError(
             f"The weighted equations do not determine the {r} base parameters: record more motion or leave effects out."
@@ -95,10 +95,10 @@ def solve_factor(factor: Float[Array, "q q"]) -> tuple[Float[Array, " r"], Float
 
 
 def joint_grams(rows: Sequence[Float[Array, "_ q"]], factor: Float[Array, "r r"]) -> Float[Array, "nv r r"]:
-    """Gram matrix of each joint, see `Solution`.
+    """Gram matrix ``(X_j R^-1)^T (X_j R^-1)`` of each joint's base regressor ``X_j``.
 
     Args:
-        rows: For each joint, rows with the same products as its base regressor; the last column is the torque.
+        rows: For each joint, few rows with the same Gram matrix as its base regressor; the last column is the torque.
         factor: Triangular factor ``R``.
     """
     white = [solve_triangular(factor, joint[:, :-1].T, trans=1) for joint in rows]
@@ -130,7 +130,7 @@ def base_places(regressor: Regressor, base: BaseParameters) -> list[list[int]]:
 
 
 def _residual_and_rows(regressor: Regressor, base: BaseParameters, theta: Array) -> tuple[Array, tuple[Array, ...]]:
-    """Residual, ``(N, nv)``, and the rows of each joint (see `Solution`)."""
+    """The fields ``residual`` and ``rows`` of `Solution`."""
     places, y = base_places(regressor, base), regressor.y
     residual = np.empty_like(y)
     few = len(y) * sum(map(len, places)) <= _KEPT
@@ -150,7 +150,7 @@ def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array)
     """Triangular factor of the weighted base regressor and torque."""
     reduction = regressor.reduction
     columns = base.independent
-    if (weights == weights[:1]).all():  # with constant weights, the reduction of the rows can be used
+    if (weights == weights[:1]).all():  # with constant weights the samples are not needed
         return triangular(np.concatenate(reduction.weighted(weights[0]).rows(columns)))
     r = len(columns)
     places = base_places(regressor, base)
@@ -173,7 +173,7 @@ def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array)
 
 
 def base_rows(regressor: Regressor, base: BaseParameters) -> Float[Array, "N nv r"]:
-    """Rows of the base parameters.
+    """The base regressor as one array.
 
     Args:
         regressor: The equations.
@@ -225,7 +225,7 @@ def least_squares(
 def influence_of(
     rows: Float[Array, "N nv r"], factor: Float[Array, "r r"], weights: Float[Array, " nv"]
 ) -> Float[Array, "N nv r"]:
-    """Change of each least-squares estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+    """Derivative of each least-squares estimate by the torque of each joint at each sample, shape ``(N, nv, r)``.
 
     Args:
         rows: Regressor of the unknowns.

@@ -1,4 +1,7 @@
-"""Covariance of an estimate, from the noise of each joint and its autocorrelation (sandwich covariance)."""
+"""Covariance of an estimate (sandwich covariance), from the noise of each joint and the autocorrelation of the noise.
+
+The score is the residual as it enters the normal equations. For least squares it equals the residual.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,18 @@ from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 
-_FEWEST = 4  # smallest number of samples for an autocorrelation
-_STRETCH = 4096  # length of the stretches [samples at the full rate] within which samples may be correlated
+_FEWEST = 4  # smallest number of samples from which an autocorrelation is computed
+_STRETCH = 4096  # length of a stretch [samples at the full rate]; samples of different stretches count as uncorrelated
 
 
 def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
-    """Autocorrelation from lag 0 to the lag from which on it cannot be distinguished from noise.
+    """Autocorrelation from lag 0 up to the lag at which it is lost in estimation errors.
 
     Pairs of samples from different recordings are not used.
 
     Args:
         score: Residual of one joint.
-        starts: First sample of each recording, and N.
+        starts: Index of the first sample of each recording, and last N.
     """
     longest = max((stop - start for start, stop in pairwise(starts)), default=0)
     products = np.zeros(longest)
@@ -37,11 +40,11 @@ def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float
 
 
 def leverage(solution: Solution, information: Float[Array, " nv"]) -> Float[Array, " nv"]:
-    """Number of parameters that each joint's rows determine; they sum to ``r``.
+    """Effective number of parameters that each joint's rows determine, ``(nv,)``; the sum is ``r``.
 
     Args:
-        solution: Gram matrices of each joint.
-        information: Weight of each joint's rows (squared).
+        solution: Solution with the Gram matrix of each joint.
+        information: Squared weight of each joint's rows.
     """
     bread = np.einsum("j,jkl->kl", information, solution.grams)
     return information * np.array([np.trace(np.linalg.solve(bread, gram)) for gram in solution.grams])
@@ -52,7 +55,7 @@ def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Fl
 
     Args:
         residual: Residual of the fit.
-        used: Number of parameters that the rows of each joint determine.
+        used: Effective number of parameters that the rows of each joint determine.
     """
     spare = len(residual) - used
     has_spare = spare > 1e-6 * len(residual)
@@ -60,10 +63,10 @@ def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Fl
 
 
 def white_scatter(solution: Solution, scatter: Float[Array, " nv"]) -> Float[Array, "r r"]:
-    """Covariance of the score if the noise of all samples were independent.
+    """Covariance of the normal equations' right side if the noise of all samples were independent.
 
     Args:
-        solution: Gram matrices of each joint.
+        solution: Solution with the Gram matrix of each joint.
         scatter: Variance of each joint's score.
     """
     return np.einsum("j,jkl->kl", scatter, solution.grams)
@@ -76,12 +79,13 @@ def coloured_scatter(
     scatter: Float[Array, " nv"],
     rho: Sequence[Float[Array, " _"]],
 ) -> Float[Array, "r r"]:
-    r"""Covariance of the score with autocorrelated noise: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
+    r"""Covariance of the normal equations' right side with autocorrelated noise.
 
-    For a column that varies slowly compared with the noise, the variance is larger than for white noise by
-    `integrated_autocorrelation_time`; for a faster column, the factor is smaller. The spectrum of the noise is limited
-    from below to that of white noise, so that no variance is smaller than with white noise, because residuals also
-    contain errors of the model. Pairs of samples in different stretches are not used.
+    It is :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`. For a column that varies slowly compared with the
+    noise, the variance is larger than with white noise by the factor `integrated_autocorrelation_time`. For a faster
+    column the factor is smaller. The spectrum of the noise is limited from below to that of white noise: residuals also
+    contain errors of the model, so that no variance may be smaller than with white noise. Pairs of samples in different
+    stretches are not used.
 
     Args:
         regressor: The equations.
@@ -94,15 +98,16 @@ def coloured_scatter(
     inverse = solve_triangular(solution.factor, np.eye(base.rank))
     # Columns on which a joint does not depend are zero in its rows, and are left out.
     places = base_places(regressor, base)
-    # Whitening is a square matrix times orthonormal rows; the product over all samples needs only the square matrix.
-    turned = [np.linalg.qr(inverse[place].T) for place in places]
+    # A joint's rows of the inverse factor are R^T Q^T. Only the small R^T is applied to all samples; Q follows at the
+    # end.
+    decompositions = [np.linalg.qr(inverse[place].T) for place in places]
     grams = [np.zeros((len(place), len(place))) for place in places]
     for stretch in _stretches(regressor, base, solution, places):
         for joint, lags in enumerate(rho):
-            white = _coloured_spectrum(stretch[joint], lags) @ turned[joint].R.T
+            white = _coloured_spectrum(stretch[joint], lags) @ decompositions[joint].R.T
             grams[joint] += white.T @ white
-    for joint, (turn, _) in enumerate(turned):
-        out += scatter[joint] * (turn @ grams[joint] @ turn.T)
+    for joint, (q, _) in enumerate(decompositions):
+        out += scatter[joint] * (q @ grams[joint] @ q.T)
     return out
 
 
@@ -132,10 +137,12 @@ def _stretches(
 def scatter_of_rows(
     rows: Float[Array, "n nv r"], scatter: Float[Array, " nv"], rho: Sequence[Float[Array, " _"]]
 ) -> Float[Array, "r r"]:
-    """`coloured_scatter` of the rows of one block.
+    r"""Covariance of sums over samples of ``rows`` times autocorrelated noise.
+
+    It is :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`, as in `coloured_scatter`.
 
     Args:
-        rows: Factor of the noise of each joint at each sample.
+        rows: Factors ``x`` of the noise of each joint at each sample.
         scatter: Variance of each joint's noise.
         rho: Autocorrelation of each joint's noise.
     """
@@ -147,38 +154,38 @@ def scatter_of_rows(
 
 
 def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -> Float[Array, "f k"]:
-    """Spectrum of columns (real and imaginary parts alternate), times the root of the noise's spectrum."""
+    """Spectrum of columns (real and imaginary parts alternate), times the square root of the noise spectrum."""
     if not len(columns):
         return columns
     kept = lags[: len(columns)]
-    # Zeros are added, so that the end of a column is not correlated with its beginning.
+    # Zeros are appended, so that the end of a column is not correlated with its beginning.
     length = 2 * int(next_fast_len((len(columns) + 1) // 2 + len(kept), real=True) or 0)
     padded = np.zeros(length)
     padded[: len(kept)] = kept
     padded[length - len(kept) + 1 :] += kept[:0:-1]
-    colour = np.maximum(np.fft.rfft(padded).real, 1.0)
-    # The two ends of a real spectrum count once, all other frequencies twice.
-    share = np.full(len(colour), 2.0 / length)
-    share[[0, -1]] = 1.0 / length
-    # The spectrum has to be contiguous to be viewed as pairs of real numbers.
+    noise_spectrum = np.maximum(np.fft.rfft(padded).real, 1.0)
+    # The first and last frequency of a real spectrum count once, all other frequencies twice (Parseval).
+    weight = np.full(len(noise_spectrum), 2.0 / length)
+    weight[[0, -1]] = 1.0 / length
+    # Only a contiguous complex array can be viewed as pairs of real numbers.
     spectrum = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
-    spectrum *= np.sqrt(colour * share)
+    spectrum *= np.sqrt(noise_spectrum * weight)
     return spectrum.view(float).T
 
 
 def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Float[Array, "r r"]) -> Float[Array, "r r"]:
     r"""Covariance :math:`A^{-1} B A^{-1}` of the base parameters, :math:`A = \sum_j a_j X_j^T X_j`.
 
-    Noise of different joints is taken as independent.
+    The noise of different joints is assumed to be independent.
 
     Args:
-        solution: Gram matrices of each joint.
-        information: ``a``, weight (squared) of each joint's rows: the information that the estimator assumes.
-        scatter: ``B``, covariance of the score.
+        solution: Solution with the Gram matrix of each joint.
+        information: ``a``: squared weight of each joint's rows in the estimator.
+        scatter: ``B``: covariance of the normal equations' right side.
     """
     bread = np.einsum("j,jkl->kl", information, solution.grams)
     middle = np.linalg.solve(bread, np.linalg.solve(bread, scatter).T)
-    # The values are not finite if the noise is not known.
+    # No check for finite values: they are NaN if the noise is not known.
     half = solve_triangular(solution.factor, middle, check_finite=False)
     covariance = solve_triangular(solution.factor, half.T, check_finite=False)
     return 0.5 * (covariance + covariance.T)
@@ -193,10 +200,10 @@ def covariances(
     """Covariance with and without autocorrelation of the noise, and samples per independent sample of each joint.
 
     Args:
-        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+        influence: Derivative of each estimate by the torque of each joint at each sample, shape ``(N, nv, r)``.
         residual: Residual of each joint at each sample.
         sigma: Standard deviation of each joint's noise.
-        starts: First sample of each recording, and N.
+        starts: Index of the first sample of each recording, and last N.
     """
     rho = [autocorrelation(column, starts) for column in residual.T]
     r = influence.shape[2]
@@ -212,11 +219,11 @@ def covariances(
 def residual_noise(
     rows: Float[Array, "N nv r"], influence: Float[Array, "N nv r"], residual: Float[Array, "N nv"]
 ) -> Float[Array, " nv"]:
-    """Standard deviation of each joint's noise, see `joint_noise`.
+    """Standard deviation of each joint's noise; NaN if there are no more equations than parameters.
 
     Args:
-        rows: Rows of the regressor for the unknowns.
-        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+        rows: Regressor of the unknowns.
+        influence: Derivative of each estimate by the torque of each joint at each sample, shape ``(N, nv, r)``.
         residual: Residual torque of the estimates.
     """
     return joint_noise(residual, np.einsum("njk,njk->j", influence, rows, optimize=True))
