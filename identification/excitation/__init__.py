@@ -1,1 +1,1 @@
-"""Design of motions that excite a robot's parameters."""
+"""Designs motions that excite a robot's parameters."""

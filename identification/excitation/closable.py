@@ -1,7 +1,7 @@
-"""Finds postures in which a closed chain can be closed, and their distance from a singularity.
+"""Finds postures in which the loops of a closed chain can be closed, and their distance from a singularity.
 
-A chain is closed along a trajectory, and it may be unable to move directly from one independent posture to the next. So
-the start of the chain is inserted between them, and each posture is reached from there.
+The loops are closed along a trajectory: each solution starts at the previous posture. Between two independent postures
+this may fail. Therefore the start posture of the chain is inserted between them, and each posture is reached from it.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from phantom_dyn.model.robot import Robot, tree_position_limits
 from phantom_dyn.random_streams import random_stream
 
 CLEAR = 0.25
-"""Smallest distance from a singularity in a designed motion: that of a four-bar at a transmission angle of 20 degrees,
-below which linkages may jam."""
+"""Smallest distance from a singularity in a designed motion: that of a four-bar linkage at a transmission angle of 20
+degrees. At smaller angles linkages may jam."""
 _POSTURES = 100
 """Number of postures that represent the workspace of a chain."""
 _DRAWS_PER_POSTURE = 20
-"""Number of random postures per posture, as most of them cannot be used."""
+"""Number of random draws for each wanted posture; most draws cannot be used."""
 _LARGEST_DRAW = (np.pi, 0.5)
 """Largest distance of a random posture from the start, per joint [rad; m for linear joints]."""
 
 
 def solved_numerically(robot: Robot) -> bool:
-    """True if the robot is a chain that is closed numerically."""
+    """True if the robot is a closed chain whose loops are solved numerically, not by formulas."""
     return robot.chain is not None and bool(robot.chain.anchors)
 
 
 def closable(robot: Robot, q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
-    """True for postures [rad or m] in which the robot's chain closes; all of them if it is not closed numerically."""
+    """True for postures [rad or m] in which the robot's loops close; without numerically solved loops always True."""
     if not solved_numerically(robot):
         return np.ones(len(q), dtype=bool)
     return np.isfinite(_distances(robot, q))
@@ -44,19 +44,19 @@ def with_start_between(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "M
 
 
 def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ nv"]:
-    """The start of a chain, then random postures [rad or m] from its whole workspace, shape ``(n, nv)``.
+    """The start posture of a chain, then random postures [rad or m] from its whole workspace, shape ``(n, nv)``.
 
-    They keep the limits of all joints, and the distance `CLEAR` from a singularity.
+    The postures keep the limits of all joints, and the distance `CLEAR` from a singularity.
 
     Args:
-        robot: A chain that is closed numerically.
+        robot: A closed chain whose loops are solved numerically.
         count: Largest number of postures.
     """
     start, rng = _start(robot), random_stream("ordinary postures of a chain")
     reach = np.where(robot.prismatic, _LARGEST_DRAW[1], _LARGEST_DRAW[0])
     lower, upper = tree_position_limits(robot.model)
     rows, size = list(robot.tree_rows), (_DRAWS_PER_POSTURE * count, robot.nv)
-    # Half of the draws are less than half as far from the start, as the workspace of a linkage may be small.
+    # The random factor makes draws near the start more frequent, because the workspace of a linkage may be small.
     drawn = start + rng.uniform(size=(size[0], 1)) * rng.uniform(-reach, reach, size)
     drawn = np.clip(drawn, lower[rows], upper[rows])
     clear = drawn[_distances(robot, drawn) >= CLEAR][: 2 * count]
@@ -66,7 +66,7 @@ def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ n
 
 
 def configurations_in(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
-    """Pinocchio's configurations in independent postures [rad or m], shape ``(N, nq)``."""
+    """Pinocchio's configurations of independent postures [rad or m], shape ``(N, nq)``."""
     return robot.configuration(with_start_between(robot, q))[1::2]
 
 

@@ -20,10 +20,11 @@ from phantom_dyn.shapes.robot_shapes import shapes_of_mjcf
 
 CLEARANCE = 0.01
 """Default distance between bodies [m], which allows for tracking errors."""
-_POSTURES = 100
-_NEAR = 0.05  # A pair further apart than the clearance plus this [m] does not restrict the motion.
+_POSTURES = 100  # number of random postures in which pairs that touch by design are found
+_NEAR = 0.05  # pairs farther apart than the clearance plus this [m] have no effect on the motion
 _TOUCHING_BY_DESIGN = 0.5
-"""A pair touches by design, as shapes that overlap at a joint do, if it touches in this share of random postures."""
+"""A pair touches by design (for example, shapes that overlap at a joint) if it touches in more than this share of
+random postures."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,10 @@ class Collisions:
 def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
     """Pairs of bodies of a robot that are not neighbours, from the collision shapes of its file.
 
-    Without shapes, or if a mesh is missing, nothing is checked, and a note says so.
+    If the file has no shapes, or a mesh is missing, there are no pairs, and a note says so.
 
     Args:
-        robot: Gives file and joints.
+        robot: The robot with its file.
         clearance: Smallest distance between bodies [m].
     """
     model, out = robot.model, pin.GeometryModel()
@@ -68,7 +69,7 @@ def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
     names = list(model.names)
     for shape in shapes.geometryObjects:
         joint, placement = shape.parentJoint, shape.placement
-        # The robot lacks joints that are locked: their links move with the joint before them.
+        # Locked joints are not in the robot's model: their links are fixed to the joint before them.
         while joint and full.names[joint] not in names:
             placement, joint = full.jointPlacements[joint] * placement, full.parents[joint]
         index = names.index(full.names[joint]) if joint else 0
@@ -81,7 +82,7 @@ def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
 def distances(
     model: pin.Model, collisions: Collisions, configuration: Float[Array, "N nq"], *, slopes: bool
 ) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
-    """Distance of each pair [m], negative for overlap, and its derivative by the tree's positions if it is small."""
+    """Distance of each pair [m], negative for overlap, and derivatives of small distances by the tree's positions."""
     shapes = collisions.shapes
     data, placed = model.createData(), shapes.createData()
     pairs = [(pair.first, pair.second) for pair in shapes.collisionPairs]
@@ -126,7 +127,7 @@ def _shapes(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
 
 
 def _hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
-    """Convex hull of a mesh, whose distances are fast to compute and never larger than those of the mesh."""
+    """Convex hull of a mesh: distances are fast to compute, and never larger than those of the mesh."""
     if isinstance(geometry, coal.BVHModelBase):
         geometry.buildConvexRepresentation(False)
         return geometry.convex

@@ -1,7 +1,7 @@
 """Criteria of optimal experiment design: functions of the information matrix, with exact derivatives.
 
-The information matrix is that of the base parameters, :math:`G = W^T W` per sample, with earlier recordings included.
-Each column is in units of its size in an ordinary motion.
+The information matrix of the base parameters is :math:`G = W^T W / N` for N samples, plus that of earlier recordings.
+Each column of the regressor W is divided by its size in an ordinary motion.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.number_checks import require_not_negative, require_positive
 
-_SMALLEST_NORM = 1e-200  # smallest squared norm of a column whose inverse does not overflow
+_SMALLEST_NORM = 1e-200  # smaller squared norms of a column are replaced, so that the inverse does not overflow
 _ROUNDING = 1e-15
-"""Smallest eigenvalue of a correlation matrix that is not rounding: condition numbers above 3e7 are all the same."""
+"""Smaller eigenvalues of a correlation matrix are rounding errors. Condition numbers above 3e7 are therefore not
+distinguished."""
 
 
 @runtime_checkable
@@ -32,8 +33,8 @@ class Criterion(Protocol):
 class DOptimality:
     """Mean logarithm of the parameters' standard deviations, ``-log det(G + regularisation) / (2 r)``.
 
-    ``regularisation`` is prior information, relative to that of an ordinary motion. With it, the cost and its
-    derivative are finite for a motion that does not excite all parameters.
+    ``regularisation`` is prior information, relative to the information of an ordinary motion. It keeps the cost and
+    its derivative finite for a motion that does not excite all parameters.
     """
 
     regularisation: float = 1e-6
@@ -53,8 +54,8 @@ class ConditionNumber:
     """Logarithm of the condition number of the regressor, each column divided by its norm.
 
     The largest and the smallest eigenvalue are replaced by power means of order ``sharpness``, because the condition
-    number has no derivative where eigenvalues are equal. ``information`` is the weight of D-optimality, which is added
-    for cases in which the condition number is constant, as for a robot with one parameter.
+    number has no derivative if eigenvalues are equal. D-optimality with the weight ``information`` is added, because
+    the condition number may be constant, as for a robot with one parameter.
     """
 
     sharpness: float = 6.0

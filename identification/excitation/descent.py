@@ -1,7 +1,7 @@
-"""Searches for a good motion within its limits: random motions, and descent from them.
+"""Searches for a good motion within its limits: random motions, and a descent from the best one.
 
-The random motions are about postures that keep all limits. The descent is an augmented Lagrangian method; each of its
-rounds is L-BFGS with exact derivatives.
+The random motions are about postures that keep all limits. The descent is an augmented Lagrangian method; each round is
+an L-BFGS minimisation with exact derivatives.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.motion import Motion
 
 MARGIN = 0.01
-"""Margin inside a bound as a share of its size, as motions peak between samples, and rounds end slightly outside."""
+"""Margin inside a bound, as a share of the bound's size. It is needed because motions peak between samples, and a round
+ends slightly outside of the bounds."""
 _FIRST_WEIGHT, _GROWTH = 30.0, 3.0  # weight of the squared excess in the first round, and its growth per round
 _CORRECTIONS = 30  # corrections that L-BFGS stores
 
@@ -46,11 +47,11 @@ class Penalty:
 
 
 class _Cost:
-    """Cost of weights for a line search, which may step to weights with which a chain cannot be closed.
+    """Cost of weights for a line search, defined even for weights with which a closed chain cannot be closed.
 
-    There the cost is replaced by a parabola. It has the cost and derivative of the start of the line, and its minimum
-    at a quarter of the step, so that the next trial is there. A very large cost instead would shorten the step to
-    almost nothing and end the descent.
+    For such weights the cost is that of a parabola along the line. The parabola has the cost and derivative of the
+    start of the line, and its minimum at a quarter of the step, so that the line search tries this point next. With a
+    very large cost instead, the line search would take a tiny step, and the descent would end.
     """
 
     def __init__(self, cost: Callable[[Array], tuple[float, Array]], x: Array):
@@ -64,8 +65,8 @@ class _Cost:
         except ChainError:
             begin, value, slope = self._begin
             step = x - begin
-            fall = float(slope @ step)  # negative, as the cost decreases along a line
-            return value - fall, -3.0 * fall / float(step @ step) * step
+            change = float(slope @ step)  # negative, because the cost decreases along the line at first
+            return value - change, -3.0 * change / float(step @ step) * step
         return self._last[1:]
 
     def accept(self, _: Array) -> None:
@@ -74,7 +75,7 @@ class _Cost:
 
     @property
     def accepted(self) -> Array:
-        """Weights at the end of the last line; a minimiser that stops within a line may return worse ones."""
+        """Weights at the end of the last complete line; the result of a minimiser that stops within a line is worse."""
         return self._begin[0]
 
     @property
@@ -94,23 +95,23 @@ def descend(
     criterion: Criterion | None = None,
     progress: Progress = lambda _: None,
 ) -> Float[Array, "K nv"]:
-    """Weights of a motion with a better criterion, which is nearly within the limits.
+    """Weights of a motion with a lower criterion, nearly within the limits.
 
     Args:
         problem: The design problem.
         grid: Samples at which criterion and limits are computed.
-        weights: Start, shape ``(K, nv)``; a chain must close along it.
+        weights: Start, shape ``(K, nv)``; a closed chain has to close along this motion.
         rounds: Number of rounds of multipliers.
-        first: Number of the first round, with which the weight of excess grows. A descent that begins with a late round
-            stays near the start.
+        first: Number of the first round. The weight of excess grows with the number of the round: a descent with a high
+            first number stays near the start.
         iterations: L-BFGS iterations per round.
-        criterion: Replaces the problem's own criterion.
+        criterion: Criterion instead of the problem's; None for the problem's.
         progress: Called after each round.
     """
     from scipy.optimize import minimize
 
     sizes = joint_sizes(problem)
-    # In units of each joint's range, all weights are of similar size.
+    # In these units, weights of all joints and shapes are of similar size.
     unit = np.repeat(sizes.speed[None], len(weights), axis=0)
     unit[0] = sizes.half
     bounds = problem.bounds.inside(MARGIN)
@@ -138,22 +139,22 @@ def descend(
 POSTURES = 300
 """Number of random postures that are tried."""
 SHARES = tuple(np.geomspace(1.0, 1e-3, 41).tolist())
-"""Relative sizes of a motion about its posture that are tried, from the largest on, in steps of 16 %."""
+"""Relative sizes of a motion about its posture that are tried in turn, in steps of 16 %."""
 
-_DESCENTS = 6  # number of postures from which a descent starts if none keeps the limits
-# Two samples of a standstill, whose only shape is the constant one.
+_DESCENTS = 6  # number of postures from which a descent starts if no random posture keeps the limits
+# A grid with two samples and only the constant shape, for postures at rest.
 _STILL = Grid(np.array([0.0, 1.0]), np.stack([np.ones((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))]))
 
 
 def standstill(q: Float[Array, "N nv"]) -> Motion:
-    """Postures as samples of a motion at standstill."""
+    """Motion whose samples are independent postures, with zero velocity and acceleration."""
     return Motion(np.arange(float(len(q))), q, np.zeros_like(q), np.zeros_like(q))
 
 
 def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) -> Float[Array, " N"]:
-    """Largest excess of each sample over the bounds, in units of their sizes, shape ``(N,)``; at most 0 inside.
+    """Largest excess of each sample over the bounds, in units of the bounds' sizes, shape ``(N,)``; at most 0 inside.
 
-    The bounds are narrowed by the margin. The excess is infinite if a chain cannot be closed along the motion.
+    The bounds are narrowed by ``margin``. The excess is infinite if a closed chain cannot be closed along the motion.
     """
     try:
         values = problem.limited(motion, problem.regressor(motion))
@@ -163,18 +164,18 @@ def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) ->
 
 
 def posture_excess(problem: DesignProblem, q: Float[Array, "n nv"], margin: float) -> Float[Array, " n"]:
-    """As `worst_excess`, for independent postures [rad or m], which a chain reaches from its start."""
+    """Largest excess over the bounds, as of `worst_excess`, of independent postures [rad or m] at rest."""
     if not solved_numerically(problem.robot):
         return worst_excess(problem, standstill(q), margin)
     return worst_excess(problem, standstill(with_start_between(problem.robot, q)), margin)[1::2]
 
 
 def random_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[Array, "n nv"]:
-    """The middle of the joints' ranges, then random postures; for a chain only postures in which it closes."""
+    """The middle of the joints' ranges, then random postures; for a closed chain only postures in which it closes."""
     sizes, robot = joint_sizes(problem), problem.robot
     spread = rng.uniform(-1.0, 1.0, (POSTURES, robot.nv))
     if solved_numerically(robot):
-        # Half of the postures are less than half as far from the middle, as the workspace of a linkage may be small.
+        # The random factor makes postures near the middle more frequent: the workspace of a linkage may be small.
         spread = spread * rng.uniform(size=(POSTURES, 1))
         tried = np.concatenate([ordinary_postures(robot, 1), sizes.middle + spread * sizes.half])
         return tried[closable(robot, tried)]
@@ -194,7 +195,7 @@ def random_motion(
     """Weights of a random motion about a posture, as large as the limits allow, shape ``(K, nv)``.
 
     Args:
-        problem: Gives the limits.
+        problem: The problem with the limits.
         grid: Samples at which limits are checked.
         posture: A posture that keeps the limits at rest [rad or m], shape ``(nv,)``.
         rng: Random numbers for the weights of the shapes and the relative speeds of the joints.
@@ -207,7 +208,7 @@ def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator)
     """Random weights with which each joint reaches a random share of its largest speed or acceleration.
 
     Args:
-        problem: Gives the limits of each joint; other limits are not checked.
+        problem: The problem with the limits; only those of single joints are used.
         grid: Samples at which limits are checked.
         rng: Random numbers for the weights and the shares.
     """
@@ -226,7 +227,7 @@ def largest_within_limits(
     posture: Float[Array, " nv"],
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
-    """The largest motion between a posture and the given motion that keeps all limits; else the posture."""
+    """The given motion, made smaller about a posture until it keeps all limits; if none does, the posture at rest."""
     return farthest_within_limits(problem, grid, weights, constant_weights(posture, len(weights)), shares)
 
 
@@ -237,7 +238,7 @@ def farthest_within_limits(
     kept: Float[Array, "K nv"],
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
-    """The motion nearest to the given one, on the line from ``kept`` to it, that keeps all limits; else ``kept``."""
+    """The motion on the line from ``kept`` to ``weights`` that is nearest to ``weights`` and keeps all limits."""
     for share in shares:
         between = kept + share * (weights - kept)
         if worst_excess(problem, grid.motion(between)).max() <= 0:
@@ -247,7 +248,7 @@ def farthest_within_limits(
 
 @dataclass(frozen=True)
 class AnyMotion:
-    """A criterion that is constant, so that a descent only reduces the excess over the limits."""
+    """A constant criterion, with which a descent only reduces the excess over the limits."""
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
         """Zero, with zero derivative."""
@@ -258,7 +259,7 @@ def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float
     """Postures in which the robot can stand still, with a margin to every limit.
 
     Raises:
-        ParameterError: If there are none. The message names the limit with the largest excess.
+        ParameterError: If there are no such postures. The message names the limit with the largest excess.
     """
     tried = random_postures(problem, rng)
     excess = posture_excess(problem, tried, MARGIN)
@@ -269,7 +270,7 @@ def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float
         for posture in tried[np.argsort(excess)[:_DESCENTS]]
     ]
     found = np.concatenate(candidates)
-    # A descent ends slightly outside the margin.
+    # Only half of the margin is required, because a descent ends slightly outside of the narrowed bounds.
     excess = posture_excess(problem, found, 0.5 * MARGIN)
     if (excess <= 0).any():
         return found[excess <= 0]

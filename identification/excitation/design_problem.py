@@ -1,7 +1,8 @@
 """The optimisation problem of an exciting motion, with exact derivatives of the cost and of all limited quantities.
 
 The unknowns are the weights of the motion's shapes. The cost is a criterion of the information matrix of the base
-parameters, each in units of its size in an ordinary motion. Earlier recordings add to the information.
+parameters (see `criteria.py`). Earlier recordings add to the information. An ordinary motion is a random one, with
+postures in the whole range, about 1 rad/s and 1 rad/s^2.
 """
 
 from __future__ import annotations
@@ -40,9 +41,10 @@ class Base(ReadOnlyArrays):
 
     Attributes:
         columns: Indices of the r independent columns among the standard parameters.
-        sizes: Root mean square of these columns in an ordinary motion, shape ``(r,)``.
+        sizes: Root mean square of each of these columns in an ordinary motion, shape ``(r,)``.
         noise: Torque noise by which each joint's rows are divided, shape ``(nv,)``.
-        known: Information of earlier recordings per planned sample, in these units, shape ``(r, r)``.
+        known: Information of earlier recordings divided by the number of planned samples, with columns divided by
+            ``sizes``, shape ``(r, r)``.
     """
 
     columns: tuple[int, ...]
@@ -69,13 +71,13 @@ def base_of(
     noise: float | Sequence[float] | None = None,
     earlier: Float[Array, "k p"] | None = None,
 ) -> Base:
-    """Base parameters of a robot.
+    """Base parameters of a robot for a design.
 
     Args:
-        robot: Gives the rigid bodies.
-        planned: Number of samples of the new recording, which gives its weight relative to ``earlier``.
+        robot: The robot.
+        planned: Number of samples of the planned recording, which determines its weight relative to ``earlier``.
         noise: Torque noise [N m or N] of each joint, or one number; 1 by default.
-        earlier: Triangular factor of the regressor of earlier recordings, see `earlier_factor`.
+        earlier: Triangular factor of the regressor of earlier recordings, from `earlier_factor`.
 
     Raises:
         ParameterError: If the factor is that of another robot, or the noise is not positive.
@@ -102,8 +104,8 @@ def earlier_factor(robot: Robot, motions: Iterable[Motion]) -> Float[Array, "k p
     """Triangular factor of the regressor of recorded motions, shape ``(k, p)``.
 
     Args:
-        robot: Gives the rigid bodies.
-        motions: Recorded motions. The noise of their samples should be about independent.
+        robot: The robot.
+        motions: Recorded motions. The noise of their samples should be nearly independent.
     """
     return r_factor(rigid_body_regressor(robot, motion) for motion in motions)
 
@@ -118,7 +120,7 @@ def _noise(robot: Robot, noise: float | Sequence[float] | None) -> Float[Array, 
 
 
 def _ordinary_rows(robot: Robot) -> Float[Array, "N nv p"]:
-    """Regressor of independent samples that excite all parameters; a chain reaches each of them from its start."""
+    """Regressor of independent samples that excite all parameters."""
     motion = _ordinary_motion(robot)
     if not solved_numerically(robot):
         return rigid_body_regressor(robot, motion)
@@ -129,7 +131,7 @@ def _ordinary_rows(robot: Robot) -> Float[Array, "N nv p"]:
 
 
 def _ordinary_motion(robot: Robot) -> Motion:
-    """Independent samples that excite all parameters: random postures, about 1 rad/s and 1 rad/s^2."""
+    """Independent random samples that excite all parameters, with about 1 rad/s and 1 rad/s^2."""
     rng = random_stream("ordinary motion")
     q = rng.uniform(-np.pi, np.pi, (_ORDINARY_SAMPLES, robot.nv)) * np.where(robot.prismatic, 0.1, 1.0)
     v, a = rng.normal(size=(2, _ORDINARY_SAMPLES, robot.nv)) * np.where(robot.prismatic, 0.3, 1.0)
@@ -143,7 +145,7 @@ _REACH = (np.pi, 0.5)
 
 @dataclass(frozen=True)
 class Grid:
-    """Shapes at N times; ``values`` are position, velocity and acceleration of each shape, ``(3, N, K)``."""
+    """Shape functions at N times ``t`` [s]; ``values`` are positions, velocities and accelerations, ``(3, N, K)``."""
 
     t: Float[Array, " N"]
     values: Float[Array, "3 N K"]
@@ -155,7 +157,7 @@ class Grid:
         return cls(t, shapes.values(t))
 
     def motion(self, weights: Float[Array, "K nv"]) -> Motion:
-        """The motion whose joints are sums of the shapes with the given weights."""
+        """The motion in which the position of each joint is the weighted sum of the shapes."""
         return Motion(self.t, *(self.values @ weights))
 
 
@@ -164,8 +166,8 @@ class DesignProblem:
     """A robot, a criterion and the limits of a motion.
 
     Attributes:
-        robot: A robot without or with closed chains.
-        base: Base parameters of the robot, and earlier information on them.
+        robot: The robot, which may contain closed chains.
+        base: Base parameters of the robot, and information of earlier recordings.
         criterion: Criterion of the experiment.
         limits: Limits of the motion.
     """
@@ -189,7 +191,7 @@ class DesignProblem:
         return np.asarray(self.robot.model.armature) * tree.a + self._viscous * tree.v
 
     def information(self, W: Float[Array, "N nv p"]) -> Float[Array, "r r"]:
-        """Information matrix of a motion's regressor, with earlier information added."""
+        """Information matrix of a motion's regressor, plus the information of earlier recordings."""
         rows = self.base.rows(W)
         return self.base.known + rows.T @ rows / len(W)
 
@@ -225,7 +227,7 @@ class DesignProblem:
             grid: Samples at which the motion is evaluated.
             weights: Weights of the shapes for each joint, shape ``(K, nv)``.
             penalty: Penalty of the limited quantities, with its derivative.
-            criterion: Replaces the problem's own criterion.
+            criterion: Criterion instead of the problem's; None for the problem's.
 
         Raises:
             ChainError: If a chain cannot be closed along the motion, or is singular.
@@ -237,7 +239,8 @@ class DesignProblem:
         excess_cost, by_limited = penalty(limited)
         tree, numeric = tree_motion(self.robot, motion), solved_numerically(self.robot)
         nt, nv = tree.G.shape[1:]
-        # Limited are positions and velocities of the tree, accelerations and torques of active joints, and the others.
+        # Limited quantities in order: positions and velocities of the tree, accelerations and torques of the active
+        # joints, distance from a singularity, coordinates of frames and distances of bodies.
         cuts = np.cumsum([nt, nt, nv, nv, int(numeric)])
         by_q, by_v, by_a, by_tau, by_distance, by_places = np.split(by_limited, cuts, axis=1)
         by_W = self.base.by_regressor(W, by_information)
@@ -262,7 +265,10 @@ class DesignProblem:
     def _by_projection(
         self, tree: TreeMotion, by_W: Float[Array, "N nv p"], by_tau: Float[Array, "N nv"]
     ) -> Float[Array, "N nt nv"]:
-        """Derivative by ``G``, which projects the regressor of the tree and the torque of its drives."""
+        """Derivative of the cost by the matrix ``G`` that maps active velocities to velocities of the tree.
+
+        ``G`` enters the cost because its transpose projects the tree's regressor and drive torque to the active joints.
+        """
         model, arrays = self.robot.model, self.robot.arrays
         W = rigid_body.regressor(model, arrays, tree.configuration, tree.v, tree.a)
         from_regressor = np.einsum("ntp,nip->nti", W, by_W, optimize=True)
@@ -279,9 +285,10 @@ class JointSizes:
 
 
 def joint_sizes(problem: DesignProblem) -> JointSizes:
-    """Sizes from the limits; the range of a joint that can turn further is one turn.
+    """Sizes of the joints from their limits.
 
-    This turn is about zero, or about the start of a chain that is closed numerically.
+    If a joint can turn further than one turn, its range is one turn about zero; in a closed chain that is solved
+    numerically, one turn about the start posture.
     """
     rows, limits = list(problem.robot.tree_rows), problem.limits
     reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])

@@ -1,7 +1,9 @@
 """Designs a motion from which a robot's inertial parameters can be identified, within its limits (optimal excitation).
 
-Random motions about postures within the limits are tried, a descent improves the best one, and the result is checked at
-ten times the samples of the descent.
+1. Random motions about postures within the limits are tried.
+2. A descent improves the best of them.
+3. The limits are checked at ten times the samples of the descent. If a limit is exceeded between the samples, the
+   motion is made smaller, or the descent is repeated with more samples.
 """
 
 from __future__ import annotations
@@ -34,11 +36,12 @@ from phantom_dyn.number_checks import require_positive
 from phantom_dyn.random_streams import random_stream
 
 _DENSE = 10
-"""Number of samples in the final check per sample of the design."""
+"""Number of samples in the final check for each sample of the design."""
 _FINER = (2, 4)
-"""Numbers of samples per sample of the design, for further descents if limits are exceeded between samples."""
+"""Numbers of samples for each sample of the design, in further descents if limits are exceeded between samples."""
 _ACCEPTED_LOSS = 0.05
-"""Largest increase of the criterion, by making a motion smaller to keep limits, without a further descent."""
+"""A motion that is made smaller to keep limits is accepted if the criterion increases by no more than this; otherwise a
+further descent follows."""
 _ROWS = 5_000_000
 """Largest number of rows of a reference; more rows are a mistake in rate or duration."""
 # Relative sizes of a motion about its posture that are tried after a descent, the largest first.
@@ -50,9 +53,11 @@ class PlannedRecording:
     """The recording for which a motion is designed.
 
     Attributes:
-        rate_hz: Sample rate [Hz], from which the weight relative to earlier recordings follows.
-        noise: Torque noise [N m or N] of each joint, or one number, by which joints are weighted; None for equal ones.
-        earlier: Triangular factor of earlier recordings, see `earlier_factor`; the motion excites what they did not.
+        rate_hz: Sample rate [Hz], which determines the weight relative to earlier recordings.
+        noise: Torque noise [N m or N] of each joint, or one number, by which joints are weighted; None for equal
+            weights.
+        earlier: Triangular factor of earlier recordings, from `earlier_factor`; the motion excites mainly parameters
+            that they did not excite.
     """
 
     rate_hz: float = 100.0
@@ -69,9 +74,9 @@ class Excitation(ReadOnlyArrays):
         shapes: Family of the motion.
         weights: Weight of each shape for each joint, shape ``(K, nv)``.
         rank: Number of base parameters.
-        condition: Condition number of the base regressor over motion and earlier recordings, columns of norm one.
+        condition: Condition number of the base regressor of motion and earlier recordings, with columns of norm one.
         start: Condition number of the best random motion within the limits, from which the descent started.
-        reached: Limits that the motion nearly reaches.
+        reached: Labels of limits that the motion nearly reaches.
         notes: Sentences for the user.
     """
 
@@ -93,7 +98,7 @@ class Excitation(ReadOnlyArrays):
         return Grid.of(self.shapes, _count(self.shapes, rate_hz)).motion(self.weights)
 
     def columns(self, rate_hz: float) -> dict[str, Float[Array, " N"]]:
-        """Columns of the reference under their standard names: ``t``, ``q_ref.``, ``v_ref.`` and ``a_ref.<joint>``."""
+        """Columns of the reference motion: ``t``, and ``q_ref.<joint>``, ``v_ref.<joint>`` and ``a_ref.<joint>``."""
         motion, joints = self.motion(rate_hz), self.robot.joint_names
         out = {"t": motion.t}
         for name, values in (("q_ref", motion.q), ("v_ref", motion.v), ("a_ref", motion.a)):
@@ -101,7 +106,7 @@ class Excitation(ReadOnlyArrays):
         return out
 
     def summary(self) -> str:
-        """Two sentences: on the condition number, and on the limits that the motion reaches."""
+        """Two sentences: one on the condition number, one on the limits that the motion reaches."""
         limits = ", ".join(self.reached) if self.reached else "none"
         return (
             f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
@@ -122,17 +127,17 @@ def excite(
     seed: int = 0,
     progress: Progress = lambda _: None,
 ) -> Excitation:
-    """The best motion that was found within all limits, after a check at ten times the samples of the design.
+    """The best motion that was found within all limits.
 
     Args:
-        robot: A robot without or with closed chains.
-        shapes: Family of the motion, see `identification.excitation.motion_shapes`.
-        limits: Limits; by default those that the robot states, see `limits_of`.
+        robot: The robot, which may contain closed chains.
+        shapes: Family of the motion from `identification.excitation.motion_shapes`.
+        limits: Limits; by default those that the robot states, from `limits_of`.
         criterion: Criterion; by default the condition number.
         planned: The planned recording: rate, noise, and earlier recordings; by default 100 Hz.
         starts: Number of random motions; the best one is improved.
         seed: Seed of the random motions.
-        progress: Called with each stage.
+        progress: Called at the start of each stage.
 
     Raises:
         ParameterError: If no motion keeps the limits (the message names the limit with the largest excess), or an
@@ -162,12 +167,12 @@ def excite(
     designed = descend(problem, grid, start, progress=progress)
     found = [start, *_smaller_motions(problem, dense, designed, start, posture)]
     for finer in _FINER:
-        # If keeping the limits between the samples costs little, no finer descent is needed.
+        # No finer descent is needed if the criterion is nearly as good with the limits kept between the samples.
         lost = min(criterion_of(problem, grid, one) for one in found) - criterion_of(problem, grid, designed)
         if lost <= _ACCEPTED_LOSS:
             break
-        between = Grid.of(shapes, finer * shapes.samples)
-        designed = descend(problem, between, designed, rounds=4, first=4, iterations=25)
+        finer_grid = Grid.of(shapes, finer * shapes.samples)
+        designed = descend(problem, finer_grid, designed, rounds=4, first=4, iterations=25)
         found += _smaller_motions(problem, dense, designed, start, posture)
     weights = min(found, key=lambda one: criterion_of(problem, grid, one))
     motion = dense.motion(weights)
@@ -190,7 +195,7 @@ def criterion_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv
 
 
 def condition_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
-    """Condition number of the base regressor of a motion and of earlier recordings, columns of norm one."""
+    """Condition number of the base regressor of a motion and earlier recordings, with columns of norm one."""
     return condition_number(problem.information(problem.regressor(grid.motion(weights))))
 
 
@@ -203,8 +208,9 @@ def _smaller_motions(
 ) -> tuple[Float[Array, "K nv"], Float[Array, "K nv"]]:
     """Two motions near the given one that keep every limit at the samples of the check.
 
-    One is the given motion, made smaller about the posture of the start. The other lies between the given motion and
-    the start: the given motion of a chain may be about another posture, and a singularity between the two postures.
+    The first is the given motion, made smaller about the posture of the start. The second is a mixture of the given
+    motion and the start. It is needed for a closed chain if the given motion is about another posture, with a
+    singularity between the two postures.
     """
     return (
         largest_within_limits(problem, dense, weights, posture, _REPAIRS),
@@ -215,7 +221,7 @@ def _smaller_motions(
 def _require_motion(
     problem: DesignProblem, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
 ) -> None:
-    """Raise an error for a start without motion, as even the smallest motion about its posture exceeds a limit."""
+    """Raise an error if the start does not move, because even the smallest motion about its posture exceeds a limit."""
     if np.abs(dense.motion(weights).v).max() > 0:
         return
     rng = random_stream("sizes of a design")

@@ -2,7 +2,7 @@
 """Limits of an exciting motion: of joints, of positions of frames, and of distances between bodies.
 
 The robot's file and configuration state limits; the user may give lower ones. A robot with a joint without a drive is
-refused. All limited quantities of a sample form a row, with one bound for each.
+refused. The limited quantities of one sample are put in one row, and `Bounds` has a lower and an upper bound of each.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
 
-_UNLIMITED = 1e6  # smallest number in a file that means no limit
+_UNLIMITED = 1e6  # larger numbers in a file mean no limit
 
 SPEED = {False: 1.0, True: 0.25}
 """Speed limit if none is stated: of revolute joints (False) [rad/s], and of linear joints (True) [m/s]."""
@@ -28,12 +28,13 @@ SPEED = {False: 1.0, True: 0.25}
 
 @dataclass(frozen=True)
 class StatedLimits:
-    """Stated limits of the joints of the tree, and of the drives of active joints; infinite if none is stated.
+    """Limits that a robot states for the joints of its tree and its drives; infinite if none is stated.
 
     Attributes:
         names: Names of the joints of the tree.
         linear: True for linear joints, shape ``(nt,)``.
-        lower, upper: Limits of position [rad or m], shape ``(nt,)``.
+        lower: Lower limits of position [rad or m], shape ``(nt,)``.
+        upper: Upper limits of position [rad or m], shape ``(nt,)``.
         velocity: Largest speed [rad/s or m/s], shape ``(nt,)``.
         torque: Largest drive torque of the active joints [N m or N], shape ``(nv,)``.
         notes: Sentences for the user.
@@ -78,7 +79,7 @@ def stated_limits(robot: Robot) -> StatedLimits:
 
 
 def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
-    """Largest torque of each drive: its ``torque_limit``, or else that of the robot's file; infinite without both."""
+    """Largest torque of each drive: its ``torque_limit``, or the effort limit of the file; infinite if neither."""
     torque = _or_none(np.array(robot.model.effortLimit))[list(robot.tree_rows)]
     for row, drive in enumerate(robot.actuators):
         if drive.torque_limit is not None:
@@ -107,7 +108,7 @@ def _or_none(limit: Float[Array, " n"]) -> Float[Array, " n"]:
 
 @dataclass(frozen=True)
 class FrameBox(ReadOnlyArrays):
-    """A box along the axes of the base [m] that the origin of a frame must not leave; infinite sides are open."""
+    """A box along the axes of the base [m] that the origin of a frame must not leave; infinite bounds are no limit."""
 
     frame: str
     lower: Float[Array, "3"]
@@ -124,20 +125,21 @@ class FrameBox(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class Limits(ReadOnlyArrays):
-    """Limits of a motion; infinite without a limit.
+    """Limits of a motion; infinite if there is no limit.
 
-    Limits of position and velocity are for all joints of the tree, with passive ones; those of acceleration and drive
-    torque are for the active joints.
+    Positions and velocities are limited for all joints of the tree, including passive ones; accelerations and drive
+    torques for the active joints only.
 
     Attributes:
-        lower, upper: Limits of position [rad or m], shape ``(nt,)``.
+        lower: Lower limits of position [rad or m], shape ``(nt,)``.
+        upper: Upper limits of position [rad or m], shape ``(nt,)``.
         velocity: Largest speed [rad/s or m/s], shape ``(nt,)``.
         acceleration: Largest acceleration [rad/s^2 or m/s^2], shape ``(nv,)``.
         torque: Largest drive torque [N m or N], shape ``(nv,)``.
         boxes: Boxes that frames must not leave.
         collisions: Pairs of bodies that must not touch.
-        notes: Sentences on limits that are not stated.
-        clear: Smallest distance of a numerically closed chain from a singularity, see `phantom_dyn.loops.solver`.
+        notes: Sentences on limits that the robot does not state.
+        clear: Smallest distance of a closed chain from a singularity, see `phantom_dyn.loops.solver`.
     """
 
     lower: Float[Array, " nt"]
@@ -178,8 +180,9 @@ def limits_of(
     """Limits that a robot states, and further limits.
 
     Args:
-        robot: Gives limits of position, velocity and torque; ``torque_limit`` of a drive overrides that of the file.
-        velocity: Largest speed [rad/s or m/s], one number or one per active joint; the lower limit holds.
+        robot: The robot with limits of position, velocity and torque.
+        velocity: Largest speed [rad/s or m/s], one number or one per active joint. The lower one of this and the stated
+            limit is used.
         acceleration: Largest acceleration [rad/s^2 or m/s^2], one number or one per active joint; by default no limit.
         share: Share of the velocity and torque limits that is used, above 0 and at most 1.
         boxes: Boxes that frames must not leave.
@@ -201,7 +204,7 @@ def limits_of(
     speed[active] = np.minimum(speed[active], wanted)
     linear = stated.linear
     unlimited = ~np.isfinite(speed)
-    unlimited[[row for row in range(len(speed)) if row not in active]] = False  # passive joints follow
+    unlimited[[row for row in range(len(speed)) if row not in active]] = False  # passive joints need no limit
     if unlimited.any():
         names = ", ".join(stated.names[row] for row in np.flatnonzero(unlimited))
         kept = " and ".join(
@@ -243,14 +246,22 @@ def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -
 
 
 NEAR = 0.01
-"""A limit is reached if a value is within this share of the bound's size."""
+"""A limit counts as reached if a value is closer to the bound than this share of the bound's size."""
 _SINGULAR = "distance of the loops from a singularity"
-_DISTANCE_SIZE = 0.1  # size of the bounds of distances [m]
+_DISTANCE_SIZE = 0.1  # unit of the excess of a distance between bodies [m]
 
 
 @dataclass(frozen=True)
 class Bounds(ReadOnlyArrays):
-    """Lower and upper bounds of m quantities, with labels, units, and sizes, which are the units of excess."""
+    """Lower and upper bounds of m quantities.
+
+    Attributes:
+        labels: Names of the quantities.
+        units: Units of the quantities.
+        lower: Lower bounds.
+        upper: Upper bounds.
+        size: Values by which an excess over a bound is divided, to compare excesses of different quantities.
+    """
 
     labels: tuple[str, ...]
     units: tuple[str, ...]
@@ -291,9 +302,9 @@ class Bounds(ReadOnlyArrays):
 def bounds_of(robot: Robot, limits: Limits) -> Bounds:
     """Bounds of all limited quantities.
 
-    Their order is position and velocity of the tree, acceleration and torque of the active joints, distance of a
-    numerically closed chain from a singularity, boxes of frames, distances of bodies. The bounds of torque are reduced
-    by the modelled Coulomb friction, which is the largest torque that friction can add to any motion.
+    The order is: position and velocity of the tree, acceleration and torque of the active joints, distance from a
+    singularity (only if loops are solved numerically), boxes of frames, distances of bodies. The bounds of torque are
+    reduced by the modelled Coulomb friction, which is not part of the computed torque.
 
     Raises:
         ParameterError: If the limits are those of another robot, or friction alone needs the whole torque.
@@ -346,7 +357,7 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
 
 
 def _coulomb(robot: Robot) -> Float[Array, " nv"]:
-    """Largest torque of each drive against modelled Coulomb friction, with that of passive joints."""
+    """Largest torque of each drive that overcomes modelled Coulomb friction, including that of passive joints."""
     coulomb = np.array(robot.coulomb_friction)
     if robot.chain is None or not robot.chain.coulomb_friction.any():
         return coulomb
@@ -360,12 +371,12 @@ def places(
 
     Args:
         model: The tree.
-        limits: Gives frames and pairs.
+        limits: Limits with the frames and pairs.
         configuration: Pinocchio's configurations, shape ``(N, nq)``.
         slopes: True to compute derivatives.
 
     Returns:
-        Values, and their derivatives by the positions of the tree, or None.
+        Values, and their derivatives by the positions of the tree (None without ``slopes``).
     """
     frames = [model.getFrameId(box.frame) for box in limits.boxes]
     values = np.empty((len(configuration), 3 * len(frames)))

@@ -1,9 +1,8 @@
 """Families of motions from rest to rest, and periodic waves.
 
-In a family, a joint's motion is a weighted sum of shape functions that begins and ends at rest; the first shape is
+In a family, the motion of a joint is a weighted sum of shape functions; it begins and ends at rest. The first shape is
 constant. `identification.excitation.excite` chooses the weights. Waves need not begin at rest; they are references of
-other experiments. Triangles have constant speeds, which excites friction and gravity; sines accelerate, which excites
-inertia.
+other experiments. Triangles have constant speeds and excite friction and gravity; sines accelerate and excite inertia.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class Wave(Protocol):
 
 @dataclass(frozen=True)
 class Sine:
-    """A sine of an ``amplitude``, a ``frequency`` [Hz] and a ``phase`` [periods]."""
+    """A sine wave with an ``amplitude`` [rad or m], a ``frequency`` [Hz] and a ``phase`` [periods]."""
 
     amplitude: float
     frequency: float
@@ -53,10 +52,11 @@ class Sine:
 
 @dataclass(frozen=True)
 class Triangle:
-    """Constant speeds to and fro between ``-amplitude`` and ``amplitude``, at first upwards from the middle.
+    """A triangular wave between ``-amplitude`` and ``amplitude`` that starts upwards at zero.
 
-    A sharp corner would need infinite torque. During a ``turn`` (share of a period, 0 to 0.5) at either end the
-    velocity is a half cosine, so that position, velocity and acceleration are continuous.
+    Its corners are rounded, because a sharp corner needs infinite torque: during a ``turn`` (share of a period, 0 to
+    0.5) at each end the velocity is a half cosine, so that position, velocity and acceleration are continuous.
+    ``frequency`` is in Hz, ``phase`` in periods.
     """
 
     amplitude: float
@@ -135,7 +135,7 @@ class Shapes(Protocol):
 
 @dataclass(frozen=True)
 class FourierSeries:
-    """Sines and cosines of the first ``harmonics`` multiples of 1/``duration``; the motion is periodic."""
+    """Sines and cosines with the first ``harmonics`` multiples of the frequency 1/``duration``: a periodic motion."""
 
     duration: float
     harmonics: int = 5
@@ -147,7 +147,7 @@ class FourierSeries:
 
     @property
     def samples(self) -> int:
-        """Number of samples, see `Shapes`."""
+        """Number of samples over the duration from which the extremes of the motion are known to within a per cent."""
         return SAMPLES_PER_PERIOD * self.harmonics
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -169,7 +169,7 @@ class BSplines:
 
     @property
     def samples(self) -> int:
-        """Number of samples, see `Shapes`; a piece is about half a period."""
+        """Number of samples from which the extremes of the motion are known; a piece counts as half a period."""
         return SAMPLES_PER_PERIOD * max(self.pieces // 2, 4)
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -180,7 +180,7 @@ class BSplines:
         def part(times: Array) -> Array:
             inside = np.clip(times, 0.0, self.duration)
             values = np.stack([spline(inside), spline.derivative(1)(inside), spline.derivative(2)(inside)])
-            # The first three splines do not start at rest, so they are left out. The factor makes speeds near 1.
+            # The first three splines do not start at rest, and are left out. The factor makes speeds about 1.
             return values[:, :, 3:] * self.duration / self.pieces
 
         return _from_rest(part(t), part(_ends(self)))
@@ -188,10 +188,10 @@ class BSplines:
 
 @dataclass(frozen=True)
 class TrianglesAndSines:
-    """Triangles of one to ``triangles`` periods, and sines and cosines of up to ``harmonics``.
+    """Triangular waves with one to ``triangles`` periods, and sines and cosines with one to ``harmonics`` periods.
 
-    Triangles have constant speeds between their turns, which excites friction; sines excite inertia. ``turn`` is the
-    share of a triangle's period in which its velocity changes sign.
+    Triangles have constant speeds between their corners and excite friction; sines excite inertia. ``turn`` is the
+    duration of a triangle's rounded corner, as a share of its period.
     """
 
     duration: float
@@ -207,7 +207,7 @@ class TrianglesAndSines:
 
     @property
     def samples(self) -> int:
-        """Number of samples, see `Shapes`; ten or more in each turn."""
+        """Number of samples from which the extremes of the motion are known; ten or more in each rounded corner."""
         return max(SAMPLES_PER_PERIOD * self.harmonics, int(np.ceil(12 * self.triangles / self.turn)))
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:

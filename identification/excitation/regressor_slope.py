@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Exact gradient of a scalar made of the rigid-body regressor, :math:`\sum_k \mathrm{tr}(S_k^T Y(q_k, v_k, a_k))`.
+r"""Exact gradient of a linear function of the regressor, :math:`\sum_k \mathrm{tr}(S_k^T Y(q_k, v_k, a_k))`.
 
-To first order, every excitation criterion and every torque is such a scalar. One pass over the bodies gives its
-gradient with respect to all positions, velocities and accelerations, at the cost of about two regressors and without
-finite differences.
+To first order, every excitation criterion and every torque is such a function, with constant weights S. One pass over
+the bodies yields its gradient with respect to all positions, velocities and accelerations, without finite differences
+and in the time of about two regressors.
 
 In the frame of body b, let :math:`J_i` be the axes of the joints that carry it, V and A its velocity and acceleration
 (gravity included), and :math:`I^{(i)}` the inertia whose parameters are row i of S. Then
@@ -14,9 +14,9 @@ Seen from body b, a motion of joint j moves only the joints and bodies before j.
 :math:`D_j = V_l \times J_j`, the changes are :math:`\delta J_i = J_i \times J_j` for i before j,
 :math:`\delta V = D_j`, and :math:`\delta A = A_l \times J_j + D_j \times (V - V_l)`.
 
-In the compiled loop over samples, a spatial vector is six numbers, the linear part first. For each joint before it a
-body carries J, D and :math:`M_j = A_l \times J_j - D_j \times V_l`. All three are motions, which transform alike from
-body to body.
+In the compiled loop over samples, a spatial vector has six numbers, the linear part first. Each body stores J, D and
+:math:`M_j = A_l \times J_j - D_j \times V_l` of each joint that carries it. All three are motion vectors, with the same
+transformation from body to body.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ def add_slope(
         add_force_cross(J, h, -1.0, dL_dV)
         add_force_cross(J, f, 1.0, dJf)
         total += inner(J, f)
-    # Sum of the forces on the axes before a joint if it moves, in the memory of h, which is free now.
+    # Sum of J_i x* f_i over the joints i before joint j. It reuses the memory of h, which is not needed any more.
     sum_dJf = h
     for i in range(6):
         sum_dJf[i] = 0.0
@@ -246,9 +246,9 @@ def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: A
     """Write the slope of the sum of a weighted regressor; returns the sum.
 
     Args:
-        tree: For each body of the tree, the root first: parent, ``(n,)``; rotation, ``(n, 3, 3)``, and place [m],
-            ``(n, 3)``, of its joint in the frame of the parent; velocity in its own frame per velocity of its joint,
-            ``(n, 6)``; number of joints that carry it, ``(n,)``.
+        tree: Arrays over the bodies of the tree, the root first: parent, ``(n,)``; rotation ``(n, 3, 3)`` and position
+            [m] ``(n, 3)`` of the joint in the frame of the parent; twist of the body per velocity of its joint, in the
+            frame of the body, ``(n, 6)``; number of joints that carry the body, ``(n,)``.
         joints: Indices of the joints that carry each body, from the base on, ``(n, n)``.
         gravity: Gravity as a spatial vector [m/s^2], ``(6,)``.
         motion: Positions, velocities and accelerations, ``(N, n - 1, 3)``.

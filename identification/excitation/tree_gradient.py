@@ -1,8 +1,8 @@
-r"""Converts the gradient of a scalar with respect to the motion of all joints to one with respect to active joints.
+r"""Converts the gradient of a scalar by the motion of all joints into the gradient by the motion of the active joints.
 
 A closed chain is a tree of joints with loops: tree positions :math:`x(q)`, velocities :math:`v_t = G v` and
-accelerations :math:`a_t = G a + d` follow from the active joints. If ``G`` is constant, the chain rule is a product
-with it. If the chain is closed numerically, ``G``, ``d`` and the distance from a singularity depend on the posture;
+accelerations :math:`a_t = G a + d` follow from the active joints. If ``G`` is constant, the gradient is multiplied by
+its transpose. If loops are solved numerically, ``G``, ``d`` and the distance from a singularity depend on the posture;
 their derivatives are computed by central differences in each active joint.
 """
 
@@ -20,7 +20,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _DIFFERENCE = 1e-5
-"""Step of a central difference [rad or m]; chains are closed to 1e-11."""
+"""Step of a central difference [rad or m]; loops are closed to 1e-11."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class TreeGradient:
     """Derivatives of a scalar with respect to the motion of the tree at N samples.
 
     Attributes:
-        q: With respect to the positions, ``(N, nt)``.
-        v: With respect to the velocities, ``(N, nt)``.
-        a: With respect to the accelerations, ``(N, nt)``.
-        G: With respect to ``G``, the derivative of its positions by the active ones, ``(N, nt, nv)``.
-        distance: With respect to the distance of the loops from a singularity, ``(N,)``.
+        q: Derivatives by the positions, ``(N, nt)``.
+        v: Derivatives by the velocities, ``(N, nt)``.
+        a: Derivatives by the accelerations, ``(N, nt)``.
+        G: Derivatives by ``G``, the Jacobian from active joints to the joints of the tree, ``(N, nt, nv)``.
+        distance: Derivatives by the distance of the loops from a singularity, ``(N,)``.
     """
 
     q: Float[Array, "N nt"]
@@ -43,7 +43,7 @@ class TreeGradient:
 
 
 def singularity_distance(robot: Robot, motion: Motion) -> Float[Array, "N c"]:
-    """Distance of a numerically closed chain from a singularity, as one column; no column for other robots."""
+    """Distance of numerically solved loops from a singularity, as one column; no column for other robots."""
     if not solved_numerically(robot):
         return np.zeros((len(motion.q), 0))
     return distance_from_singularity(robot.solutions.at(motion.q).inverse)[:, None]
@@ -55,13 +55,13 @@ def gradient_of_active(
     """Derivatives with respect to positions, velocities and accelerations of the active joints, each ``(N, nv)``.
 
     Args:
-        robot: Gives the loops.
+        robot: The robot with its loops.
         motion: Motion of the active joints.
         tree: Motion of the tree.
         gradient: Derivatives with respect to the motion of the tree.
 
     Raises:
-        ChainError: If a chain cannot be closed or is singular next to a sample.
+        ChainError: If loops cannot be closed or are singular next to a sample.
     """
     of_q, of_v, of_a = (project(tree.G, part) for part in (gradient.q, gradient.v, gradient.a))
     if not solved_numerically(robot):
@@ -76,7 +76,7 @@ def gradient_of_active(
 
 
 def _scalar_at(robot: Robot, motion: Motion, gradient: TreeGradient, joint: int, step: float) -> Float[Array, " N"]:
-    """Linearised scalar with one joint moved by a step: its parts from v, a, G and the distance."""
+    """Linearised scalar at each sample with one joint moved by a step, without the part that depends on positions."""
     q = np.array(motion.q)
     q[:, joint] += step
     shifted = replace(motion, q=q)
