@@ -1,1 +1,1 @@
-"""Experiments for parameters that one recording cannot separate: friction tests, tests with a held arm, CEA tests."""
+"""Special experiments for parameters that an ordinary recording cannot separate, after the CEA paper (Janot, 2007)."""

@@ -2,8 +2,8 @@
 
 The Coulomb torques of one joint at several pretensions, with their standard deviations, come from
 `identification.experiments.constant_speed_friction`. The intercept of the line is the friction of bearings and seals.
-If it is not significant, friction is proportional to the pretension, as the CEA paper assumes (section V.B). The ratio
-is fitted again for a line through the origin.
+If the intercept is not significant, friction is proportional to the pretension, as the CEA paper assumes (section V.B).
+A line through the origin is therefore fitted as well.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 
 _SIGNIFICANT = 2.0
-"""Smallest significant intercept, in standard deviations."""
+"""An intercept is significant if it is at least this many standard deviations from zero."""
 _LEAST_DIFFERENCE = 1e-6
-"""Smallest difference between two pretensions, as a share of the largest one."""
+"""Least difference between the pretensions, as a share of the largest one."""
 
 
 @dataclass(frozen=True)
 class PretensionFit:
-    """Coulomb torque over pretension.
+    """Fitted lines of the Coulomb torque over the pretension.
 
     Attributes:
         ratio: Slope of the line, torque per pretension [m], and its standard deviation.
         rest: Intercept of the line, the torque without pretension [N m], and its standard deviation.
         through_origin: Slope of a line through the origin [m], and its standard deviation.
-        misfit: Mean square of the residuals of the line in standard deviations; NaN for two pretensions.
+        misfit: Mean square of the residuals of the line, in standard deviations; NaN for two pretensions.
     """
 
     ratio: tuple[float, float]
@@ -40,7 +40,7 @@ class PretensionFit:
 
     @property
     def proportional(self) -> bool:
-        """Whether the intercept is not significant."""
+        """True if the intercept is not significant."""
         return abs(self.rest[0]) < _SIGNIFICANT * self.rest[1]
 
 

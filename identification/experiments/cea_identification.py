@@ -1,8 +1,8 @@
 """Simulates the identification of the CEA branch: exciting motion, recording, fit of 16 parameters, test on other data.
 
-In the CEA paper, every joint moved in triangles and sines of 0.1 to 2 Hz, the condition number of 15000 equations was
-close to 50, and measured and estimated torque were compared on a motion that the fit had not used. Conditions that the
-paper does not state are in `Conditions`.
+In the CEA paper every joint moved in triangles and sines of 0.1 to 2 Hz. The condition number of 15000 equations was
+close to 50. Measured and estimated torque were compared on a motion that the fit had not used. `Conditions` holds the
+conditions that the paper does not state.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phantom_dyn.devices.cea import GRAVITY, JOINTS, LENGTHS, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, UNITS, VALUES, regressor
 from phantom_dyn.motion import Motion
 
-_CANDIDATES = 40  # number of random motions, of which the best is taken; more reduce the condition number little
+_CANDIDATES = 40  # number of random motions, of which the best is taken; more would hardly lower the condition number
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Conditions:
         torque_noise: Standard deviation of the noise of torques [N m].
         encoder_step: Resolution of the positions on the joint side [rad].
         rate_hz: Sample rate.
-        cutoff_hz: Edge of the band of torque and columns, ten times the frequency of the fastest wave.
+        cutoff_hz: Edge of the low pass of torque and columns [Hz]; ten times the frequency of the fastest wave.
         duration: Duration of each recording [s]; 100 s give the 15000 equations of the paper.
     """
 
@@ -56,7 +56,7 @@ class CeaIdentification:
     Attributes:
         fit: The 16 parameters.
         cross_error: Torque error of each active joint on a motion that the fit has not used: RMS of the difference
-            over RMS of the measured torque [%], shape ``(3,)``.
+            divided by RMS of the measured torque [%], shape ``(3,)``.
     """
 
     fit: LinearFit
@@ -76,7 +76,7 @@ class CeaIdentification:
 
 
 def exciting_motion(conditions: Conditions, rng: np.random.Generator) -> Motion:
-    """Motion of one triangle and two sines on every joint; of several random ones, that with the best condition number.
+    """The best conditioned of several random motions, each with one triangle and two sines on every joint.
 
     Args:
         conditions: Conditions of the recording.
@@ -117,11 +117,11 @@ def record(
 
 
 def equations(log: Log, conditions: Conditions) -> tuple[Float[Array, "n 3 16"], Float[Array, "n 3"]]:
-    """W and Y of (3): columns and torque in the band of the log.
+    """W and Y of equation (3) of the paper: columns and torque in the band of the log.
 
     Args:
         log: Recording of the device.
-        conditions: Gives lengths and gravity.
+        conditions: Link lengths and gravity.
     """
     columns = regressor(log.motion, lengths=conditions.lengths, gravity=conditions.gravity)
     return log.band(columns)[log.valid_in_band], log.band(log.tau)[log.valid_in_band]
@@ -133,10 +133,10 @@ def identify(train: Log, test: Log, conditions: Conditions) -> CeaIdentification
     Args:
         train: Log for the fit.
         test: Log for the torque error.
-        conditions: Lengths and gravity that the columns are made with.
+        conditions: Link lengths and gravity.
     """
     W, y = equations(train, conditions)
-    # White noise through the kernel and decimated: its power at low frequencies over its mean power.
+    # Number of samples per independent one for filtered and decimated white noise.
     memory = 1 / (train.band.step * np.sum(train.band.kernel**2))
     fit = fit_linear(W.reshape(-1, len(NAMES)), y.reshape(-1), NAMES, UNITS, memory=max(1.0, memory))
     W, y = equations(test, conditions)

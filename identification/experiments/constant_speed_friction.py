@@ -1,8 +1,8 @@
 """Fits viscous and Coulomb friction of joints that move at constant speeds, without a model of the robot.
 
-In triangles of several speeds, the velocity is mostly constant. There, offset, gravity (a sine of the joint's
-position), centrifugal torque (the square of its speed) and the remaining inertia are fitted as nuisances; all other
-torque is friction.
+In triangles of several speeds the velocity is mostly constant. At constant speed, these torques are fitted as
+nuisances: an offset, gravity (a sine of the joint's position), centrifugal torque (the square of the joint's speed) and
+the small rest of the inertia torque. All other torque is friction.
 
 References:
     A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, the friction tests.
@@ -19,8 +19,8 @@ from identification.experiments.linear_fit import LinearFit, fit_linear, without
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import LogError
 
-_STEADY = 1.0  # [1/s]: a speed is constant if it changes by less than 1 % in 10 ms
-_MOVES = 0.05  # share of the largest speed below which a joint does not move
+_STEADY = 1.0  # [1/s]: a speed counts as constant if it changes by less than 1 % in 10 ms
+_MOVES = 0.05  # below this share of the largest speed a joint counts as not moving
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@ r"""Ordinary least squares for given columns, with the statistics of equations (
 
 The paper has two misprints: in (4) the noise has :math:`E(\rho \rho^T) = \sigma^2 I_r`, not :math:`E(\rho^T \rho)`,
 which is a number; and (5) is :math:`\hat\sigma^2 = \|Y - W \hat X\|^2 / (r - b)`, with a square that the paper lacks.
-For base parameters of any robot and autocorrelated noise see `identification.estimators`.
+`identification.estimators` has estimators for any robot and for autocorrelated noise.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 
-_SINGULAR = 1e-10  # singular value of columns of norm one, relative to the largest, below which they are dependent
+# Columns of norm one are dependent if a singular value is below this share of the largest one.
+_SINGULAR = 1e-10
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class LinearFit:
         return np.sqrt(np.diag(self.cov))
 
     def relative_std(self) -> Float[Array, " b"]:
-        """Relative deviations (7) [%], over the size of the value; infinite for a value of zero."""
+        """Standard deviations divided by the sizes of the values, (7) [%]; infinite for a value of zero."""
         with np.errstate(divide="ignore"):
             return 100 * self.std() / np.abs(self.theta)
 
@@ -73,7 +74,7 @@ def fit_linear(
         y: Right-hand side.
         names: Names of the unknowns.
         units: Units of the unknowns.
-        memory: Number of rows per independent row if the noise is filtered.
+        memory: Number of rows per independent row, more than one if the noise is filtered.
 
     Raises:
         IdentifiabilityError: If there are no more equations than unknowns, or columns depend on each other.

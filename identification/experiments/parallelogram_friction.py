@@ -7,11 +7,15 @@ The friction of the passive joints acts on the motors of joints 2 and 5, equatio
     \Gamma_{t5} &= F_{V5R} v_5 + F_{C5R}\,\mathrm{sign}\,v_5 - \Gamma_{fc}, \\
     \Gamma_{fc} &= F_{V3R} (v_2 - v_5) + F_{C3R}\,\mathrm{sign}(v_2 - v_5).
 
-Joint 4 turns at -v5 and is regrouped with joint 5 (5R); joints 3, 6 and the cut 7 turn at plus or minus v5 - v2 and are
-regrouped as well (3R). Test t1 (v5 = v2) gives the friction of joints 2 and 5 alone, t2 (v5 = 0) that of joint 2 with
-the passive joints, t3 (v2 = 0) that of joint 5 with the passive joints. So t2 and t3 minus t1 give the passive joints.
-(The text of the paper once names the results of t3 ``F_V5t2`` and ``F_C5t2``, and its table has ``F_V5t3`` twice: the
-second one is ``FC5t3``.)
+Joint 4 turns at -v5; its friction is regrouped with that of joint 5 (5R). Joints 3, 6 and the cut joint 7 turn at plus
+or minus v5 - v2; their friction is regrouped, too (3R).
+
+- Test t1 (v5 = v2) gives the friction of joint 2 and of joint 5, without the passive joints.
+- Test t2 (v5 = 0) gives the friction of joint 2 plus the passive joints.
+- Test t3 (v2 = 0) gives the friction of joint 5 plus the passive joints.
+
+The differences t2 - t1 and t3 - t1 are the friction of the passive joints. (The text of the paper once names the
+results of t3 ``F_V5t2`` and ``F_C5t2``, and its table has ``F_V5t3`` twice: the second one is ``FC5t3``.)
 """
 
 from __future__ import annotations
@@ -35,7 +39,7 @@ _RATE_HZ = 500.0
 MOVING: Mapping[str, tuple[int, ...]] = {"t1": (1, 2), "t2": (1,), "t3": (2,)}
 """Indices of the active joints (q1, q2, q5) that move in each test, and whose torques are used."""
 
-_STILL = 0.1  # share of the largest speed below which a joint does not move
+_STILL = 0.1  # below this share of the largest speed a joint counts as not moving
 
 
 @dataclass(frozen=True)
@@ -71,11 +75,11 @@ def friction_test_motion(
     *,
     speeds: Sequence[float] = (0.1, 0.2, 0.4, 0.8),
 ) -> Motion:
-    """Motion of a friction test: its joints move in triangles, two periods at each speed; the others do not move.
+    """Motion of a friction test: the joints of the test move in triangles, two periods at each speed.
 
     Args:
         test: Name of the test: ``t1``, ``t2`` or ``t3``.
-        speeds: Approximate speeds of the straight parts [rad/s]; the turns take a tenth of the time.
+        speeds: Approximate speeds of the straight parts [rad/s]; the rounded corners take a tenth of the time.
 
     Raises:
         ParameterError: If the test is unknown.
@@ -94,7 +98,7 @@ def friction_test_motion(
 
 
 def fit_friction_test(test: str, motion: Motion, tau: Float[Array, "N 3"]) -> dict[int, LinearFit]:
-    """Viscous and Coulomb friction of each moving joint in a test, see `fit_steady`.
+    """Viscous and Coulomb friction of each joint that moves in a test.
 
     A single speed hardly separates the two unknowns: a test needs several.
 
@@ -149,10 +153,10 @@ def _fit_joint(test: str, joint: int, motion: Motion, tau: Array) -> LinearFit:
 
 
 def test_of(motion: Motion) -> str:
-    """Name of the friction test in which q1, q2, q5 move as in a recording.
+    """Name of the friction test in which the same joints move as in a recording.
 
     Raises:
-        LogError: If there is no such test.
+        LogError: If the motion is that of no test.
     """
     v2, v5 = motion.v[:, 1], motion.v[:, 2]
     size = max(float(np.std(v2)), float(np.std(v5)), 1e-12)

@@ -1,9 +1,9 @@
 r"""Fits the stiffness of a transmission to hysteresis loops of a blocked arm, which are simulated or recorded.
 
-Arm and forearm are held rigidly, the motor torque goes up and down in triangles, and the motor's position
-is measured: :math:`\Gamma = K\,dq + B\,d\dot q + \mathrm{offset}`, equations (13) and (14) of the CEA paper. Dry
-friction on the motor's side opens the loop by twice its torque; the paper has no term for it, and here it is an
-additional unknown. Loops of a single rate cannot separate it from damping: record several rates.
+Arm and forearm are held rigidly, the motor torque is a triangular wave, and the motor's position is measured:
+:math:`\Gamma = K\,dq + B\,d\dot q + \mathrm{offset}`, equations (13) and (14) of the CEA paper. Dry friction on the
+motor's side makes the loop wider by twice the friction torque. The paper has no term for dry friction; here it is an
+additional unknown. Loops of a single rate cannot separate dry friction from damping: record several rates.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import LogError, ParameterError
 
-_STUCK = 0.5  # share of the loop's median speed below which the motor may stick, with an unknown friction torque
-_HARMONICS = 20.0  # edge of the low pass over the frequency of the triangle; higher harmonics only sharpen its corners
-_SHARE_OF_RATE = 0.2  # largest edge of the low pass over the sample rate
+_STUCK = 0.5  # below this share of the loop's median speed the motor may stick, and its friction torque is unknown
+# Edge of the low pass, in multiples of the triangle's frequency; higher harmonics only sharpen the corners.
+_HARMONICS = 20.0
+_SHARE_OF_RATE = 0.2  # largest edge of the low pass, as a share of the sample rate
 
 
 @dataclass(frozen=True)
 class Loop(ReadOnlyArrays):
-    """A hysteresis loop: torque up and down against a blocked arm.
+    """A hysteresis loop: motor torque and motor position of a blocked arm.
 
     Attributes:
         t: Time [s], in equal steps, shape ``(N,)``.
@@ -57,8 +58,8 @@ def blocked_arm_loop(
 ) -> Loop:
     """Simulated motion of a motor against a blocked arm, without inertia, from rest at zero.
 
-    The integration is implicit Euler. With ``damping = 0`` the result is exact: the motor stands still until its torque
-    and that of the spring differ by more than ``coulomb``.
+    The integration is implicit Euler. With ``damping = 0`` the result is exact: the motor does not move until its
+    torque differs from the spring's torque by more than ``coulomb``.
 
     Args:
         t: Time [s], in equal steps.
@@ -88,7 +89,7 @@ def blocked_arm_loop(
 def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
     """Stiffness K, damping B, dry friction C and offset of a transmission from its hysteresis loops.
 
-    Samples near the reversals are left out: there the motor sticks, and its friction torque is not known.
+    Samples near the reversals are left out, because the motor sticks there with an unknown friction torque.
 
     Args:
         loops: Hysteresis loops at several rates; a single rate hardly separates B and C.
@@ -113,7 +114,7 @@ def _equations(loop: Loop, cutoff_hz: float) -> tuple[Float[Array, "n 4"], Float
     rate = (len(loop.t) - 1) / (loop.t[-1] - loop.t[0])
     q, v, _ = (column[:, 0] for column in differentiate(loop.position[:, None], rate, cutoff_hz))
     moving = np.abs(v) > _STUCK * np.median(np.abs(v))
-    # The filter blurs the start and end of a stop over a quarter of its period, which is left out as well.
+    # The filter blurs the start and end of a stop over a quarter of its period. These samples are left out, too.
     reach = int(np.ceil(0.25 * rate / cutoff_hz))
     stuck = np.convolve(~moving, np.ones(2 * reach + 1), mode="same") > 0.5
     return np.stack([q, v, np.sign(v), np.ones_like(q)], axis=1)[~stuck], loop.torque[~stuck]
@@ -147,7 +148,7 @@ def cutoff_of(loops: tuple[Loop, ...]) -> float:
 
 
 def moving_joint(recordings: tuple[Recording, ...]) -> str:
-    """The joint whose torque varies most in all recordings, which is the one whose motor pushed.
+    """Name of the joint whose torque varies most in all recordings: its motor pushed against the blocked arm.
 
     Raises:
         LogError: If a recording has no torque, or no torque changes in any of them.
