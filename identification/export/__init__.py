@@ -1,1 +1,1 @@
-"""Files from a diagnosis: models, ranges for training, and laws for control."""
+"""Writes files from a diagnosis: corrected models, ranges for training, and laws for control."""

@@ -1,4 +1,4 @@
-"""Texts of all files that a diagnosis writes with its models and laws; each is checked against the recordings first.
+"""Builds the texts of all model and law files of a diagnosis, and checks each of them against the recordings.
 
 The files are ``corrected.yaml``, models for simulators, ranges for training and laws for control.
 """
@@ -63,7 +63,7 @@ from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_POSTURES = 3  # number of postures in which a model is compared with its file if no motion was recorded
+_POSTURES = 3  # number of samples at which a model is compared with its file if no motion was recorded
 _COMPLETE = 2  # number of model files: URDF and MJCF
 
 
@@ -74,7 +74,7 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
 
 
 def incomplete_file_notes(notes: Iterable[Said]) -> tuple[Note, ...]:
-    """Those notes of `export_texts` that are on files that were not written, or on findings that a file lacks."""
+    """The notes of `export_texts` on files that were not written, and on findings that a file does not contain."""
     return tuple(note for note in notes if isinstance(note, Note) and note.code in INCOMPLETE_FILES)
 
 
@@ -88,20 +88,20 @@ def export_texts(
     known: tuple[KnownEffect, ...] = (),
     config: Path | None = None,
 ) -> tuple[dict[str, str], Diagnosis]:
-    """Texts by name of all files that can be written, and the diagnosis with notes on them.
+    """Texts of all files that can be written, by name, and the diagnosis with notes on the files.
 
     Args:
         diagnosis: The diagnosis.
         robot: The given model.
         folder: Folder into which the files will be written.
-        known: Effects that belong to the given model already.
-        config: The ``robot.yaml`` that was given; with None the one beside the robot's file is used, if there is one.
+        known: Effects that the given model already contains.
+        config: The given ``robot.yaml``; None to use the one in the folder of the robot's file, if it exists.
     """
     if diagnosis.poses_alone:
         texts, diagnosis = _of_poses(diagnosis, robot, folder, config, known)
         return {YAML: write_corrected(diagnosis, robot.source, robot.sha256), **texts}, diagnosis
     if any(isinstance(said, Note) and said.code is Code.MODEL_IN_COMMON for said in diagnosis.notes):
-        # The findings belong to a fitted model, and not to the given one whose files would be changed.
+        # The findings are relative to a fitted model, not to the given model whose files would be changed.
         return {}, diagnosis
     best, fitted = _written(diagnosis, robot, folder, known, config), None
     for numbers in diagnosis.numbers:
@@ -119,7 +119,7 @@ def export_texts(
 
 
 def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
-    """The diagnosis with other numbers of the corrected model."""
+    """The diagnosis with other fitted sizes and changes within tolerance."""
     findings = tuple(
         replace(one, parameters=numbers.sizes.get((one.effect, one.joint), one.parameters))
         for one in diagnosis.findings
@@ -129,13 +129,13 @@ def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
 
 @dataclass(frozen=True)
 class _Written:
-    """The files that were made with one set of numbers.
+    """The files that were built with one set of fitted numbers.
 
     Attributes:
-        texts: Texts by name of the files that passed their check.
+        texts: Texts of the files that passed their check, by name.
         files: Records of the checks.
         notes: Notes on the files.
-        refused: Names of the files that did not pass, or could not be made.
+        refused: Names of the files that did not pass their check, or could not be built.
     """
 
     texts: dict[str, str]
@@ -147,7 +147,7 @@ class _Written:
 def _written(
     diagnosis: Diagnosis, robot: Robot, folder: Path, known: tuple[KnownEffect, ...], config: Path | None
 ) -> _Written:
-    """The files of a diagnosis, made with its own numbers and checked.
+    """The files of a diagnosis, built with the diagnosis's own numbers and checked.
 
     Raises:
         ParameterError: If the value of a parameter is not finite.
@@ -211,39 +211,40 @@ def _written(
 
 
 def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
-    """Joints whose encoder zeros were found from the torques, so that the corrected model has them already."""
+    """Joints whose encoder zeros were found from the torques: the corrected model already contains these zeros."""
     return {one.joint or "" for one in diagnosis.findings if one.effect == ZERO}
 
 
 def _places_not_in(file: str, names: Iterable[str], *, given: bool) -> Note:
+    """A note on joints whose corrected placements a file does not contain."""
     return Note(Code.PLACES_NOT_IN_IT, None, {"files": (file,), "names": tuple(names), "given": given})
 
 
 def _with_moved_joints(
     texts: dict[str, str], diagnosis: Diagnosis, robot: Robot, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], list[Note]]:
-    """Model files with joints moved as measured poses show, and notes on findings of poses that the files lack."""
+    """Model files with joint placements corrected by measured poses, and notes on corrections that they lack."""
     corrections = corrections_in_files(robot, joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known))
     notes = [*not_in_files(diagnosis.geometry, known), *corrections.notes]
     out = dict(texts)
     if corrections.urdf and URDF in out:
-        moved, left = urdf_with_corrected_joints(out[URDF], corrections.urdf)
-        notes += [_places_not_in(URDF, left, given=False)] if left else []
+        moved, missing = urdf_with_corrected_joints(out[URDF], corrections.urdf)
+        notes += [_places_not_in(URDF, missing, given=False)] if missing else []
         if problem := problem_of_loops(moved, robot, config):
             notes.append(Note(Code.LOOPS_STAY_OPEN, None, {"files": (URDF,), "problem": problem}))
         else:
             out[URDF] = moved
     if corrections.mjcf and MJCF in out:
-        out[MJCF], left = mjcf_with_corrected_joints(out[MJCF], corrections.mjcf)
-        if left:
-            notes.append(_places_not_in(MJCF, left, given=True))
+        out[MJCF], missing = mjcf_with_corrected_joints(out[MJCF], corrections.mjcf)
+        if missing:
+            notes.append(_places_not_in(MJCF, missing, given=True))
     return out, notes
 
 
 def _of_poses(
     diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], Diagnosis]:
-    """Files of a diagnosis of poses alone: the known model with its joints moved; none without findings."""
+    """Files of a diagnosis of poses alone: the known model with corrected joint placements; none without findings."""
     if not joint_corrections(diagnosis.geometry, (), known):
         return {}, replace(diagnosis, notes=(*diagnosis.notes, *not_in_files(diagnosis.geometry, known)))
     still = np.zeros((_POSTURES, robot.nv))
@@ -281,11 +282,12 @@ def _models(
 ) -> tuple[_Models, tuple[Note, ...]]:
     """The corrected model and its files, and a note on the changes within tolerance.
 
-    The findings are added to the given model after these changes. If a file fails its check, bodies that cannot exist
-    are replaced by possible ones. If a file still fails, both are tried without the changes within tolerance.
+    Four versions are tried until both files pass their check: first with the changes of the given model within its
+    tolerances, then without them; each first with the bodies as found, then with the nearest possible bodies. If no
+    version is complete, the one with the most files is returned.
 
     Raises:
-        PhantomDynError: If there is no corrected model at all.
+        PhantomDynError: If none of the versions can be built.
     """
     motion = _recorded_motion(diagnosis)
     along = motion if diagnosis.replay is None else replace(motion, base=diagnosis.replay.base)
@@ -332,7 +334,7 @@ def _recorded_motion(diagnosis: Diagnosis) -> Motion:
 def _others(
     diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...], models: set[str]
 ) -> dict[str, Callable[[], str]]:
-    """Functions that return the texts of all other files, by file name; each may raise a `PhantomDynError`."""
+    """Functions that build the texts of all other files, by file name; each may raise a `PhantomDynError`."""
 
     def with_links(make: Callable[[CorrectedModel, str], str]) -> str:
         if not models:
@@ -344,21 +346,21 @@ def _others(
         return feedforward_code(corrected, diagnosis)
 
     residual = residual_of(diagnosis)
-    offered: dict[str, Callable[[], str]] = {}
+    builders: dict[str, Callable[[], str]] = {}
     if residual is not None:
-        offered = {
+        builders = {
             RESIDUAL: lambda: residual_code(residual),
             RESIDUAL_TABLE: lambda: residual_table(residual, diagnosis),
         }
-    offered[RANDOMISATION] = lambda: randomisation_text(
+    builders[RANDOMISATION] = lambda: randomisation_text(
         randomisation_of(diagnosis, corrected.base),
         known,
         adjusted=diagnosis.adjusted,
         with_mjcf=MJCF in models,
     )
     if not corrected.given.floating:
-        offered |= {FEEDFORWARD: code, TABLE: lambda: feedforward_table(corrected, diagnosis, code())}
-    return offered | {
+        builders |= {FEEDFORWARD: code, TABLE: lambda: feedforward_table(corrected, diagnosis, code())}
+    return builders | {
         ISAAC: lambda: with_links(isaac_lab_text),
         SIMULATORS: lambda: with_links(simulators_text),
     }

@@ -1,4 +1,4 @@
-"""Names of the files that a diagnosis writes beside its report."""
+"""Names of the files that a diagnosis writes into the folder of its report."""
 
 from __future__ import annotations
 
@@ -13,4 +13,4 @@ OPTIONAL = (RESIDUAL, RESIDUAL_TABLE)
 """Files that only some diagnoses write."""
 
 GOES_WITH = {TABLE: FEEDFORWARD, RESIDUAL_TABLE: RESIDUAL, SIMULATORS: ISAAC}
-"""For each of these files the file whose content it repeats; it is written only together with that file."""
+"""Files that repeat the content of another file, and that other file; both are written or neither."""

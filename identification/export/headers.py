@@ -1,4 +1,4 @@
-"""Headers of written files: a table with the root mean square of the residual torque on each joint."""
+"""Writes the header of an exported file: a table with the root mean square residual torque of each joint."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from identification.export.file_names import FEEDFORWARD, YAML
 from identification.words.numbers_and_names import number
 from phantom_dyn.errors import listed
 
-_LATE = 0.05  # delay in samples below which it is not mentioned, as it hardly changes the figures
+_LATE = 0.05  # delays below this number of samples hardly change the residuals and are not mentioned
 
 
 def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: FittedNumbers) -> str:
-    """The text of a file with its residual on each joint in the header; unchanged if the file was not checked.
+    """Adds a header with the file's residual on each joint to the text of a file, if the file was checked.
 
     Args:
         text: Text of the file.
-        record: The record of its check, with the residuals.
+        record: Result of checking the file, with the residuals.
         diagnosis: The diagnosis, with units and the measured torque.
         fitted: Numbers of the fit, with the delays of the recorded torque and references.
     """
@@ -50,7 +50,7 @@ def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: Fi
 
 
 def with_comment(text: str, lines: Sequence[str]) -> str:
-    """The text of a URDF or MJCF with a comment after the start tag of its root element.
+    """Adds a comment to a URDF or MJCF, after the start tag of the root element.
 
     Args:
         text: Text of the file.
@@ -63,7 +63,7 @@ def with_comment(text: str, lines: Sequence[str]) -> str:
 
 
 def root_of(text: str) -> int:
-    """Index at which the root element of a URDF or MJCF begins; comments before it are skipped."""
+    """Index in a URDF or MJCF at which the root element begins; comments before the root are skipped."""
     found = re.search(
         r"<(?:robot|mujoco)\b", re.sub(r"<!--.*?-->", lambda part: " " * len(part[0]), text, flags=re.DOTALL)
     )
@@ -71,6 +71,7 @@ def root_of(text: str) -> int:
 
 
 def _table(record: WrittenFile, diagnosis: Diagnosis) -> list[str]:
+    """Lines of the table: residual torque of each joint with the given model and with the file."""
     low, high = diagnosis.band_hz
     columns: list[tuple[str, Mapping[str, float | None]]] = [
         ("given model", record.rms_given),

@@ -1,4 +1,4 @@
-"""A robot with the effects of earlier diagnoses; warnings if these were diagnoses of another robot."""
+"""Reads the effects that earlier diagnoses found, and warns if these were diagnoses of another robot."""
 
 from __future__ import annotations
 
@@ -18,17 +18,19 @@ from phantom_dyn.errors import ParameterError, RobotError, UsageError, known_nam
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 
-_LAST_LINE = 200  # bytes at the end of a file that hold the id of its run
+_LAST_LINE = 200  # number of bytes at the end of a file in which the id of the run is searched
 
 
 def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffect, ...], Robot]:
-    """The effects of all of these ``corrected.yaml``, and the robot with the largest error that they state by joint.
+    """Reads several ``corrected.yaml``.
 
-    The robot warns of each file that was made for another one.
+    Returns:
+        All effects in the files, and the robot with the files' model error: for each joint the largest in any file.
+        The robot has a warning for each file that was made for another robot.
 
     Raises:
         ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
-        UsageError: If effects would be added twice: a file is given twice, or the robot has its effects already.
+        UsageError: If effects would be added twice: a file is given twice, or the robot already has its effects.
     """
     effects = known_effects(files, robot)
     error, warnings, first = np.zeros((robot.nv, 2)), list[str](), 0
@@ -50,15 +52,15 @@ def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffec
 
 
 def _of_another_robot(file: Path, model: Corrected, effects: Iterable[KnownEffect], robot: Robot) -> tuple[str, ...]:
-    """A warning of a file that was made for another robot; nothing if its hash is none, as in files made by hand.
+    """A warning if a file was made for another robot; empty if the file states no hash, as files made by hand.
 
     Raises:
-        UsageError: If the robot's file was written together with this one, so that it has its effects already.
+        UsageError: If one run wrote the robot's file and this one, as the robot then already has the effects.
     """
     if robot.sha256 in ("", model.sha256) or not re.fullmatch("[0-9a-f]{64}", model.sha256):
         return ()
     made_for = shortened(model.robot)
-    twice = _held_already(file, effects, robot)
+    twice = _effects_in_robot(file, effects, robot)
     if twice:
         raise UsageError(
             f"{robot.source} was written together with {file} and has its effects already ({listed(twice)}), which "
@@ -70,8 +72,8 @@ def _of_another_robot(file: Path, model: Corrected, effects: Iterable[KnownEffec
     )
 
 
-def _held_already(file: Path, effects: Iterable[KnownEffect], robot: Robot) -> list[str]:
-    """Names of the effects that the robot's file has from the run that wrote both files."""
+def _effects_in_robot(file: Path, effects: Iterable[KnownEffect], robot: Robot) -> list[str]:
+    """Names of the effects that the robot's file already contains; none unless one run wrote both files."""
     try:
         of_robot = find_robot(robot.source)
     except RobotError:  # made in memory
@@ -87,6 +89,6 @@ def _held_already(file: Path, effects: Iterable[KnownEffect], robot: Robot) -> l
 
 
 def _run_of(file: Path) -> str | None:
-    """Id of the run that wrote a file, which is in its last line; None without one."""
+    """Id of the run that wrote a file, from the file's last line; None if the line has no id."""
     found = re.search(rb"run: (\S+)(?: -->)?\s*$", file.read_bytes()[-_LAST_LINE:])
     return None if found is None else found[1].decode(errors="replace")

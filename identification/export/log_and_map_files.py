@@ -1,4 +1,4 @@
-"""Writes logs (CSV, NPZ or Parquet, by the ending of the name, not rounded) and maps (NPZ, NetCDF and figures)."""
+"""Writes logs (CSV, NPZ or Parquet, by the file's ending) and maps (NPZ, NetCDF and figures) without rounding."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ NETCDF = "map.nc"
 
 
 def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
-    """Write a log; a file of this name is replaced only once the new one is complete.
+    """Write a log; an existing file of this name is replaced only when the new file is complete.
 
     Raises:
-        UsageError: If no format has this ending, its library is not installed, or the file cannot be written.
+        UsageError: If the ending is unknown, the format's library is not installed, or the file cannot be written.
     """
     require_ending(path)
     if path.suffix.lower() == ".parquet" and not is_installed("pyarrow"):
@@ -55,11 +55,11 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
 
     Args:
         result: The map.
-        folder: The folder, which is created if it is missing; other files in it are kept.
-        progress: Called with each stage.
+        folder: The folder, which is created if it is missing; its other files are kept.
+        progress: Called at the start of each stage.
 
     Returns:
-        The files.
+        Paths of the written files.
 
     Raises:
         UsageError: If a file cannot be written.
@@ -72,7 +72,7 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
         with made.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays(result))
         with ZipFile(made, "a") as archive:
-            archive.comment = b"phantom-dyn"  # by this mark the next run knows the file, see files.require_own
+            archive.comment = b"phantom-dyn"  # `files.require_own` lets a later run overwrite only files with this mark
         if netcdf:
             progress(Announcement(Stage.WRITING, detail={"file": NETCDF}))
             _write_netcdf(dataset(result), beside(written[1]))
@@ -83,9 +83,10 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
 
 
 def _write_netcdf(data: Dataset, path: Path) -> None:
-    """Write a data set; the library's error is replaced by one that mentions a full disk, the usual reason.
+    """Write a data set as NetCDF.
 
-    The library locks the file that it writes and refuses a locked one, so it writes into a separate folder.
+    The library raises an unspecific error if the disk is full, so its error is replaced by one that names this cause.
+    It also locks the file that it writes, and refuses locked files. It therefore writes into a temporary folder.
     """
     with TemporaryDirectory() as folder:
         made = Path(folder) / path.name

@@ -1,1 +1,1 @@
-"""Check of the written models and laws: each is loaded back and run over the recordings."""
+"""Checks the written models and laws: each is loaded again and evaluated on the recordings."""

@@ -1,7 +1,7 @@
-"""Check of files before they are written: the residual of each file is compared with two others.
+"""Checks files before they are written, by the torque residual that each file has on the recordings.
 
-A file is not written if its residual on any joint is larger than that of the given model, or clearly larger than the
-residual that the diagnosis claims for the findings in the file. A note gives the reason.
+A file is refused if its residual on any joint is larger than the residual of the given model, or clearly larger than
+the residual that the diagnosis claims for the findings in the file. A note states the reason.
 """
 
 from __future__ import annotations
@@ -50,25 +50,25 @@ from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
 
 _LEVEL = 0.05
-"""Probability that a file as good as the given model is refused, over all its joints together."""
+"""Probability that a file that is as good as the given model is refused, over all joints together."""
 _ROUNDING = 1e-6
-"""Relative difference of two residuals that is rounding: laws in files have their operations in another order."""
+"""Smaller relative differences of two residuals are rounding errors: laws in files compute in another order."""
 _MORE = 1.2
-"""Ratio of the residual, without one noise floor, to the claimed one above which a file is refused."""
+"""A file is refused if its residual exceeds this factor times the claimed residual plus one noise floor."""
 _FORMATS = {URDF: URDF_FORMAT, MJCF: MJCF_FORMAT, FEEDFORWARD: FEEDFORWARD_FORMAT, ISAAC: ISAAC_FORMAT}
-"""What the files with a format of their own can contain; all others contain every law."""
+"""Numbers and laws that these files can contain; all other files can contain every law."""
 
 
 @dataclass(frozen=True)
 class RecordedTorques:
-    """The recordings that files are run over, and the residual of the given model.
+    """The recordings on which files are evaluated, and the residual of the given model.
 
     Attributes:
         replay: The recordings.
         robot: The given model.
-        known: Effects that belong to it already.
-        fitted: Numbers of the fit, among them delays of torque and references, softness of friction and errors of the
-            base's sensors.
+        known: Effects that the given model already contains.
+        fitted: Numbers of the fit, including those of the recording: delays of torque and references, softness of
+            friction and errors of the base's sensors.
     """
 
     replay: Replay
@@ -78,20 +78,24 @@ class RecordedTorques:
 
     @cached_property
     def given(self) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """`left_by` of the given model."""
+        """Residual of the given model, as of `left_by`."""
         return self.left_by(torque_of_model(self.replay, self.robot, self.known))
 
     def left_by(self, torque_along: LogTorque) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """Residual of a modelled torque: `squares`, and the root mean square of each joint without the fitted numbers.
+        """Residual of a modelled torque.
 
         Args:
-            torque_along: The modelled torque along a log.
+            torque_along: Function from the index of a log to the modelled torque.
+
+        Returns:
+            The result of `squares`, and the root mean square of each joint's residual without the fitted numbers of the
+            recording.
         """
         once = cache(torque_along)
         squares, fitted = self.squares(once), self.fitted
-        as_recorded = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
-        left = rms(self.replay.squares(once) if as_recorded else squares)
-        return squares, dict(zip(self.robot.joint_names, left.tolist(), strict=True))
+        has_recording_numbers = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
+        residual = rms(self.replay.squares(once) if has_recording_numbers else squares)
+        return squares, dict(zip(self.robot.joint_names, residual.tolist(), strict=True))
 
     @cached_property
     def _of_base_errors(self) -> tuple[Float[Array, "_ nv"], ...]:
@@ -100,10 +104,10 @@ class RecordedTorques:
         return tuple(torque_of_base_errors(self.replay.robot, log, base) for log in self.replay.logs) if base else ()
 
     def squares(self, torque_along: LogTorque) -> Float[Array, "2 B nv"]:
-        """Sums of squares of the residual of a modelled torque by block and joint, and the numbers of samples in them.
+        """Sums of squares of the residual of a modelled torque, and numbers of samples, by block and joint.
 
-        The fitted delay, softness of friction and errors of the base's sensors are added to the modelled torque: they
-        belong to the recording, and no file can state them.
+        The fitted numbers of the recording (delays, softness of friction, errors of the base's sensors) are applied to
+        the modelled torque first, because no file can state them.
         """
         fitted = self.fitted
 
@@ -127,9 +131,9 @@ class FileCheck:
     Attributes:
         diagnosis: The diagnosis with its claims.
         measured: The recordings.
-        corrected: The model from which the files are made.
+        corrected: The model from which the files are built.
         found: Effects that were found.
-        config: The robot's ``robot.yaml``, None without one.
+        config: The robot's ``robot.yaml``; None if there is none.
     """
 
     diagnosis: Diagnosis
@@ -140,7 +144,7 @@ class FileCheck:
 
     @property
     def known(self) -> tuple[KnownEffect, ...]:
-        """Effects that belong to the given model already."""
+        """Effects that the given model already contains."""
         return self.measured.known
 
     @property
@@ -150,9 +154,9 @@ class FileCheck:
 
     @cached_property
     def estimate(self) -> Robot:
-        """The given model with its changes within tolerance, even if its bodies are impossible.
+        """The given model with its changes within tolerance; bodies may be impossible.
 
-        If a mass would be zero or negative, it is the model without these changes.
+        If a mass would be zero or negative, the given model without these changes.
         """
         try:
             return robot_within_tolerances(self.corrected.given, self.diagnosis.adjusted)
@@ -164,14 +168,14 @@ class FileCheck:
 
         Args:
             file: Name of the file.
-            text: Its text.
+            text: Text of the file.
         """
         kind, replay, given = _FORMATS.get(file, LAWS), self.measured.replay, self.corrected.given
         contained = tuple(one for one in self.effects if holds(kind, self.corrected, one))
         torques: dict[str, Callable[[], LogTorque]] = {
             YAML: lambda: torque_of_yaml(replay, text, given, self.known),
             URDF: lambda: torque_of_urdf(replay, text, self.corrected, self.config, contained),
-            # MuJoCo has loaded and compared its model already.
+            # The MJCF itself is not evaluated here: its torques were already compared with the model's in MuJoCo.
             MJCF: lambda: torque_of_mjcf(replay, self.corrected, contained),
             RANDOMISATION: lambda: torque_of_randomisation(replay, text, given, self.known),
             FEEDFORWARD: lambda: torque_of_feedforward(replay, text, given),
@@ -180,17 +184,17 @@ class FileCheck:
                 replay, text, torque_of_model(replay, self.corrected.base, self.effects), self.estimate
             ),
         }
-        squares, left = self.measured.left_by(torques[file]())
-        before, had = self.measured.given
+        squares, residual = self.measured.left_by(torques[file]())
+        before, residual_before = self.measured.given
         if self.known and kind is not LAWS:
-            before, had = self.measured.left_by(self._limited_torque(kind, given, self.known))
+            before, residual_before = self.measured.left_by(self._limited_torque(kind, given, self.known))
         lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
-        # Effects that only add noise to readings do not lower a residual.
+        # Effects that only add noise to readings do not lower a residual: they count as missing in every file.
         lacks = any(one in lacking or effect_named(one.effect, given).only_noise for one in self.found)
         return WrittenFile(
             file,
-            left,
-            had,
+            residual,
+            residual_before,
             tuple(_named(one) for one in self.found if one not in lacking),
             tuple(_named(one) for one in lacking),
             self._why_not(squares, before, lambda: self._claimed(kind, lacks or self._moves_rotors(kind))),
@@ -205,7 +209,7 @@ class FileCheck:
         return torque_of_model(self.measured.replay, robot, contained, further_torque)
 
     def _moves_rotors(self, kind: Format) -> bool:
-        """True if rotor inertias were moved within tolerance and the format cannot state them."""
+        """True if rotor inertias were changed within tolerance and the format cannot state them."""
         moved = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
         return kind is URDF_FORMAT and moved
 
@@ -221,23 +225,24 @@ class FileCheck:
         return np.maximum(whole, part)
 
     def _why_not(self, squares: Array, before: Array, claimed: Callable[[], Array]) -> str:
-        left, had = rms(squares), rms(before)
+        """Reason why a file is refused; empty if it passes."""
+        residual, of_given = rms(squares), rms(before)
         joints = self.diagnosis.joints
         worse = leaves_more(squares, before)
         if worse.any():
-            j = int(np.argmax(np.where(worse, left / np.maximum(had, 1e-300), 0.0)))
+            j = int(np.argmax(np.where(worse, residual / np.maximum(of_given, 1e-300), 0.0)))
             return (
-                f"on {joints[j].joint} its residual is {number(left[j])} {joints[j].unit}, and that of the given model "
-                f"{number(had[j])} {joints[j].unit}"
+                f"on {joints[j].joint} its residual is {number(residual[j])} {joints[j].unit}, and that of the given "
+                f"model {number(of_given[j])} {joints[j].unit}"
             )
         floor = np.array([joint.noise_floor for joint in joints])
         wanted = claimed()
-        over = left > _MORE * wanted + floor
+        over = residual > _MORE * wanted + floor
         if over.any():
-            j = int(np.argmax(np.where(over, left / np.maximum(wanted, 1e-300), 0.0)))
+            j = int(np.argmax(np.where(over, residual / np.maximum(wanted, 1e-300), 0.0)))
             return (
-                f"on {joints[j].joint} its residual is {number(left[j])} {joints[j].unit}, and the diagnosis claims "
-                f"{number(wanted[j])} {joints[j].unit} for the findings in it"
+                f"on {joints[j].joint} its residual is {number(residual[j])} {joints[j].unit}, and the diagnosis "
+                f"claims {number(wanted[j])} {joints[j].unit} for the findings in it"
             )
         return ""
 
@@ -249,16 +254,16 @@ def rms(squares: Float[Array, "2 B nv"]) -> Float[Array, " nv"]:
 
 
 def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"]) -> Bool[Array, " nv"]:
-    """True for joints on which one model has a larger residual than another, by paired differences over blocks.
+    """True for joints on which a model has a significantly larger residual than another one.
 
-    The mean difference of squares is a ratio of sums over blocks, with the standard deviation of a ratio. Its interval
-    is from Student's distribution, at 95 % over all joints together.
+    The test is Student's t test for the mean difference of squared residuals, which is a ratio of sums over blocks. Its
+    level is 5 % over all joints together.
 
     Args:
-        squares: Sums of squares of the residual of the one model, and numbers of samples, by block and joint.
-        before: The same of the other model, on the same samples.
+        squares: Sums of squares of the model's residual, and numbers of samples, by block and joint.
+        before: Sums of squares of the other model's residual, and numbers of samples, on the same samples.
     """
-    from scipy.special import stdtrit  # slow to import, and only needed if files are checked
+    from scipy.special import stdtrit  # imported here because it is slow, and only needed if files are checked
 
     counts = squares[1]
     blocks = len(counts)
@@ -281,8 +286,9 @@ def passed_files(
 
     Args:
         texts: Texts by file name.
-        check: Reference for the check; None if there is none, so that all files pass.
-        mjcf_has_moved_joints: True if measured poses have moved joints of the MJCF: its residual is then not known.
+        check: Reference for the check; None to let all files pass.
+        mjcf_has_moved_joints: True if measured poses changed joint placements of the MJCF. Its residual is then not
+            known.
 
     Returns:
         The texts, a record of each check, and a note on each file that is left out.
@@ -296,7 +302,7 @@ def passed_files(
         try:
             record = check.record(name, texts[name])
         except PhantomDynError as error:
-            # A file that cannot be used must not take the others, the report and the diagnosis with it.
+            # One file that cannot be evaluated must not prevent the other files and the report.
             record = WrittenFile(name, {}, {}, refused=str(error).rstrip("."))
         if name == MJCF and mjcf_has_moved_joints:
             record = replace(record, rms_left={}, rms_given={})

@@ -1,4 +1,7 @@
-"""Drive torque along a recording of each written model or law, loaded back from its text; effects it can contain."""
+"""Computes the drive torque of each written model or law along a recording, and the effects that a file can contain.
+
+Each file is loaded again from its text, except the MJCF, whose torques were already compared in MuJoCo.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
 OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})
-"""Numbers of an effect that act on the command of the drive, and not as an added torque."""
+"""Numbers of an effect that act on the command of the drive or in the transmission, not as an added torque."""
 _URDF = frozenset({"viscous", "coulomb", "robot", "turned", "zero", "limit"})
 _DRIVES = frozenset({"rotor_inertia", "delay"})
 _MJCF = _URDF | _DRIVES | {"offset", "spring", "gain", "lag", "gap", "stiffness", "waves", "coupling"}
@@ -53,7 +56,7 @@ class Format:
     """Numbers and laws that one kind of file can contain.
 
     Attributes:
-        numbers: Fields of `ModelNumbers` that it can express; None if it can express the law of every effect.
+        numbers: Fields of `ModelNumbers` that the file can express; None if it can express the law of every effect.
         laws: Effects for which the file has a separate law.
     """
 
@@ -74,7 +77,7 @@ def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
 
     Args:
         kind: Kind of the file.
-        corrected: The model from which the file is made.
+        corrected: The model from which the file is built.
         effect: The effect, with its parameters in the order of the catalogue.
     """
     if kind.numbers is None or effect.effect in kind.laws:
@@ -93,7 +96,7 @@ def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
 
 
 def used_numbers(numbers: ModelNumbers) -> frozenset[str]:
-    """Names of the numbers that an effect has."""
+    """Names of the numbers of an effect that are not empty or zero."""
     values = {field.name: getattr(numbers, field.name) for field in fields(ModelNumbers) if field.name != "whole"}
     return frozenset(
         name
@@ -102,13 +105,14 @@ def used_numbers(numbers: ModelNumbers) -> frozenset[str]:
     )
 
 
-# A function from the index of a log to the drive torque along it, ``(N, nv)`` at the full rate.
+# Function from the index of a log to the drive torque along this log, ``(N, nv)`` at the full rate.
 LogTorque = Callable[[int], Float[Array, "N nv"]]
 
-# PyYAML's loader in C is ten times as fast; some installations lack it.
+# PyYAML's loader in C is ten times as fast, but some installations do not have it.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _STEPS = 20000
-"""Largest number of steps of one recording at which a law in steps is evaluated; between them it is interpolated."""
+"""Largest number of samples of one recording at which a law that is computed step by step is evaluated. Between them
+the torque is interpolated."""
 
 
 def torque_of_model(
@@ -122,8 +126,8 @@ def torque_of_model(
     Args:
         replay: The recordings.
         robot: The model.
-        effects: Effects added to it.
-        further_torque: Function from the motion to a torque of the drives to add.
+        effects: Effects that are added to the model.
+        further_torque: Function from the motion to a drive torque that is added.
     """
     robot = replace(robot, soft_friction=replay.robot.soft_friction)
 
@@ -141,26 +145,26 @@ def torque_of_model(
 def torque_of_urdf(
     replay: Replay, text: str, corrected: CorrectedModel, config: Path | None, effects: tuple[KnownEffect, ...]
 ) -> LogTorque:
-    """Drive torque of a URDF with the given rotors, loops and gravity, which it lacks.
+    """Drive torque of a URDF; rotors, loops and gravity, which a URDF cannot state, are those of the given model.
 
     Args:
         replay: The recordings.
         text: Text of the URDF.
-        corrected: The model from which it was made.
+        corrected: The model from which the URDF was built.
         config: The robot's ``robot.yaml``.
-        effects: The findings that it contains; of them, limits act by their own law.
+        effects: The findings that the URDF contains. Those that are torque limits are applied by their own law.
     """
     robot = robot_with_urdf(text, robot_of_urdf(corrected), config)
     return torque_of_model(replay, robot, of_drives(corrected, effects))
 
 
 def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> LogTorque:
-    """Drive torque of an MJCF, computed from the corrected model, with which MuJoCo's torques were compared before.
+    """Drive torque of an MJCF, computed from the corrected model, with which its torques were compared in MuJoCo.
 
     Args:
         replay: The recordings.
-        corrected: The model from which it was made.
-        effects: The findings that it contains; those on drives and transmissions act by their own laws.
+        corrected: The model from which the MJCF was built.
+        effects: The findings that the MJCF contains. Those on drives and transmissions are applied by their own laws.
     """
     robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected))
     return torque_of_model(replay, robot, of_drives(corrected, effects), lambda motion: added_torque(corrected, motion))
@@ -183,7 +187,7 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
         replay: The recordings.
         text: Text of the file.
         robot: The given model.
-        known: Effects that belong to it already.
+        known: Effects that the given model already contains.
     """
     with unnamed_file(text.encode(), suffix=".yaml") as path:
         found = known_effects((path,), carrying_known(robot, known))
@@ -192,13 +196,13 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
 
 
 def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> LogTorque:
-    """Drive torque of the robot with the central values of a ``randomisation.yaml``, which are those found.
+    """Drive torque of the robot with the central values (those found) of a ``randomisation.yaml``.
 
     Args:
         replay: The recordings.
         text: Text of the file.
         robot: The given model.
-        known: Effects that belong to it already.
+        known: Effects that the given model already contains.
     """
     values: dict[tuple[str, str | None], list[float]] = {}
     content = yaml.load(text, Loader=_LOADER)
@@ -210,11 +214,11 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
 
 
 def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
-    """Drive torque of a ``feedforward.py``, for the motion that is later by the drive's delay.
+    """Drive torque of a ``feedforward.py``, computed for the motion that is later by the drive's delay.
 
-    The part of a recorded command beyond the drive's limit had no effect, so it is added. The torque of the file is not
-    limited, as noise of the measured motion that is clipped on one side only would have a mean. Loads that are known in
-    one recording and measured external forces are not in the file, so they are added too.
+    - The torque of the file is not limited: clipping the noise of the measured motion on one side would cause a bias.
+      Instead, the part of the recorded command beyond the drive's limit, which had no effect, is added.
+    - Known loads of single recordings and measured external forces are not in the file, and are added.
 
     Args:
         replay: The recordings.
@@ -242,7 +246,7 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
 
 
 def _advanced(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
-    """A series advanced by some time; its last value is held at the end."""
+    """A series shifted to earlier times by ``seconds``; at the end its last value is held."""
     return x if seconds == 0 else interpolated(t + seconds, t, x)
 
 
@@ -255,7 +259,7 @@ def torque_of_actuators(
         replay: The recordings.
         code: Text of the file.
         corrected: The corrected model with its links.
-        effects: The findings that the file contains; delays and limits act by their own laws.
+        effects: The findings that the file contains. Delays and limits are applied by their own laws.
     """
     robot = with_actuators(corrected, loaded(code, ISAAC)["JOINTS"])
     return torque_of_model(replay, robot, of_drives(corrected, effects))
@@ -303,9 +307,9 @@ def torque_of_residual(replay: Replay, code: str, model: LogTorque, robot: Robot
 
 
 def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
-    """Torque of a law that is evaluated step by step."""
+    """Torque of a law that is computed step by step."""
     from identification.diagnosis.law.joint_residual import (
-        inputs_of,  # imports all laws of residuals, which few runs need
+        inputs_of,  # imported here because it loads all laws of residuals, which few runs need
     )
 
     inputs = inputs_of(robot, log, operation, row, [k for k in range(robot.nv) if k != row])

@@ -1,1 +1,1 @@
-"""The corrected model as URDF, MJCF and YAML."""
+"""Builds the corrected model (given robot plus findings) and its URDF, MJCF and YAML files."""

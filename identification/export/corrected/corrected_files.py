@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Makes ``corrected.urdf`` and ``corrected.xml``, loads them again, and notes what each format cannot express.
+"""Builds ``corrected.urdf`` and ``corrected.xml``, loads them again, and notes findings that a format cannot express.
 
-The MJCF is the given one with the findings. A new one is made where the robot's file is a URDF, and where settings of
-the given MJCF would change the meaning of the findings; a note gives the reason.
+The MJCF is an edited copy of the given one. A new MJCF is built if the robot's file is a URDF, or if settings of the
+given MJCF would change the meaning of the findings; a note states the reason.
 """
 
 from __future__ import annotations
@@ -54,11 +54,12 @@ class MadeMjcf:
 
     Attributes:
         text: Text of the file.
-        difference: Largest difference of torques in MuJoCo from the corrected model's, over the largest torque; NaN if
-            it was not loaded.
-        unchecked: Why it was not loaded again, as the end of a sentence; empty if it was loaded.
-        edited: True if it is the given file with the findings.
-        left_out: Notes on numbers that its actuators cannot express, and on why it is not a copy of the given file.
+        difference: Largest difference between the torques in MuJoCo and those of the corrected model, divided by the
+            largest torque; NaN if the file was not loaded.
+        unchecked: Why the file was not loaded again, as the end of a sentence; empty if it was loaded.
+        edited: True if the file is a copy of the given file with the findings.
+        left_out: Notes on numbers that the actuators cannot express, and on why the file is not a copy of the given
+            file.
     """
 
     text: str
@@ -69,16 +70,16 @@ class MadeMjcf:
 
 
 def checked_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: Path) -> MadeMjcf:
-    """The MJCF of a corrected model: the given MJCF with the findings, or else a new file.
+    """The MJCF of a corrected model: a copy of the given MJCF with the findings, or a new file.
 
     Args:
         corrected: The model.
-        motion: Motion on which torques are compared.
+        motion: Motion for which torques are compared.
         file: The robot's file.
         folder: Folder into which the file will be written.
 
     Raises:
-        ParameterError: If a body cannot exist, or not in MuJoCo.
+        ParameterError: If a body cannot exist, or MuJoCo does not accept it.
         RobotError: If MuJoCo refuses the text.
         EstimationError: If the torques of the file differ from those of the model.
     """
@@ -94,7 +95,7 @@ def checked_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folde
 def _new_mjcf(
     corrected: CorrectedModel, motion: Motion, file: Path, folder: Path | None, left_out: tuple[Note, ...]
 ) -> MadeMjcf:
-    """An MJCF that is made from the model, with the shapes of a URDF if ``folder`` is given."""
+    """An MJCF that is built from the model, with the shapes of the robot's URDF if ``folder`` is given."""
     text = corrected_mjcf(corrected)
     problem = mujoco_problem(text)
     difference = torque_difference(text, corrected, motion)
@@ -102,7 +103,7 @@ def _new_mjcf(
     if folder is None:
         return MadeMjcf(text, difference, problem or "", False, left_out)
     try:
-        # Paths of meshes are absolute in this text, as the folder may not exist yet.
+        # The text that is checked has absolute paths of meshes, because the folder may not exist yet.
         loaded, without = with_urdf_shapes(text, corrected.robot, file, None)
         difference = torque_difference(loaded, corrected, motion)
         if difference > TOLERANCE:
@@ -121,7 +122,7 @@ def _edited_mjcf(corrected: CorrectedModel, motion: Motion, file: Path, folder: 
     problem = mujoco_problem(text) or _refused(file)
     if problem:
         return MadeMjcf(text, float("nan"), problem, True, tuple(left_out.values()))
-    # Paths of meshes are absolute in the text that is checked, as the folder may not exist yet.
+    # The text that is checked has absolute paths of meshes, because the folder may not exist yet.
     written = replace(corrected, offsets={name: x for name, x in corrected.offsets.items() if name not in left_out})
     difference = edited_difference(edited_mjcf(corrected, file, None)[0], written, motion, _fixed_positions(file))
     if difference > TOLERANCE:
@@ -133,7 +134,7 @@ def _edited_mjcf(corrected: CorrectedModel, motion: Motion, file: Path, folder: 
 
 
 def _refused(file: Path) -> str:
-    """Why MuJoCo refuses the given file, as for missing meshes; empty if MuJoCo accepts it."""
+    """Why MuJoCo refuses the given file (for example because meshes are missing); empty if MuJoCo accepts it."""
     import mujoco
 
     try:
@@ -144,7 +145,7 @@ def _refused(file: Path) -> str:
 
 
 def _fixed_positions(file: Path) -> dict[str, float]:
-    """Positions of joints of the file that the robot lacks: joints that follow others, and joints of backlash."""
+    """Positions of the file's joints that are not in the robot: joints that follow others, and joints for backlash."""
     try:
         facts, model = read_model(file)
     except RobotError:
@@ -165,8 +166,8 @@ class ModelFile:
 
     Attributes:
         name: Name of the file.
-        text: Its content, empty if it cannot be written.
-        notes: Notes on what it lacks, on its check, or on why it was not written.
+        text: Content of the file, empty if it cannot be written.
+        notes: Notes on findings that the file does not contain, on its check, or on why it was not written.
     """
 
     name: str
@@ -181,36 +182,36 @@ def model_files(
 
     Args:
         corrected: The model.
-        motion: Motion on which torques are compared.
+        motion: Motion for which torques are compared.
         folder: Folder into which the files will be written.
-        config: The ``robot.yaml`` that was given; with None the one beside the robot's file is used, if there is one.
+        config: The given ``robot.yaml``; None to use the one in the folder of the robot's file, if it exists.
     """
     file = find_robot(corrected.given.source)
-    stated, few = robot_config(corrected.given, config), some_motion(motion)
+    stated, few_samples = robot_config(corrected.given, config), some_motion(motion)
 
     def urdf() -> tuple[str, float]:
         text = corrected_urdf(corrected, file, folder)
-        return text, urdf_difference(text, robot_of_urdf(corrected), few, stated)
+        return text, urdf_difference(text, robot_of_urdf(corrected), few_samples, stated)
 
     return (
         _checked_file(URDF, urdf, versions().get("urdf", ""), urdf_left_out(corrected, file)),
-        _mjcf_file(corrected, few, file, folder),
+        _mjcf_file(corrected, few_samples, file, folder),
     )
 
 
 def robot_config(given: Robot, config: Path | None) -> Path | None:
-    """The ``robot.yaml`` of a robot, as given or beside its file; None if there is none."""
+    """The ``robot.yaml`` of a robot: the given one, or the one in the folder of the robot's file; None if neither."""
     beside = find_robot(given.source).with_name(CONFIG_NAME)
     return config if config is not None else beside if beside.is_file() else None
 
 
 def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
-    """Why the loops of a ``robot.yaml`` do not close with a URDF, as the end of a sentence; empty if they do.
+    """Why the loops of a ``robot.yaml`` do not close with a URDF, as the end of a sentence; empty if they close.
 
     Args:
         text: Text of the URDF.
         robot: The given model.
-        config: The ``robot.yaml`` that was given; with None the one beside the robot's file is used.
+        config: The given ``robot.yaml``; None to use the one in the folder of the robot's file.
     """
     if robot.chain is None or not robot.chain.anchors:
         return ""
@@ -222,6 +223,7 @@ def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
 
 
 def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> ModelFile:
+    """The MJCF of a corrected model with its notes."""
     try:
         made = checked_mjcf(corrected, motion, file=file, folder=folder)
     except PhantomDynError as error:
@@ -233,11 +235,11 @@ def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Pa
 
 
 def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Float[Array, "N nv"]) -> tuple[Note, ...]:
-    """A note on how far MuJoCo's motion departs from the recorded one with the given and with the corrected model.
+    """A note on the difference between simulated (MuJoCo) and recorded motion, for the given and the corrected model.
 
     Args:
         corrected: The model.
-        text: Its MJCF, empty if there is none.
+        text: MJCF of the model, empty if there is none.
         motion: Motion of the recordings.
         tau: Logged torque at the same times [N m or N].
 
@@ -247,7 +249,7 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
     if not text or corrected.given.floating:
         return ()
     try:
-        # The written file may have servos. Here the logged torque moves the joints.
+        # A new MJCF with motors is used, because the written file may have servos.
         text = corrected_mjcf(corrected)
         if mujoco_problem(text) is not None:
             return ()
@@ -267,6 +269,7 @@ def _checked_file(
     *,
     unchecked: str = "",
 ) -> ModelFile:
+    """A model file with a note on its check; without text if the check fails."""
     try:
         text, difference = make()
     except PhantomDynError as error:
@@ -281,7 +284,7 @@ def _checked_file(
 
 
 def not_written_note(error: Exception, *files: str) -> Note:
-    """A note on files that an error kept from being written."""
+    """A note on files that could not be written because of an error."""
     return Note(Code.NOT_WRITTEN, None, {"files": files, "problem": str(error)})
 
 
@@ -296,12 +299,12 @@ def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
 
 
 def without_yaml(text: str) -> str:
-    """The text of a URDF or MJCF beside which no ``corrected.yaml`` was written."""
+    """The text of a URDF or MJCF without the reference to ``corrected.yaml``, for runs that do not write it."""
     return text.replace(f"of the corrected model{_IN_YAML}:", "of the corrected model:", 1)
 
 
 def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
-    """Notes on what the URDF cannot express.
+    """Notes on parts of the corrected model that the URDF cannot express.
 
     Args:
         corrected: The corrected model.
@@ -309,7 +312,7 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
     """
     robot, given = corrected.robot, corrected.given
     places = zip(robot.joint_names, robot.rotor_inertia, given.rotor_inertia, strict=True)
-    # A URDF that is made from another kind of file has no rotors at all.
+    # A URDF that is built from another kind of file has no rotors at all.
     other = file.suffix != ".urdf"
     moved = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
     missing = {
@@ -341,12 +344,12 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
 
 
 def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False) -> tuple[Note, ...]:
-    """Notes on what the MJCF cannot express.
+    """Notes on parts of the corrected model that the MJCF cannot express.
 
     Args:
         corrected: The corrected model.
         file: The robot's file.
-        edited: True if it is the given file with the findings.
+        edited: True if the MJCF is a copy of the given file with the findings.
     """
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
     behind = {name: k for name, k in corrected.compliances.items() if name not in compliances_in_mjcf(corrected)}
@@ -367,11 +370,13 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False
 
 
 def _reduced_laws(corrected: CorrectedModel) -> list[Note]:
+    """Notes on effects of which a model file contains a part."""
     words = [(effect_named(effect.effect, corrected.given).words, effect.joint) for effect in corrected.others]
     return [Note(Code.REDUCED_LAW, joint, {"words": one}) for one, joint in words if one.kept]
 
 
 def _lost_effects(corrected: CorrectedModel) -> list[Note]:
+    """Notes on effects of which a model file contains nothing."""
     out = []
     for effect in catalogue.effects_of(corrected.given):
         lost = [other for other in corrected.others if other.effect == effect.name and not effect.words.kept]
@@ -386,5 +391,6 @@ def _lost_effects(corrected: CorrectedModel) -> list[Note]:
 
 
 def _missing(quantity: str, values: dict[str, float]) -> list[Note]:
+    """A note on a quantity that the file cannot express, by joint; empty without values."""
     numbers = {"quantity": quantity, "values": values, "config": CONFIG_NAME}
     return [Note(Code.NO_PLACE, None, numbers)] if values else []

@@ -1,9 +1,10 @@
-"""A corrected model as a new MJCF, with all findings that MuJoCo can express.
+"""Builds a new MJCF of a corrected model, with all findings that MuJoCo can express.
 
-Springs become ``stiffness`` and ``springref``, encoder zeros ``ref``. Backlash and springs of transmissions become a
-second joint on the same axis, and couplings fixed tendons. Of an actuator, constant torques become the bias, torque
-constants ``gear``, limits ``forcerange``, delays ``delay`` and lags ``dyntype``. Cogging becomes a ``dcmotor`` without
-a command.
+- Springs at joints: ``stiffness`` and ``springref`` of the joint. Encoder zeros: ``ref`` of the joint.
+- Backlash and springs of transmissions: a second joint on the same axis. Couplings: fixed tendons.
+- Actuators: constant torques are the bias, torque constants ``gear``, limits ``forcerange``, delays ``delay``, lags
+  ``dyntype``.
+- Cogging: a ``dcmotor`` without a command.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ PLAY, SPRING, COGGING, COUPLING = "{}_play", "{}_spring", "{}_cogging_{}", "{}_{
 
 SHORTEST_STEP = 1e-4
 """Shortest step of a simulation [s] for which the buffers of past commands are long enough for the delays."""
-# MuJoCo needs a motor constant above zero [N m/A]: with a resistance of one ohm this one gives a negligible torque.
+# Motor constant [N m/A] of a motor without torque. MuJoCo needs a positive one; with one ohm its torque is negligible.
 _NO_MOTOR = 1e-9
-# A rotor behind backlash or a spring needs an inertia: this is the share of the link's inertia if it is unknown.
+# A rotor behind backlash or a spring needs an inertia. If it is unknown, this share of the link's inertia is used.
 _LEAST_ROTOR = 0.01
-# Time constant [s] of the contact at the ends of backlash: twice MuJoCo's usual step is the stiffest possible.
+# Time constant [s] of the contact at the ends of backlash: twice MuJoCo's usual step, the stiffest possible contact.
 _STOP = 0.004
 
 
 def corrected_mjcf(corrected: CorrectedModel) -> str:
-    """The text of an MJCF with one actuator for each driven joint, and after them the actuators of cogging.
+    """The text of an MJCF with one actuator for each driven joint, followed by the actuators for cogging.
 
     Raises:
-        ParameterError: If a body cannot exist, or not in MuJoCo.
+        ParameterError: If a body cannot exist, or MuJoCo does not accept it.
     """
     root = corrected_elements(corrected)
     ElementTree.indent(root)
@@ -64,7 +65,7 @@ def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
-    """Encoder zeros that a URDF or MJCF can state: not zeros of joints in a loop, which change how the loop closes."""
+    """Encoder zeros that a URDF or MJCF can state. Zeros of joints in a loop are left out: they change the loop."""
     chain = corrected.robot.chain
     if chain is None:
         return corrected.zeros
@@ -76,7 +77,10 @@ def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
 
 
 def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:
-    """Springs of transmissions that are in the MJCF; not with backlash, as the body between the two has no inertia."""
+    """Springs of transmissions in the MJCF; those on joints with backlash are left out.
+
+    The body between a spring and a backlash would have no inertia, which MuJoCo refuses.
+    """
     return {name: stiffness for name, stiffness in corrected.compliances.items() if name not in corrected.plays}
 
 
@@ -94,6 +98,7 @@ def _moved_inertia(corrected: CorrectedModel, row: int) -> float:
 
 
 def _move_zero(joint: Element, zero: float) -> None:
+    """Shift the zero of a joint and its limits."""
     joint.set("ref", repr(zero))
     limits = joint.get("range")
     if limits is not None:
@@ -101,7 +106,7 @@ def _move_zero(joint: Element, zero: float) -> None:
 
 
 def _second_joint(body: Element, joint: Element, corrected: CorrectedModel, name: str) -> None:
-    """A joint on the same axis, between motor and link."""
+    """Add a joint on the same axis, between motor and link."""
     joint.set("armature", repr(rotor_of(corrected, name)))
     place = {"type": str(joint.get("type")), "axis": str(joint.get("axis"))}
     element = ElementTree.Element("joint", second_joint(corrected, name) | place)
@@ -125,6 +130,7 @@ def second_joint(corrected: CorrectedModel, name: str) -> dict[str, str]:
 
 
 def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
+    """Write the findings on the drive of a joint into its actuator."""
     gain = corrected.gains.get(name, 1.0)
     bias = corrected.offsets.get(name, 0.0) / gain if gain else 0.0
     if gain != 1.0:

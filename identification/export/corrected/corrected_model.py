@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The corrected model: a robot with the effects that a diagnosis found, sorted by their place in model files."""
+"""The corrected model: a robot with the effects that a diagnosis found, in quantities that model files can state."""
 
 from __future__ import annotations
 
@@ -24,26 +24,27 @@ from phantom_dyn.motion import Motion
 
 @dataclass(frozen=True)
 class CorrectedModel:
-    """A robot with its findings; each mapping is by joint, in SI units on the joint side.
+    """A robot with its findings. Each mapping is by joint name, in SI units on the joint side.
 
     Attributes:
         given: The robot without the findings.
-        base: The robot to which the findings were added: the given one, perhaps moved within its tolerances.
+        base: The robot to which the findings were added: the given one, or the given one changed within its tolerances.
         robot: The robot with the findings on links, rotors, modelled friction and gravity.
-        turned: Rotation from the given gravity, in the base frame, to the robot's.
+        turned: Rotation from the given gravity to that of ``robot``, in the base frame.
         springs: Stiffness and relaxed position of each spring.
         offsets: Constant torques that act on the joints.
         gains: Ratios of true to logged torque.
-        limits: Largest torque of each drive, as found or as the configuration states it.
-        delays, lags: Delays of drives [s], and their time constants.
-        reference_delays: Delays [s] of the references of position controllers.
+        limits: Largest torque of each drive, found or stated by the configuration.
+        delays: Delays of drives [s].
+        lags: Time constants of drives [s].
+        reference_delays: Delays of the references of position controllers [s].
         plays: Full widths of backlash.
         compliances: Stiffness of transmissions.
         cogging: Order [1/rad or 1/m], amplitude and phase [rad] of each wave.
         couplings: Couplings of two joints.
         zeros: Offsets of encoders, reading minus position.
-        others: Effects that the other attributes express in part or not at all. Of a Stribeck law, for example, these
-            have only the level at high speed.
+        others: Effects that the other attributes express in part or not at all. Of a Stribeck law, for example, they
+            contain only the friction at high speed.
     """
 
     given: Robot
@@ -68,8 +69,8 @@ class CorrectedModel:
 def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
     """The corrected model of a robot and its findings.
 
-    Of friction laws other than Coulomb and viscous friction, the robot gets a part: the mean of both directions, the
-    level at high speed (Stribeck), or the level after the presliding displacement. The law itself is in ``others``.
+    Friction laws other than Coulomb and viscous friction are added to the robot in part: the mean of both directions,
+    the level at high speed (Stribeck), or the level after the presliding displacement. The law itself is in ``others``.
     Torque limits of the robot's configuration are used if the torque columns are commands.
 
     Args:
@@ -98,7 +99,7 @@ def torque_limits(corrected: CorrectedModel) -> dict[str, float]:
 
 
 def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
-    """The corrected model with further findings; the errors are those of `corrected_model`."""
+    """The corrected model with further findings; it raises the errors of `corrected_model`."""
     for effect in effects:
         for one in on_single_joints(corrected.given, effect):
             corrected = _with_effect(corrected, one)
@@ -106,7 +107,7 @@ def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) ->
 
 
 def on_single_joints(robot: Robot, effect: KnownEffect) -> tuple[KnownEffect, ...]:
-    """One effect per joint from an effect with one number for several joints; any other effect unchanged."""
+    """An effect with one number for several joints as one effect per joint; any other effect unchanged."""
     shared = effect_named(effect.effect, robot).shared and effect.joint not in robot.joint_names
     if not shared or effect.joint is None:
         return (effect,)
@@ -114,7 +115,7 @@ def on_single_joints(robot: Robot, effect: KnownEffect) -> tuple[KnownEffect, ..
 
 
 def numbers_of_effect(robot: Robot, effect: KnownEffect) -> ModelNumbers:
-    """The numbers by which model files can express an effect; the errors are those of `corrected_model`.
+    """The numbers by which model files can express an effect; it raises the errors of `corrected_model`.
 
     Args:
         robot: The given model.
@@ -125,6 +126,7 @@ def numbers_of_effect(robot: Robot, effect: KnownEffect) -> ModelNumbers:
 
 
 def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedModel:
+    """The corrected model with one further effect on a single joint, on two joints or on the whole robot."""
     joint, numbers = effect.joint, numbers_of_effect(corrected.given, effect)
     corrected = replace(corrected, robot=_changed_robot(corrected.robot, joint, numbers))
     if numbers.turned is not None:
@@ -148,13 +150,13 @@ def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Ro
 
 
 def _with_delay(corrected: CorrectedModel, times: dict[str, float], joint: str | None, more: float) -> dict[str, float]:
-    """Times of drives [s] by joint, increased by ``more`` on one joint, or on all driven ones without a joint."""
+    """Times of drives [s] by joint, increased by ``more`` on one joint; on all driven joints if ``joint`` is None."""
     late = [corrected.robot.joint_names[row] for row in driven_rows(corrected.robot, joint)]
     return times | {name: times.get(name, 0.0) + more for name in late}
 
 
 def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> CorrectedModel:
-    """The model with an effect's numbers of one joint, combined with those that it has already."""
+    """The model with an effect's numbers of one joint, combined with the numbers that the model already has there."""
     more = {
         "springs": (numbers.spring, _parallel_springs),
         "offsets": (numbers.offset, operator.add),
@@ -166,10 +168,10 @@ def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> Corr
         "cogging": (numbers.waves or None, operator.add),
     }
     changed: dict[str, Any] = {}
-    for name, (number, together) in more.items():
+    for name, (number, combine) in more.items():
         known = getattr(corrected, name)
         if number is not None:
-            changed[name] = known | {at: together(known[at], number) if at in known else number}
+            changed[name] = known | {at: combine(known[at], number) if at in known else number}
     return replace(corrected, **changed)
 
 
@@ -180,6 +182,7 @@ def _parallel_springs(one: tuple[float, float], other: tuple[float, float]) -> t
 
 
 def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
+    """Parameters of an effect after a check of their number; missing ones at the end have their defaults."""
     law = effect_named(effect.effect, robot)
     known = law.parameters(robot, effect.joint)
     left_out = tuple(parameter.default for parameter in known[len(effect.theta) :])
@@ -213,15 +216,15 @@ def added_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N n
         out[:, at[joint]] -= np.sin(motion.q[:, at[joint], None] * orders + phases) @ amplitudes
     for c in corrected.couplings:
         first, second = at[c.first], at[c.second]
-        w, gain = (x[:, first] + c.ratio * x[:, second] for x in (motion.v, motion.a))
-        shared = c.coulomb_torque * np.sign(w) + c.coefficient * w + c.inertia * gain
+        speed, acceleration = (x[:, first] + c.ratio * x[:, second] for x in (motion.v, motion.a))
+        shared = c.coulomb_torque * np.sign(speed) + c.coefficient * speed + c.inertia * acceleration
         out[:, first] += shared
         out[:, second] += c.ratio * shared
     return out
 
 
 def with_zeros_moved(robot: Robot, zeros: dict[str, float]) -> Robot:
-    """The robot with joint positions as its encoders read them: ``reading = q + zero``.
+    """The robot whose joint positions are the readings of its encoders: ``reading = q + zero``.
 
     Args:
         robot: A robot without closed loops.

@@ -1,5 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A corrected model as URDF: links, friction, torque limits, encoder zeros, and a base that is not level."""
+"""Builds the URDF of a corrected model: links, friction, torque limits, encoder zeros, and a tilted base.
+
+It also writes joint placements that measured poses corrected into URDF and MJCF files.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +41,11 @@ if TYPE_CHECKING:
     from identification.geometry.result import GeometryResult
 
 LEVEL = "level"
-"""Link on which a tilted robot stands."""
+"""Name of the level link that is added as the parent of a tilted robot's root."""
 
 
 def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
-    """The text of a URDF; if the given file is one, everything without a finding is unchanged.
+    """The text of a URDF. If the given file is a URDF, all elements without a finding are unchanged.
 
     Args:
         corrected: The corrected model.
@@ -70,7 +73,7 @@ def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
 
 
 def robot_of_urdf(corrected: CorrectedModel) -> Robot:
-    """The robot that the URDF describes: gravity and rotors as given, zeros and base moved."""
+    """The robot that the URDF describes: given gravity and rotors, and corrected zeros and tilt of the base."""
     robot = with_gravity(with_rotors_of(corrected.robot, corrected.given), corrected.given.model.gravity.linear)
     return with_base_turned(with_zeros_moved(robot, zeros_in_file(corrected)), corrected.turned.T)
 
@@ -83,13 +86,14 @@ def with_rotors_of(robot: Robot, other: Robot) -> Robot:
 
 
 def _set_effort(joint: Element, limit: float) -> None:
+    """Set the torque limit of a joint; a new <limit> gets a speed limit that is never reached."""
     if joint.find("limit") is None:
         ElementTree.SubElement(joint, "limit", velocity="1e3")
     child_of(joint, "limit").set("effort", repr(limit))
 
 
 def move_zero(joint: Element, zero: float) -> None:
-    """Rotate or shift a joint's origin back by the offset of its encoder, and shift its limits by that offset."""
+    """Rotate or shift a joint's origin by minus the offset of its encoder, and shift its limits by the offset."""
     origin = child_of(joint, "origin")
     stated = joint.find("axis")
     axis = _numbers(None if stated is None else stated.get("xyz"), "1 0 0")
@@ -107,7 +111,7 @@ def move_zero(joint: Element, zero: float) -> None:
 
 
 def _tilt(root: Element, rotation: Float[Array, "3 3"]) -> None:
-    """Add a level link as the parent of the robot's root, with this rotation between them."""
+    """Add a level link as the parent of the robot's root, with the given rotation between both."""
     links = [str(link.get("name")) for link in root.findall("link")]
     children = {str(child.get("link")) for joint in root.findall("joint") for child in joint.findall("child")}
     base = next(name for name in links if name not in children)
@@ -125,12 +129,17 @@ def _numbers(text: str | None, default: str) -> Float[Array, " k"]:
 
 
 _OTHER_TURNS = ("euler", "axisangle", "xyaxes", "zaxis")
-"""Attributes of an MJCF that state a rotation, other than ``quat``."""
+"""Attributes of MJCF elements that state a rotation, other than ``quat``."""
 
 
 @dataclass(frozen=True)
 class JointCorrection:
-    """The true placement of a joint, ``placement @ exp(twist)``, and the offset of its encoder [rad or m]."""
+    """Correction of a joint.
+
+    Attributes:
+        twist: Error of the joint's placement; the true placement is ``placement @ exp(twist)``.
+        zero: Offset of the joint's encoder [rad or m].
+    """
 
     twist: Float[Array, " 6"]
     zero: float = 0.0
@@ -139,12 +148,12 @@ class JointCorrection:
 def joint_corrections(
     found: GeometryResult | None, known_zeros: Collection[str], known: tuple[KnownEffect, ...] = ()
 ) -> dict[str, JointCorrection]:
-    """Corrections of the joints, by name, that the findings and the known effects state.
+    """Corrections of the joints, by name, from known effects and from findings.
 
     Args:
         found: Findings of measured poses; None without poses.
-        known_zeros: Joints whose zeros were found from the torques, so that the model has them already.
-        known: Known effects, whose corrections come before those of the findings.
+        known_zeros: Joints whose zeros were found from the torques: the corrected model already contains them.
+        known: Known effects, whose corrections are applied before those of the findings.
     """
     out = {joint: JointCorrection(twist) for joint, twist in known_twists(known).items()}
     for finding in () if found is None else found.findings:
@@ -169,15 +178,16 @@ class FileCorrections:
 
 
 def corrections_in_files(robot: Robot, corrections: Mapping[str, JointCorrection]) -> FileCorrections:
-    """Corrections for model files: all of an open chain; of a closed one those that do not change how loops close.
+    """Corrections that model files can contain: for an open chain all, for a closed chain those that keep its loops.
 
-    A joint that follows others by a formula is rotated by their zeros as well, so that the formula holds for readings.
-    Links of a parallelogram are not moved, because moved links would not follow its formula. Nothing is moved in the
-    MJCF of a robot with loops between frames, because MuJoCo derives the closure from the zero positions in the file.
+    - A joint that follows others by a formula is also rotated by their zeros, so that the formula holds for readings.
+    - Links of a parallelogram that is stated by a formula are not moved: the formula would not hold for moved links.
+    - In the MJCF of a robot with loops between frames nothing is moved: MuJoCo computes how the loops close from the
+      zero positions in the file.
 
     Args:
         robot: The given model.
-        corrections: Corrections by joint, or pin of a loop.
+        corrections: Corrections by joint, or by frame of a loop's pin.
     """
     loops = loops_of(robot)
     if loops is None or robot.chain is None or not corrections:
@@ -206,7 +216,7 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
 
     Args:
         found: Findings of measured poses; None without poses.
-        known: Effects that belong to the given model already.
+        known: Effects that the given model already contains.
     """
     places = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
     joints = dict.fromkeys(str(joint) for effect, joint in places if effect == ELASTIC)
@@ -221,13 +231,13 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
 
 
 def urdf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrection]) -> tuple[str, tuple[str, ...]]:
-    """The text of a URDF with its joints moved, and the names of corrections without a joint in it.
+    """The text of a URDF with corrected joints, and the names of corrections for which it has no joint.
 
     Args:
         text: Text of the file.
         corrections: Corrections by joint, or by link on a fixed joint at which a loop closes.
     """
-    left = set(corrections)
+    not_applied = set(corrections)
 
     def move(root: Element) -> None:
         for joint in root.findall("joint"):
@@ -239,7 +249,7 @@ def urdf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrect
             if name is None:
                 continue
             own = corrections[name]
-            left.discard(name)
+            not_applied.discard(name)
             origin = child_of(joint, "origin")
             place = placement(origin) * pin.exp6(own.twist)
             origin.set("xyz", attribute_text(place.translation))
@@ -247,20 +257,20 @@ def urdf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrect
             if own.zero:
                 move_zero(joint, own.zero)
 
-    return _edited(text, move), tuple(name for name in corrections if name in left)
+    return _edited(text, move), tuple(name for name in corrections if name in not_applied)
 
 
 def mjcf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrection]) -> tuple[str, tuple[str, ...]]:
-    """The text of an MJCF with its bodies moved, and the names of joints whose bodies are not moved.
+    """The text of an MJCF with corrected bodies, and the names of corrections that were not applied.
 
-    Only bodies that are placed by ``pos`` and ``quat``, with one joint at their origin, are moved. Zeros rotate them as
-    well, so that positions in the file are readings of encoders.
+    Only bodies with a placement by ``pos`` and ``quat``, and with a single joint at their origin, are moved. They are
+    also rotated by the zeros of their joints, so that positions in the file are encoder readings.
 
     Args:
         text: Text of the file.
         corrections: Corrections by joint.
     """
-    left: list[str] = []
+    not_applied: list[str] = []
 
     def move(root: Element) -> None:
         owners = {child: owner for owner in root.iter("body") for child in owner.findall("joint")}
@@ -269,7 +279,7 @@ def mjcf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrect
             joint = named.get(name)
             body = None if joint is None else owners[joint]
             if joint is None or body is None or not _is_simple(joint, body):
-                left.append(name)
+                not_applied.append(name)
                 continue
             quat = _numbers(body.get("quat"), "1 0 0 0")
             turn = pin.Quaternion(quat[0], *quat[1:]).normalized().toRotationMatrix()
@@ -279,10 +289,11 @@ def mjcf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrect
             x, y, z, w = pin.Quaternion(place.rotation).coeffs()
             body.set("quat", attribute_text([w, x, y, z]))
 
-    return _edited(text, move), tuple(left)
+    return _edited(text, move), tuple(not_applied)
 
 
 def _is_simple(joint: Element, body: Element) -> bool:
+    """True if a body can be moved: placed by ``pos`` and ``quat``, with a single joint at its origin."""
     return (
         len(body.findall("joint")) == 1
         and not np.any(_numbers(joint.get("pos"), "0 0 0"))
@@ -292,7 +303,7 @@ def _is_simple(joint: Element, body: Element) -> bool:
 
 
 def _back(joint: Element, zero: float) -> pin.SE3:
-    """The motion of a joint from zero to minus the offset of its encoder."""
+    """The displacement of a joint from position zero to minus the offset of its encoder."""
     axis = _numbers(joint.get("axis"), "0 0 1")
     axis = axis / np.linalg.norm(axis)
     if joint.get("type") == "slide":
@@ -301,7 +312,7 @@ def _back(joint: Element, zero: float) -> pin.SE3:
 
 
 def _edited(text: str, edit: Callable[[Element], None]) -> str:
-    """XML after an edit; the text before its first element is kept."""
+    """The text of an XML file after an edit of its root element; the text before the root is kept."""
     at = root_of(text)
     root = ElementTree.fromstring(text[at:], comment_parser())
     edit(root)

@@ -1,4 +1,4 @@
-"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): writes the corrections, and reads them as known effects."""
+"""Writes ``corrected.yaml`` (schema ``phantom-dyn-model/1``) with the corrections, and reads it as known effects."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ ROBOT_KEYS = ("source", "sha256")
 EFFECT_KEYS = ("effect", "joint", "parameters", "gap_closed")
 VALUE_KEYS = ("value", "std", "unit")
 _ROUNDING = 1e-9
-"""Relative amount by which a value at a bound may exceed it by rounding."""
+"""Relative amount by which a value at a bound may exceed the bound because of rounding."""
 ADJUSTED_KEYS = ("quantity", "change", "tolerance")
 
 
 @dataclass(frozen=True)
 class CorrectedEffect:
-    """One effect to add to the model; `gap_closed` is NaN if it is not known."""
+    """One effect to add to the model; `gap_closed` is the share of the gap that it closes, NaN if unknown."""
 
     effect: str
     joint: str | None
@@ -51,13 +51,13 @@ class CorrectedEffect:
 
 @dataclass(frozen=True)
 class ModelError:
-    """Error of the corrected model on a joint, root mean square beyond noise; it is not a torque to add.
+    """Root mean square error of the corrected model on a joint, without noise. It is not a torque to add to the model.
 
     Attributes:
         joint: Name of the joint.
         slow: Error while the joint moves slowly or reverses.
         moving: Error at all other times.
-        unit: Unit of both.
+        unit: Unit of both errors.
     """
 
     joint: str
@@ -68,7 +68,15 @@ class ModelError:
 
 @dataclass(frozen=True)
 class Corrected:
-    """Content of a ``corrected.yaml``: its robot, its effects, and the changes within the tolerances."""
+    """Content of a ``corrected.yaml``.
+
+    Attributes:
+        robot: File or name of the robot that was diagnosed.
+        sha256: Hash of the robot file.
+        effects: Effects to add to the robot.
+        adjusted: Changes of the robot within its tolerances.
+        model_error: Remaining errors of the corrected model.
+    """
 
     robot: str
     sha256: str
@@ -78,7 +86,7 @@ class Corrected:
 
 
 def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str:
-    """The text of ``corrected.yaml`` with all findings, except those that act only in one of several recordings.
+    """The text of ``corrected.yaml`` with all findings, except those that act in one recording only.
 
     An encoder zero that was found from both torques and poses is written once, with the value from the torques.
 
@@ -101,7 +109,7 @@ def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str
 
 
 def _by_poses(diagnosis: Diagnosis, known_zeros: set[str | None]) -> tuple[CorrectedEffect, ...]:
-    """Findings of measured poses: zeros, places and elasticity of joints, poses of base and target."""
+    """Findings of measured poses as effects, without zeros that are already known from the torques."""
     found = () if diagnosis.geometry is None else diagnosis.geometry.findings
     return tuple(
         CorrectedEffect(
@@ -147,7 +155,7 @@ def read_corrected(path: str | Path) -> Corrected:
     if content.get("schema") != SCHEMA:
         given = f"schema is {describe(content['schema'])}" if "schema" in content else "there is no key schema"
         raise ParameterError(f"{file}: {given}, wanted {SCHEMA}: give the corrected.yaml of a diagnosis.")
-    # The key is missing in files of earlier versions, and if the residual is noise only.
+    # The key is optional: files of earlier versions do not have it, nor files whose residual is only noise.
     errors = list_at(content.get("model_error", []), file, "model_error")
     rest = {key: value for key, value in content.items() if key != "model_error"}
     top = mapping_at(rest, file, "", ("schema", "robot", "effects", "adjusted"))
@@ -235,11 +243,11 @@ def _adjusted(entry: Any, file: str, key: str) -> Adjusted:
 
 
 def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, ...]:
-    """The effects of all of these ``corrected.yaml``, in their order.
+    """The effects of several ``corrected.yaml``, in their order.
 
     Raises:
-        ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
-        UsageError: If a file is given twice: its effects would be added twice.
+        ParameterError: If a file names an unknown effect, joint or parameter, or lacks a parameter.
+        UsageError: If a file is given twice, so that its effects would be added twice.
     """
     places = [file.resolve() for file in files]
     for k, file in enumerate(files):
@@ -248,7 +256,7 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
     out: list[KnownEffect] = []
     for file in files:
         for entry in read_corrected(file).effects:
-            # A later file may remove a load that an earlier one has found.
+            # The robot carries the loads of earlier entries, because a later file may remove such a load.
             out.append(known_effect(entry, carrying_known(robot, out), file))
     return tuple(out)
 
@@ -258,11 +266,11 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
 
     Args:
         entry: Entry of the file, not checked yet.
-        robot: The robot to which it is to be added.
+        robot: The robot to which the effect is to be added.
         file: The file, for messages.
 
     Raises:
-        ParameterError: If the effect, its joint or a parameter is unknown, or one is left out.
+        ParameterError: If the effect, its joint or a parameter is unknown, or a parameter is missing.
     """
     if entry.effect in OF_POSES:
         return _known_by_poses(entry, robot, file)
@@ -274,7 +282,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
         raise ParameterError(
             f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
         )
-    # An effect on the whole robot may name the joint of the link it acts on.
+    # An effect on the whole robot may name the joint of the link on which it acts.
     if not effect.can_sit(robot, entry.joint) and (effect.scope == "pair" or entry.joint not in robot.joint_names):
         raise ParameterError(
             f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
@@ -285,7 +293,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     _require_lengths(entry, file, lists=effect.takes_lists(robot, entry.joint))
     stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
     unknown = sorted(set(stated) - set(names))
-    # Inertial parameters that the file does not name are unchanged.
+    # Changes of inertial parameters that the file does not name are zero.
     needed = {parameter.name for parameter in known if parameter.default is None}
     missing = [] if effect.inertial == "free" else sorted(needed - set(stated))
     if unknown or missing:
@@ -303,7 +311,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
 
 
 def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
-    """A joint's compliance, or the pose of a joint, the base or a target; parts that are not named are zero."""
+    """An effect of measured poses: a compliance, or a change of a pose, whose missing components are zero."""
     _require_carrier(entry, robot, file)
     wanted = PARTS if entry.effect in PLACES else ("compliance",)
     given = set(entry.parameters)
@@ -324,7 +332,7 @@ def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEf
 
 
 def _require_carrier(entry: CorrectedEffect, robot: Robot, file: Path) -> None:
-    """Refuse a joint or frame that the robot does not have, and any joint for the pose of the base."""
+    """Refuse a joint or frame that the robot does not have; the pose of the base must have no joint."""
     if entry.effect == BASE_POSE:
         if entry.joint is not None:
             raise ParameterError(
@@ -344,14 +352,14 @@ def _require_carrier(entry: CorrectedEffect, robot: Robot, file: Path) -> None:
 
 
 def _require_lengths(entry: CorrectedEffect, file: Path, *, lists: bool) -> None:
-    """Refuse lists of an effect that takes numbers, and lists of unequal length of one that takes lists."""
+    """Refuse lists for an effect that takes numbers, and lists of unequal length for an effect that takes lists."""
     values = {name: value.value for name, value in entry.parameters.items()}
     if not lists:
         wrong = [name for name, value in values.items() if isinstance(value, list)]
         if wrong:
             raise ParameterError(f"{file}: {wrong[0]} of {entry.effect} is a list, wanted a number: give one.")
         return
-    # A number counts as a list with one entry, as files written by hand and by earlier versions have it.
+    # A number counts as a list with one entry: files that were written by hand or by earlier versions contain it.
     lengths = {name: len(value) if isinstance(value, list) else 1 for name, value in values.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
         found = ", ".join(

@@ -1,4 +1,4 @@
-"""The findings of a diagnosis as effects, and the given model with the changes within its tolerances."""
+"""Converts the findings of a diagnosis to effects, and applies its changes within tolerance to the given model."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from phantom_dyn.model.robot import Robot
 
 
 def findings_in_all_recordings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
-    """Findings that act in all recordings. An effect in only one of them is not part of the robot."""
+    """Findings that act in all recordings. An effect in a single recording is not part of the robot."""
     return tuple(finding for finding in diagnosis.findings if finding.recording is None)
 
 
 def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
-    """A finding as an effect; the changes of inertial parameters that the finding does not name are zero.
+    """A finding as an effect; changes of inertial parameters that the finding does not name are zero.
 
     Raises:
         ParameterError: If the effect is unknown.
-        RobotError: If the robot does not have its joint.
+        RobotError: If the robot does not have the finding's joint.
     """
     stated = {name: value.value for name, value in finding.parameters.items()}
     parameters = effect_named(finding.effect, robot).from_stated(robot, stated)
@@ -39,10 +39,10 @@ def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
 
 
 def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
-    """Loadings ``L`` of the numbers of `effect_of`: with ``k`` standard normal numbers ``z`` their errors are ``L z``.
+    """Matrix ``L`` that describes the joint uncertainty of the numbers of `effect_of`.
 
-    If a finding has no loadings, its errors are taken as independent (``k`` is the number of its parameters), and a
-    standard deviation that is not finite as zero.
+    With ``k`` independent standard normal numbers ``z`` the errors of the numbers are ``L z``. If a finding has no
+    loadings, its errors count as independent, and standard deviations that are not finite count as zero.
     """
     given = {name: _rows(finding, name) for name in finding.parameters}
     width = max((len(row) for rows in given.values() for row in rows), default=0)
@@ -53,7 +53,7 @@ def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
 
 
 def _names(robot: Robot, finding: Finding, stated: Collection[str]) -> list[str]:
-    """Names of the parameters of a finding in the order of the catalogue, then others that it states."""
+    """Names of a finding's parameters: first in the order of the catalogue, then further stated ones."""
     effect = effect_named(finding.effect, robot)
     known = [parameter.name for parameter in effect.parameters(robot, finding.joint)]
     if effect.inertial == "free":
@@ -62,7 +62,7 @@ def _names(robot: Robot, finding: Finding, stated: Collection[str]) -> list[str]
 
 
 def _rows(finding: Finding, name: str) -> list[list[float]]:
-    """Rows of the loadings of one parameter, which has several if its value is a list."""
+    """Rows of `loadings_of` for one parameter: one row, or several if its value is a list."""
     sizes = {key: len(value.numbers) for key, value in finding.parameters.items()}
     total = sum(sizes.values())
     start = sum(sizes[key] for key in list(sizes)[: list(sizes).index(name)])
@@ -75,8 +75,8 @@ def _rows(finding: Finding, name: str) -> list[list[float]]:
 def robot_within_tolerances(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
     """The given robot with changes within its tolerances; the same object if there are none.
 
-    Findings were fitted together with these changes: a model with the findings alone has another residual than the one
-    stated, which may be larger than that of the given model.
+    Findings were fitted together with these changes. A model with the findings but without the changes may have a
+    larger residual than the diagnosis states, and even than the given model.
 
     Args:
         robot: The given model.

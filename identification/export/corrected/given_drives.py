@@ -1,8 +1,9 @@
-"""Findings on drives, written into the existing actuators of an MJCF.
+"""Writes findings on drives into the existing actuators of an MJCF.
 
-An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) can express all
-findings except a delay of references. The command of a servo is a reference, so a servo gets only this delay and a
-torque limit: other findings would change its feedback.
+- An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) can express all
+  findings except a delay of references.
+- A servo, whose command is a reference, can express a delay of references and a torque limit. Other findings would
+  change its feedback.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _REFERENCES = "delay of references"
 
 
 def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
-    """True if the given file is an MJCF with a servo on a joint, so that its command is a reference.
+    """True if the given file is an MJCF with a servo on a joint: the servo's command is a reference and can be delayed.
 
     Args:
         corrected: The corrected model.
@@ -36,6 +37,7 @@ def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
 
 
 def _actuators_of(given: GivenMjcf, name: str) -> list[Element]:
+    """The actuators of a joint."""
     return [
         actuator
         for group in given.root.iter("actuator")
@@ -45,7 +47,7 @@ def _actuators_of(given: GivenMjcf, name: str) -> list[Element]:
 
 
 def _is_servo(given: GivenMjcf, actuator: Element) -> bool:
-    """True if the command is a reference of the position."""
+    """True if the command of an actuator is a reference position."""
     if actuator.tag == "position":
         return True
     return actuator.tag == "general" and given.attribute(actuator, "biastype") == "affine"
@@ -87,7 +89,7 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
 
 
 def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
-    """The numbers of a drive that were found, by name; a limit only if it differs from the given one."""
+    """The findings on a drive as numbers, by name; a torque limit only if it differs from the given one."""
     stated = corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit
     limit = corrected.limits.get(name)
     numbers = {
@@ -102,7 +104,7 @@ def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
 
 
 def _is_torque_times_gear(given: GivenMjcf, actuator: Element) -> bool:
-    """True if the torque is command times gear, and nothing else."""
+    """True if the torque of an actuator is its command times its gear, without bias or dynamics."""
     if actuator.tag == "motor":
         return True
     usual = (("gaintype", "fixed"), ("biastype", "none"), ("dyntype", "none"))
@@ -114,13 +116,14 @@ def _gear(given: GivenMjcf, actuator: Element) -> list[float]:
 
 
 def _set_limit(given: GivenMjcf, actuator: Element, limit: float, bias: float) -> None:
-    """Write a limit of the joint torque, which an actuator states on its own side of the gear."""
+    """Write a limit of the joint torque; the actuator states it on the motor side of its gear."""
     force = limit / abs(_gear(given, actuator)[0])
     actuator.set("forcerange", attribute_text([bias - force, bias + force]))
     actuator.set("forcelimited", "true")
 
 
 def _set_torque_drive(given: GivenMjcf, actuator: Element, corrected: CorrectedModel, name: str) -> None:
+    """Write all findings on a drive into an actuator whose torque is command times gear."""
     found, gear = _numbers_of(corrected, name), _gear(given, actuator)
     gain = corrected.gains.get(name, 1.0)
     bias = corrected.offsets.get(name, 0.0) / (gear[0] * gain) if gain * gear[0] else 0.0
@@ -141,7 +144,7 @@ def _set_torque_drive(given: GivenMjcf, actuator: Element, corrected: CorrectedM
 
 
 def _as_general(given: GivenMjcf, actuator: Element) -> None:
-    """Change a motor to an equivalent ``general``, with no attributes from the defaults of other actuators."""
+    """Change a motor to an equivalent ``general`` element that does not inherit defaults of other actuators."""
     if actuator.tag != "motor":
         return
     kept = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}

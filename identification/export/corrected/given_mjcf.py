@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""The given MJCF with the findings in it; all other content, such as shapes and sensors, is unchanged.
+"""Writes the findings into a copy of the given MJCF; all other content, such as shapes and sensors, is unchanged.
 
-Links, damping, dry friction, rotors and gravity are replaced if they differ. Numbers of drives go into the actuator
-that the file has for the joint, see `identification.export.corrected.given_drives`.
+Link inertias, damping, dry friction, rotors and gravity are replaced if they differ. Findings on drives are written
+into the existing actuators by `identification.export.corrected.given_drives`.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
 _REWRITES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom")
-"""Attributes of <compiler> with which MuJoCo changes inertias after it has read them."""
+"""Attributes of <compiler> with which MuJoCo changes the inertias of the file."""
 _BUILT = ("include", "frame", "replicate", "attach")
-"""Elements that MuJoCo expands into others."""
+"""Elements that MuJoCo expands into other elements."""
 _NAMED = ("body", "joint", "freejoint")
-"""Elements that need a name, so that they are found again."""
+"""Elements that need a name, by which they are found."""
 _WIDTHS = {"free": (7, 6), "ball": (4, 3)}
-"""Numbers of positions and of velocities of joints with several of them."""
+"""Numbers of positions and of velocities of joint types with more than one."""
 _PLACES = ("meshdir", "texturedir")
 """Attributes of <compiler> that state folders."""
 _SAME = 1e-12
-"""Relative difference up to which two numbers count as equal, because files round them."""
+"""Relative difference up to which two numbers count as equal: numbers in files are rounded."""
 
 
 def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> tuple[str, dict[str, Note]]:
@@ -95,7 +95,7 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
 
 
 def _whole_root(file: Path) -> Element:
-    """The file with its comments; expanded by MuJoCo if it has includes, copies or elements without names."""
+    """Root element with comments; if the file has includes, copies or unnamed elements, as expanded by MuJoCo."""
     root = ElementTree.parse(file, comment_parser()).getroot()
     elements = [element for element in root.iter() if isinstance(element.tag, str)]
     built = any(element.tag in _BUILT for element in elements)
@@ -109,7 +109,7 @@ def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> N
     """Refuse files whose compiler changes inertias, whose joints have no names, or whose loops are in another file."""
     for compiler in given.root.iter("compiler"):
         for word in _REWRITES:
-            # Zeros such as "0" or "0 0" become empty: they are among the values that switch a rewrite off.
+            # The values in the tuple switch a rewrite off. Zeros such as "0" or "0 0" become the empty text.
             if compiler.get(word, "auto").strip(" 0.") not in ("", "auto", "false", "-1"):
                 raise RobotError(f"{word} of <compiler> in {file.name} would change the inertias again: remove it.")
     names = list(corrected.given.model.names)[1:]
@@ -117,12 +117,13 @@ def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> N
     if unnamed:
         raise RobotError(f"{file.name} has a joint without a name ({unnamed[0]}): name it.")
     chain = corrected.given.chain
-    # Labels of loops that the MJCF states start with <connect> or <weld>; others are from robot.yaml.
+    # Labels of loops of the MJCF begin with <connect> or <weld>; all other loops are from robot.yaml.
     if chain is not None and any(not anchor.label.startswith("<") for anchor in chain.anchors):
         raise RobotError(f"robot.yaml closes loops of {file.name} between frames: state them as <equality> in it.")
 
 
 def _set_inertias(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> None:
+    """Write the inertias of bodies that the findings changed."""
     robot, before = corrected.robot, corrected.given
     for body in range(1, robot.model.njoints):
         if robot.model.inertias[body] == before.model.inertias[body]:
@@ -141,7 +142,7 @@ def _set_inertias(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> No
 
 
 def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
-    """Standard parameters, about the joint, of the bodies that are fixed to a link, or locked to it."""
+    """Standard parameters, about the link's joint, of the bodies that are fixed to the link or locked."""
     out: dict[str, np.ndarray] = {}
     frames = list(robot.model.frames)
     for k, frame in enumerate(frames):
@@ -152,7 +153,7 @@ def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
 
 
 def _held_bodies(link: Element) -> frozenset[str]:
-    """Bodies behind any joint below a link: they can move in the file, so they keep their own inertia."""
+    """Bodies below a link that a joint of the file moves relative to it: they keep their own inertia."""
     out: set[str] = set()
     todo = [(body, False) for body in link.findall("body")]
     while todo:
@@ -164,7 +165,7 @@ def _held_bodies(link: Element) -> frozenset[str]:
 
 
 def _in_axes_of_link(robot: Robot, body: int, inertia: LinkInertia) -> LinkInertia:
-    """An inertia stated in the frame of a joint, transformed to that of its body, which may have another origin."""
+    """An inertia, transformed from the frame of a joint to that of its body, which may have another origin."""
     name = body_name(robot, body)
     frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
     moved = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
@@ -185,6 +186,7 @@ def _set_joints(given: GivenMjcf, corrected: CorrectedModel) -> None:
 
 
 def _set_springs(given: GivenMjcf, corrected: CorrectedModel) -> None:
+    """Write the springs that were found on joints."""
     for name, (stiffness, rest) in corrected.springs.items():
         joint = given.joints[name]
         joint.set("stiffness", repr(stiffness))
@@ -192,7 +194,7 @@ def _set_springs(given: GivenMjcf, corrected: CorrectedModel) -> None:
 
 
 def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
-    """Shift a joint's zero, range, spring and keyframes, so that its positions are readings of its encoder."""
+    """Shift a joint's zero, range, spring and keyframes, so that its positions are encoder readings."""
     joint = given.joints[name]
     more = given.angle(joint, zero)
     joint.set("ref", repr(float(given.attribute(joint, "ref") or 0.0) + more))
@@ -207,7 +209,7 @@ def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
 
 
 def _add_joint(given: GivenMjcf, corrected: CorrectedModel, name: str) -> None:
-    """Add a second joint after a joint, without attributes from default classes."""
+    """Add a second joint for backlash or a spring after a joint; it inherits no attributes from default classes."""
     joint = given.joints[name]
     joint.set("armature", repr(rotor_of(corrected, name)))
     own = second_joint(corrected, name)
@@ -226,7 +228,7 @@ def _add_joint(given: GivenMjcf, corrected: CorrectedModel, name: str) -> None:
 
 
 def _place(given: GivenMjcf, joint: Element, attribute: str) -> int:
-    """Index of a joint's value in ``qpos`` or ``qvel`` of a keyframe, in which each body's joints follow each other."""
+    """Index of a joint's first value in ``qpos`` or ``qvel`` of a keyframe."""
     bodies = [body for world in given.root.iter("worldbody") for body in world.iter("body")]
     joints = [element for body in bodies for element in body if element.tag in ("joint", "freejoint")]
     kinds = ["free" if one.tag == "freejoint" else given.attribute(one, "type") for one in joints]
@@ -234,6 +236,7 @@ def _place(given: GivenMjcf, joint: Element, attribute: str) -> int:
 
 
 def _keys(given: GivenMjcf, attribute: str) -> list[Element]:
+    """Keyframes that have an attribute."""
     return [key for group in given.root.iter("keyframe") for key in group.findall("key") if key.get(attribute)]
 
 

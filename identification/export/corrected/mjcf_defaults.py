@@ -1,4 +1,4 @@
-"""Attributes of the elements of an MJCF, from the element itself or from its default classes."""
+"""Looks up attributes of MJCF elements, in the element itself or in its default classes."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from math import degrees
 from phantom_dyn.model.robot_xml import Element
 
 ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
-"""Elements that share their defaults in a class, whatever their tag."""
+"""Actuator elements; in a default class, defaults of one of these tags hold for all of them."""
 
 
 @dataclass(frozen=True)
 class GivenMjcf:
-    """The elements of an MJCF by name, with its defaults and its unit of angles.
+    """An MJCF with look-ups of its elements, defaults and unit of angles.
 
     Attributes:
         root: Root element of the file.
-        owners: The element around each element.
+        owners: Parent of each element.
         joints: Joints of bodies by name.
     """
 
@@ -37,7 +37,7 @@ class GivenMjcf:
         return degrees(value) if hinge and self.degrees else value
 
     def attribute(self, element: Element, name: str) -> str | None:
-        """An attribute of an element, or else its default: from the element's class or that of the bodies around it."""
+        """An attribute of an element, or its default from the element's class or the ``childclass`` of its bodies."""
         if element.get(name) is not None:
             return element.get(name)
         tags = ACTUATORS if element.tag in ACTUATORS else (str(element.tag),)
@@ -48,6 +48,7 @@ class GivenMjcf:
         return None
 
     def _class_around(self, element: Element) -> str | None:
+        """The ``childclass`` of the nearest body around an element."""
         owner = self.owners.get(element)
         while owner is not None:
             if owner.tag == "body" and owner.get("childclass"):
@@ -56,7 +57,7 @@ class GivenMjcf:
         return None
 
     def _defaults(self, name: str | None) -> list[Element]:
-        """The ``<default>`` of a class, then those around it; without a class the outermost one."""
+        """The ``<default>`` element of a class, then those around it; without a class the outermost one."""
         outer = self.root.findall("default")
         if name is None:
             return outer
@@ -69,7 +70,7 @@ class GivenMjcf:
 
 
 def given_mjcf(root: Element) -> GivenMjcf:
-    """An MJCF with its elements by name.
+    """The look-ups of an MJCF.
 
     Args:
         root: Root element of the file.

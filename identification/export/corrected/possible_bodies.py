@@ -1,14 +1,14 @@
 # pyright: reportAttributeAccessIssue=false
-"""Possible bodies in place of estimated ones that cannot exist.
+"""Replaces estimated bodies that cannot exist by possible ones.
 
-Tolerance parameters are fitted independently, and only their summed torque along the recorded motion is observed.
-Together they may give a body that cannot exist: for a thin link with a small axial moment, for example, the other two
-moments have to be nearly equal. Such bodies are replaced by possible ones with the same torques along that motion, or
-else by the nearest possible ones.
+Tolerance parameters are fitted independently, and only the sum of their torques along the recorded motion is observed.
+Together they may result in a body that cannot exist. For example, a thin link with a small axial moment of inertia must
+have two nearly equal other moments. Such bodies are replaced by possible bodies with the same torques along the
+recorded motion; if there are none, by the nearest possible bodies.
 
 A body is possible if its pseudo-inertia, the four by four matrix of its moments of order zero to two, has no negative
-eigenvalue [Wensing]_. In the nearest one the negative eigenvalues are raised, with lengths in units of the body's own
-radius of gyration, so that mass and moments have the same weight.
+eigenvalue [Wensing]_. For the nearest possible body the negative eigenvalues are raised, with lengths in units of the
+body's radius of gyration, so that mass and moments have the same weight.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
@@ -35,11 +35,12 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _LEAST = 1e-6
-"""Smallest eigenvalue, as a share of the largest: MuJoCo and other readers refuse a body that is barely possible."""
+"""Smallest eigenvalue as a share of the largest one. It is above zero because MuJoCo and other programs refuse bodies
+that are barely possible."""
 _SAMPLES = 300
-"""Number of samples of the recorded motion on which possible bodies must have the same torques."""
+"""Number of samples of the recorded motion at which possible bodies must have the same torques."""
 _SEEN = 1e-4
-"""Combinations of parameters with a smaller torque than this share of the largest one may change freely."""
+"""Combinations of parameters may change freely if their torque is below this share of the largest one."""
 
 
 def with_possible_bodies(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[Note, ...]]:
@@ -48,7 +49,7 @@ def with_possible_bodies(robot: Robot, given: Robot, motion: Motion) -> tuple[Ro
     Args:
         robot: The robot with estimated bodies.
         given: The given model, whose bodies are possible or nearly so.
-        motion: Motion along which the torques are to stay the same, if that is possible.
+        motion: Motion along which the torques should not change.
 
     Raises:
         ParameterError: If the mass of a body is zero or negative.
@@ -63,13 +64,13 @@ def with_possible_bodies(robot: Robot, given: Robot, motion: Motion) -> tuple[Ro
 
 
 def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, ...]]:
-    """The robot with bodies that cannot exist replaced by possible ones, and a note on each.
+    """The robot with bodies that cannot exist replaced by the nearest possible ones, and a note on each.
 
-    Bodies that are equal to those of the given model are kept in any case.
+    Bodies that are equal to those of the given model are never replaced.
 
     Args:
         robot: The robot with estimated bodies.
-        given: The given model; its bodies set the units of length.
+        given: The given model; its bodies define the units of length.
 
     Raises:
         ParameterError: If the mass of a body is zero or negative.
@@ -120,12 +121,12 @@ def _length(*bodies: Float[Array, "4 4"]) -> float:
 
 
 def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
-    """The robot with possible bodies, as near as possible to the given ones, that need the same torque along a motion.
+    """The robot with possible bodies that need the same torques along a motion and are nearest to the given bodies.
 
     Args:
-        robot: A robot of which some bodies may be impossible.
+        robot: A robot some of whose bodies may be impossible.
         given: The given model, whose bodies are possible or nearly so.
-        motion: Motion along which the torques are equal; of a long one some samples are used.
+        motion: Motion along which the torques are equal; at most 300 of its samples are used.
 
     Raises:
         EstimationError: If there are no such bodies.
@@ -133,12 +134,12 @@ def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
     """
     if not len(motion.t):
         raise EstimationError("No motion was recorded along which other bodies need the same torques.")
-    few = some_motion(motion, _SAMPLES)
+    few_samples = some_motion(motion, _SAMPLES)
     wanted, stated = standard_parameters(robot), standard_parameters(given)
     bodies = reference_bodies(stated)
     scale = np.concatenate([body.scale for body in bodies])
     _, sizes, rows = np.linalg.svd(
-        rigid_body_regressor(robot, few).reshape(-1, len(stated)) * scale, full_matrices=False
+        rigid_body_regressor(robot, few_samples).reshape(-1, len(stated)) * scale, full_matrices=False
     )
     seen = rows[: len(sizes)][sizes > _SEEN * sizes[0]] / scale
     none = np.zeros(0)

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Check of a corrected MJCF in MuJoCo: torques along a motion, and errors of simulated motion."""
+"""Checks a corrected MJCF in MuJoCo: torques along a motion, and errors of simulated motion."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
-_STEP = 1e-3  # step of a rollout [s]
-_LEAD = 300  # number of steps before a rollout, during which joints with encoders follow the recorded motion
+_STEP = 1e-3  # integration step of a rollout [s]
+_LEAD = 300  # number of steps before a rollout in which joints with encoders follow the recorded motion
 
 
 def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nt"]:
-    """True torque on every joint of the tree that the corrected model needs, with the effects in the MJCF [N m or N].
+    """True torque that the corrected model needs on every joint of the tree, with the effects in the MJCF [N m or N].
 
     Args:
         corrected: The corrected model.
-        motion: N samples of the active joints, positions as encoders read them.
+        motion: N samples of the active joints; positions are encoder readings.
     """
     robot = _with_rotors(corrected)
     out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)), tree_motion(robot, motion))
@@ -53,7 +53,9 @@ def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
 
 
 def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> float:
-    """Largest difference of torques, over the largest torque, of an MJCF loaded in MuJoCo; NaN without MuJoCo.
+    """Largest difference between the torques of an MJCF in MuJoCo and of the model, divided by the largest torque.
+
+    The result is NaN if MuJoCo is not installed.
 
     Args:
         text: Text of the MJCF.
@@ -71,15 +73,16 @@ def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> f
 
 
 def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held: Mapping[str, float]) -> float:
-    """`torque_difference` of an edited copy of the user's file, without the parts of it that are not in the model.
+    """Largest relative difference of torques, as of `torque_difference`, for an edited copy of the user's file.
 
-    These are springs, compensated weights, servos and the medium; springs of findings are kept.
+    Parts of the file that are not in the model are switched off first: springs (except those of findings), gravity
+    compensation, servos and the medium.
 
     Args:
         text: Text of the MJCF, with paths at which MuJoCo finds its meshes.
         corrected: The model in the file.
         motion: N samples of the active joints.
-        held: Positions of joints that the robot does not have, if they are not zero.
+        held: Positions, if not zero, of joints of the file that the robot does not have.
 
     Raises:
         RobotError: If MuJoCo refuses the text.
@@ -110,18 +113,18 @@ def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held
 def rollout_errors(
     text: str, robot: Robot, motion: Motion, tau: Float[Array, "N nv"], *, horizon: float = 0.2, starts: int = 40
 ) -> Float[Array, " nv"]:
-    """Distance of MuJoCo's motion from the recorded one after some time under the recorded torque, root mean square.
+    """Root mean square distance of MuJoCo's motion from the recorded one at the end of rollouts under recorded torque.
 
-    Unrecorded states (of links within backlash, of drives with a lag) come from a simulation before each rollout, in
-    which the joints with encoders follow the recorded motion.
+    States that are not recorded (of links within backlash, of drives with a lag) come from a simulation before each
+    rollout, in which the joints with encoders follow the recorded motion.
 
     Args:
-        text: An MJCF with one actuator per driven joint, in the robot's order, before all others.
+        text: An MJCF with one actuator per driven joint, in the robot's order, before all other actuators.
         robot: The robot with its joints and loops.
         motion: N samples of the active joints, from which the rollouts start.
         tau: Logged torque at the same times [N m or N].
         horizon: Duration of each rollout [s].
-        starts: Largest number of rollouts; their starts are evenly spread.
+        starts: Largest number of rollouts; their starts are evenly spaced.
 
     Raises:
         RobotError: If MuJoCo refuses the text, or the motion is shorter than the horizon.
@@ -141,16 +144,16 @@ def rollout_errors(
     errors = np.empty((len(chosen), robot.nv))
     for row, k in enumerate(chosen):
         t = motion.t[k] + np.arange(-lead, count) * _STEP
-        asked = interpolated(t + 0.5 * _STEP, motion.t, tau)[:, driven]
+        commands = interpolated(t + 0.5 * _STEP, motion.t, tau)[:, driven]
         mujoco.mj_resetData(model, data)
-        _set_drives(model, data, float(t[0]), asked[0])
+        _set_drives(model, data, float(t[0]), commands[0])
         for q, v, torque in zip(
-            interpolated(t[:lead], motion.t, tree.q), interpolated(t[:lead], motion.t, tree.v), asked, strict=False
+            interpolated(t[:lead], motion.t, tree.q), interpolated(t[:lead], motion.t, tree.v), commands, strict=False
         ):
             data.qpos[order], data.qvel[order], data.ctrl[: len(driven)] = q, v, torque
             mujoco.mj_step(model, data)
         data.qpos[order], data.qvel[order] = tree.q[k], tree.v[k]
-        for torque in asked[lead:]:
+        for torque in commands[lead:]:
             data.ctrl[: len(driven)] = torque
             mujoco.mj_step(model, data)
         errors[row] = data.qpos[order][active] - interpolated(t[-1:] + _STEP, motion.t, motion.q)[0]
@@ -158,7 +161,7 @@ def rollout_errors(
 
 
 def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> Int[Array, " k"]:
-    """Samples with recorded motion before and after them: a rollout across a gap of the recording has no meaning."""
+    """Indices of samples at which a rollout can start: with recorded motion before and after, without gaps in time."""
     first = np.r_[0, np.flatnonzero(np.diff(t) > 3 * np.median(np.diff(t))) + 1]
     part = np.searchsorted(first, np.arange(len(t)), side="right") - 1
     begins, ends = t[first], t[np.r_[first[1:] - 1, len(t) - 1]]
@@ -168,12 +171,12 @@ def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> I
     return inside[np.unique(np.linspace(0, len(inside) - 1, most).astype(int))]
 
 
-def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"]) -> None:
-    """Set the states of the drives to those after a long time with these commands."""
+def _set_drives(model: Any, data: Any, start: float, commands: Float[Array, " nu"]) -> None:
+    """Set the states of the drives as if the commands had been constant for a long time."""
     import mujoco
 
     data.time = start
-    for j, torque in enumerate(asked):
+    for j, torque in enumerate(commands):
         if model.actuator_actnum[j]:
             data.act[model.actuator_actadr[j]] = torque
         count = int(_histories(model)[j])
@@ -183,12 +186,12 @@ def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"])
 
 
 def _histories(model: Any) -> Int[Array, " nu"]:
-    """Number of commands that each actuator keeps for its delay; older versions of MuJoCo have no delays."""
+    """Number of past commands that each actuator stores for its delay; zero in older versions of MuJoCo."""
     return np.array(model.actuator_history[:, 0]) if hasattr(model, "actuator_history") else np.zeros(model.nu, int)
 
 
 def _with_rotors(corrected: CorrectedModel) -> Robot:
-    """The robot with the rotor inertias that backlash or a spring needs."""
+    """The robot with the rotor inertias that the MJCF has at joints with backlash or a spring."""
     robot = corrected.robot
     for joint in (*corrected.plays, *compliances_in_mjcf(corrected)):
         known = float(corrected.robot.rotor_inertia[row_of(robot, joint)])
@@ -197,6 +200,7 @@ def _with_rotors(corrected: CorrectedModel) -> Robot:
 
 
 def _tendon_friction(corrected: CorrectedModel, tree: TreeMotion) -> Float[Array, "N nt"]:
+    """Dry friction of the couplings, which MuJoCo's inverse dynamics does not include."""
     out = np.zeros_like(tree.v)
     at = dict(zip(corrected.robot.joint_names, corrected.robot.tree_rows, strict=True))
     for c in corrected.couplings:

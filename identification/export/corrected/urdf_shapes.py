@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Shapes of a URDF as geoms of an MJCF: boxes, cylinders and spheres, and meshes that MuJoCo can load.
+"""Copies the shapes of a URDF into an MJCF: boxes, cylinders, spheres, and meshes that MuJoCo can load.
 
 Visual shapes are in group 2 and have no contacts. Collision shapes are in group 3 (in group 2 if a link has no visual
 shape), and have contacts with objects of a scene but not with each other: convex hulls of neighbouring links overlap,
@@ -34,9 +34,9 @@ class Shape:
     """One shape of a link.
 
     Attributes:
-        link: Name of its link.
-        visual: False for a collision shape.
-        geom: Attributes of the geom, type and size, without its placement.
+        link: Name of the link.
+        visual: True for a visual shape, False for a collision shape.
+        geom: Attributes of the geom (type, size, colour) without its placement.
         place: Placement in the link's frame.
         mesh: File and scale of a mesh; None for a primitive.
     """
@@ -49,13 +49,16 @@ class Shape:
 
 
 def with_urdf_shapes(text: str, robot: Robot, file: Path, folder: Path | None) -> tuple[str, tuple[str, ...]]:
-    """The text of an MJCF with the shapes of the robot's URDF, and sentences on shapes that are left out.
+    """Adds the shapes of the robot's URDF to the text of an MJCF.
 
     Args:
         text: Text of the MJCF, without shapes.
         robot: The robot in the MJCF.
         file: The URDF.
         folder: Folder of the MJCF, to which paths of meshes are relative; None for absolute paths.
+
+    Returns:
+        The new text, and sentences on the shapes that are left out.
     """
     shapes, missing = _shapes(file)
     shapes = [shape for shape in shapes if robot.model.existFrame(shape.link, pin.BODY)]
@@ -87,11 +90,11 @@ def with_urdf_shapes(text: str, robot: Robot, file: Path, folder: Path | None) -
 
 
 def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
-    """Shapes of all links that MuJoCo can load, and for each other mesh the reason why it cannot."""
+    """Shapes of all links that MuJoCo can load, and the reason for each mesh that MuJoCo cannot load."""
     root, _ = read_root(file)
     find, out, missing = mesh_finder(file), [], {}
     colours = {str(one.get("name")): _colour(one) for one in root.findall("material")}
-    loads: dict[tuple[Path, str], str] = {}
+    problems: dict[tuple[Path, str], str] = {}
     for link in root.findall("link"):
         for element in (*link.findall("visual"), *link.findall("collision")):
             visual, kind = element.tag == "visual", element.find("geometry/*")
@@ -105,10 +108,10 @@ def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
                 except RobotError:
                     missing[name] = "does not exist"
                     continue
-                if mesh not in loads:
-                    loads[mesh] = _refused(*mesh)
-                if loads[mesh]:
-                    missing[name] = loads[mesh]
+                if mesh not in problems:
+                    problems[mesh] = _load_problem(*mesh)
+                if problems[mesh]:
+                    missing[name] = problems[mesh]
                     continue
                 geom = {"type": "mesh"}
             if geom is None:
@@ -132,8 +135,8 @@ def _primitive(kind: Element) -> dict[str, str] | None:
     return None
 
 
-def _refused(mesh: Path, scale: str) -> str:
-    """Why MuJoCo does not load a mesh; empty if it does, or if MuJoCo is not installed."""
+def _load_problem(mesh: Path, scale: str) -> str:
+    """The reason why MuJoCo cannot load a mesh; empty if MuJoCo can, or is not installed."""
     if mesh.suffix.lower() not in _MESHES:
         return f"ends in {mesh.suffix or 'nothing'}"
     if mujoco_problem():
@@ -152,6 +155,7 @@ def _refused(mesh: Path, scale: str) -> str:
 
 
 def _add_assets(root: Element, meshes: dict[tuple[Path, str], str], folder: Path | None) -> None:
+    """Adds an ``<asset>`` that names each mesh, given by file and scale."""
     if not meshes:
         return
     assets = ElementTree.SubElement(root, "asset")
@@ -161,11 +165,11 @@ def _add_assets(root: Element, meshes: dict[tuple[Path, str], str], folder: Path
 
 
 _VERBS = (("ends", "end"), ("does", "do"), ("is", "are"))
-"""Verbs with which the reasons begin, of one mesh and of several."""
+"""Verbs with which the reasons begin: singular for one mesh, plural for several."""
 
 
 def _sentences(missing: dict[str, str]) -> tuple[str, ...]:
-    """One sentence for each reason, with the meshes that are left out for it."""
+    """One sentence for each reason, with the names of the meshes that are left out for this reason."""
     out = []
     for reason in dict.fromkeys(missing.values()):
         names = [Path(name).name for name, why in missing.items() if why == reason]
@@ -178,6 +182,7 @@ def _sentences(missing: dict[str, str]) -> tuple[str, ...]:
 
 
 def _colour(material: Element) -> str | None:
+    """The ``rgba`` of a URDF material; None if the material has no colour of its own."""
     colour = material.find("color")
     return None if colour is None else colour.get("rgba")
 

@@ -1,1 +1,1 @@
-"""A robot as URDF and MJCF, loaded again and compared."""
+"""Writes a robot as URDF and MJCF, loads the files again, and compares their torques with the robot's."""

@@ -1,7 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and loops; no shapes.
+"""Writes a robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and loops; no shapes.
 
-A joint that follows others by a formula is written as an equality: to one joint directly, to several by a tendon.
+A joint whose position is a linear function of other joints becomes an equality. With one other joint it is a joint
+equality; with several it is the equality of a tendon.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
 _LEAST = 1e-15
-"""MuJoCo's least mass [kg] and principal inertia [kg m^2] of a body that moves."""
+"""Smallest mass [kg] and principal inertia [kg m^2] that MuJoCo accepts for a moving body."""
 
 
 def mjcf_text(robot: Robot) -> str:
-    """The text of an MJCF with one motor per driven joint, and loops that keep two frames together.
+    """The text of an MJCF, with one motor per driven joint and an equality for each closed loop.
 
     Args:
         robot: The robot.
 
     Raises:
-        ParameterError: If a body cannot exist, or not in MuJoCo.
+        ParameterError: If a body's inertia is physically impossible, or one that MuJoCo refuses.
     """
     root = ElementTree.Element("mujoco", model=robot.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -57,6 +58,7 @@ def mjcf_text(robot: Robot) -> str:
 
 
 def _body(parent: Element, body: TreeBody) -> Element:
+    """Adds a body with its joint and inertia to its parent element."""
     inertia = body.inertia
     if inertia.mass < _LEAST or np.linalg.eigvalsh(inertia.inertia)[0] < _LEAST:
         raise ParameterError(
@@ -81,7 +83,7 @@ def _body(parent: Element, body: TreeBody) -> Element:
 
 
 def inertial_of(inertia: LinkInertia) -> Element:
-    """The ``<inertial>`` of a body; nothing is rounded."""
+    """The ``<inertial>`` of a body, with all digits of the numbers."""
     entries = [inertia.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     # MuJoCo refuses a full matrix of zeros.
     matrix = {"fullinertia": attribute_text(entries)} if inertia.mass else {"diaginertia": "0 0 0"}
@@ -90,7 +92,7 @@ def inertial_of(inertia: LinkInertia) -> Element:
 
 
 def _trunk(world: Element, robot: Robot) -> Element:
-    """The body of a floating base with its given inertia; the world if its inertia is not that of a possible body."""
+    """Adds the body of a floating base; returns the world instead if MuJoCo would refuse the base's inertia."""
     mass, center, inertia = central_parameters(robot.model.inertias[0].toDynamicParameters())
     if mass < _LEAST or np.linalg.eigvalsh(inertia)[0] < _LEAST or breaks_triangle(inertia):
         return world
@@ -106,7 +108,7 @@ def _site(parent: Element, site: TreeFrame) -> None:
 
 
 def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
-    """Add equalities between sites for loops that keep two frames together."""
+    """Adds an equality between two sites for each loop that keeps two frames together."""
     if robot.chain is None or not robot.chain.anchors:
         return
     group = ElementTree.SubElement(root, "equality")
@@ -114,7 +116,7 @@ def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
         names = [f"loop_{index}_a", f"loop_{index}_b"]
         for name, frame in zip(names, (anchor.frame_a, anchor.frame_b), strict=True):
             model_frame = robot.model.frames[frame]
-            # Joint 0 stands for the ground, which is the last of the owners.
+            # Joint 0 is the ground, which is the last of the owners (index -1).
             tree_frame = TreeFrame(
                 name, -1, np.array(model_frame.placement.rotation), np.array(model_frame.placement.translation)
             )
@@ -124,24 +126,25 @@ def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
 
 
 def _place(position: Float[Array, " 3"], rotation: Float[Array, "3 3"]) -> dict[str, str]:
+    """A placement as the attributes ``pos`` and ``quat``."""
     turn = pin.Quaternion(np.array(rotation)).normalized()
     return {"pos": attribute_text(position), "quat": attribute_text([turn.w, turn.x, turn.y, turn.z])}
 
 
 FOLLOWS = "{}_follows"
-"""Name of the equality of a joint that follows others, and of its tendon."""
+"""Name of the equality, and of its tendon, for a joint whose position depends on other joints."""
 _SOFTNESS = {"solref": "0.004 1", "solimp": "0.99 0.9999 0.001"}
-"""Gears and rods are stiff: this is the stiffest equality that MuJoCo's usual step allows (two steps of 2 ms)."""
+"""Stiffest equality that MuJoCo's default step of 2 ms allows: its time constant is two steps."""
 
 
 def add_followers(root: Element, robot: Robot) -> None:
-    """Add an equality for each joint of a robot that follows others by a formula.
+    """Adds an equality for each joint whose position is a linear function of other joints.
 
-    MuJoCo measures both sides from the reference positions of the file, which are zero without ``ref``.
+    MuJoCo measures the positions in an equality from each joint's ``ref``, which is zero unless the file states one.
 
     Args:
-        root: Root element of an MJCF with the robot's joints; changed.
-        robot: A closed chain, or a plain robot, for which nothing is added.
+        root: Root element of an MJCF with the robot's joints; changed in place.
+        robot: The robot; nothing is added for one without loops.
     """
     chain = robot.chain
     if chain is None:

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""Loads written models again, and compares their torques with those of the models that they were made from.
+"""Loads written models again, and compares their torques with those of the models in memory.
 
-If MuJoCo is broken or too old, it is not used, as if it were not installed.
+A broken or outdated MuJoCo counts as not installed.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ _NEWER = (
     ),
     (" delay=", '<motor joint="j" delay="0.01" nsample="12" interp="linear"/>', "delay of an actuator"),
 )
-"""Features of newer versions of MuJoCo: text that shows their use, an actuator with the feature, and its name."""
+"""Features that only newer versions of MuJoCo have: text in files that use the feature, a test actuator, and a name."""
 
 
 def mujoco_problem(text: str = "") -> str | None:
-    """Why MuJoCo cannot load a file again, as the end of a sentence; None if it can.
+    """The reason why MuJoCo cannot be used, as the end of a sentence; None if MuJoCo can be used.
 
     Args:
-        text: Text of the MJCF, which may have elements that only newer versions read.
+        text: Text of the MJCF to load, to test whether this version of MuJoCo has all features that the MJCF uses.
     """
     try:
         import mujoco
-    except Exception as error:  # a library of the system that is missing raises OSError, a half installation anything
+    except Exception as error:  # a missing system library raises OSError; a broken installation can raise any error
         return f"MuJoCo cannot be imported ({' '.join(str(error).split())})"
     version = str(getattr(mujoco, "__version__", "0"))
     if not hasattr(mujoco, "MjModel") or _numbers(version) < OLDEST:
@@ -66,23 +66,23 @@ def mujoco_problem(text: str = "") -> str | None:
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """The first two numbers of a version."""
+    """Major and minor number of a version."""
     parts = [*version.split("."), "0"][:2]
     return tuple(int(part) if part.isdigit() else 0 for part in parts)
 
 
 TOLERANCE = 1e-6
-"""Largest accepted difference of torques over the largest torque. Files have all digits, so more is a mistake."""
+"""Largest accepted torque difference, divided by the largest torque. Files have all digits, so more means a bug."""
 
 
 def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None) -> float:
-    """Largest difference of torques, over the largest torque, of a URDF that Pinocchio has loaded again.
+    """Largest torque difference between a URDF, loaded by Pinocchio, and the robot, divided by the largest torque.
 
-    All joints of the tree are compared, as if each had a drive: a URDF has no loops.
+    A URDF has no loops, so the torques of all joints of the tree are compared, as if each joint had a drive.
 
     Args:
         text: Text of the URDF.
-        robot: The model in the file; rotor inertias are taken from it, as a URDF has none.
+        robot: The robot in memory; rotor inertias are taken from the robot, as a URDF has none.
         motion: N samples of the active joints.
         config: The robot's ``robot.yaml``, for locked joints and gravity.
 
@@ -96,11 +96,11 @@ def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None
 
 
 def robot_with_urdf(text: str, robot: Robot, config: Path | None) -> Robot:
-    """A robot with the links, joints and friction of a URDF that Pinocchio has loaded.
+    """The robot with its links, joints and friction replaced by those in a URDF.
 
     Args:
         text: Text of the URDF.
-        robot: The robot with all that a URDF lacks: rotor inertias, gravity, loops and drives.
+        robot: The robot, which supplies what a URDF lacks: rotor inertias, gravity, loops and drives.
         config: The robot's ``robot.yaml``, for locked joints.
 
     Raises:
@@ -118,7 +118,7 @@ def robot_with_urdf(text: str, robot: Robot, config: Path | None) -> Robot:
 
 
 def loaded_urdf(text: str, config: Path | None) -> Robot:
-    """The robot of a URDF that was written.
+    """Loads the text of a written URDF.
 
     Args:
         text: Text of the URDF.
@@ -137,9 +137,9 @@ def loaded_urdf(text: str, config: Path | None) -> Robot:
 
 @contextmanager
 def _config_for(text: str, config: Path | None) -> Iterator[Path | None]:
-    """A ``robot.yaml`` without entries on joints that a URDF does not have.
+    """A ``robot.yaml`` without its entries on joints that the URDF does not have.
 
-    A URDF that is made from an MJCF has no joints that were held fixed.
+    For example, a URDF made from an MJCF lacks the joints that the ``robot.yaml`` locks.
     """
     content = {} if config is None else load_mapping(config, RobotError)
     there = {joint.get("name") for joint in ElementTree.fromstring(text.encode()).findall("joint")}
@@ -148,17 +148,19 @@ def _config_for(text: str, config: Path | None) -> Iterator[Path | None]:
         yield config
         return
     kept = {name: keys for name, keys in joints.items() if name in there}
-    left = {**content, "lock": [name for name in lock if name in there], "joints": kept}
-    with unnamed_file(settings_text(left).encode(), suffix=".yaml") as path:
+    reduced = {**content, "lock": [name for name in lock if name in there], "joints": kept}
+    with unnamed_file(settings_text(reduced).encode(), suffix=".yaml") as path:
         yield path
 
 
 def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
-    """Largest difference of torques, over the largest torque, of an MJCF loaded again; NaN without MuJoCo.
+    """Largest torque difference between an MJCF, loaded by MuJoCo, and the robot, divided by the largest torque.
+
+    NaN without MuJoCo.
 
     Args:
         text: Text of the MJCF.
-        robot: The model in the file.
+        robot: The robot in memory.
         motion: N samples of the active joints.
 
     Raises:
@@ -171,11 +173,13 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
 
 
 def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
-    """Torque [N m or N] on every joint of the tree that an MJCF needs in MuJoCo, less that of drives without a command.
+    """Torque [N m or N] that a motion needs in MuJoCo, for every joint of the tree.
+
+    Torques that the drives of the file exert at zero command are subtracted.
 
     Args:
-        text: Text of the MJCF; joints that the robot does not have stay at zero.
-        robot: The robot with the joints.
+        text: Text of the MJCF; joints of the file that the robot does not have stay at zero.
+        robot: The robot, whose joints define the columns.
         tree: N samples of the motion of all joints.
 
     Raises:
@@ -185,23 +189,26 @@ def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N 
 
 
 def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[str, float]) -> Float[Array, "N nt"]:
-    """`mujoco_torque` of a loaded model.
+    """Torque [N m or N] that a motion needs in a loaded MuJoCo model, for every joint of the tree.
+
+    Torques that the drives of the model exert at zero command are subtracted.
 
     Args:
-        model: MuJoCo's model; its constraints are switched off.
-        robot: The robot with the joints.
+        model: MuJoCo's model; its constraints are switched off by this function.
+        robot: The robot, whose joints define the columns.
         tree: N samples of the motion of all joints.
-        held: Positions of joints that the robot does not have, if they are not zero.
+        held: Positions [rad or m] of joints that only MuJoCo's model has, by name; zero for joints without an entry.
     """
     import mujoco
 
-    # Loops and dry friction are constraints. Without constraints the torque is that of the tree; friction is added.
+    # MuJoCo treats loops and dry friction as constraints. Without constraints the result is the torque of the tree
+    # without dry friction, which is added at the end.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
     places, order = mujoco_joints(model, robot)
     out = np.empty_like(tree.v)
     for k, (q, v, a) in enumerate(zip(tree.q, tree.v, tree.a, strict=True)):
-        # A floating base is kept at rest and upright.
+        # Zeros keep a floating base upright and at rest.
         for values, own, at in ((data.qpos, q, places), (data.qvel, v, order), (data.qacc, a, order)):
             values[:] = 0.0
             values[at] = own
@@ -216,7 +223,7 @@ def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[s
 
 
 def load_mujoco(text: str) -> Any:
-    """MuJoCo's model of an MJCF.
+    """Loads the text of an MJCF with MuJoCo.
 
     Raises:
         RobotError: If MuJoCo refuses the text.
@@ -230,7 +237,7 @@ def load_mujoco(text: str) -> Any:
 
 
 def mujoco_joints(model: Any, robot: Robot) -> tuple[list[int], list[int]]:
-    """MuJoCo's index of position and velocity of each joint of the robot's tree."""
+    """Indices of each joint of the robot's tree in MuJoCo's ``qpos`` and in ``qvel``."""
     import mujoco
 
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
@@ -239,12 +246,12 @@ def mujoco_joints(model: Any, robot: Robot) -> tuple[list[int], list[int]]:
 
 
 def some_motion(motion: Motion, most: int = 200) -> Motion:
-    """At most this number of samples of a motion, evenly spread."""
+    """At most ``most`` samples of a motion, evenly spread."""
     return motion.at(np.unique(np.linspace(0, len(motion.t) - 1, most).astype(int)))
 
 
 def versions() -> dict[str, str]:
-    """Name and version of the libraries that load the files again, by format; MuJoCo only if it is installed."""
+    """Name and version of the library that loads each file format again; no entry for MJCF without MuJoCo."""
     out = {"urdf": f"Pinocchio {pin.__version__}"}
     if mujoco_problem() is None:
         import mujoco
@@ -254,6 +261,6 @@ def versions() -> dict[str, str]:
 
 
 def relative_difference(found: Float[Array, "N nt"], wanted: Float[Array, "N nt"]) -> float:
-    """Largest difference of torques, over the largest expected torque."""
+    """Largest difference of torques, divided by the largest expected torque."""
     largest = float(np.abs(wanted).max())
     return float(np.abs(found - wanted).max() / (largest if largest > 0 else 1.0))

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Bodies, joints, frames and friction of a robot as plain data, from which new model files are written."""
+"""Extracts bodies, joints, frames and friction of a robot as plain data for writing model files."""
 
 from __future__ import annotations
 
@@ -21,14 +21,17 @@ class TreeBody:
 
     Attributes:
         name: Name of the link.
-        parent: Its parent's index among all bodies, -1 for the ground.
+        parent: Index of the parent body; -1 for the ground.
         joint: Name of the joint.
         prismatic: True if the joint is linear.
-        rotation, position: Placement of the joint in the parent's frame.
-        axis: Axis of the joint, in its own frame.
+        rotation: Orientation of the joint in the parent's frame.
+        position: Position of the joint in the parent's frame [m].
+        axis: Axis of the joint, in the joint's frame.
         limits: Lower and upper position [rad or m]; None without limits.
-        inertia: Inertia in the frame of the joint.
-        damping, friction, armature: Viscous coefficient, Coulomb torque and rotor inertia of the joint, in SI units.
+        inertia: Inertia of the body in the joint's frame.
+        damping: Viscous friction coefficient of the joint [N m s/rad or N s/m].
+        friction: Coulomb friction of the joint [N m or N].
+        armature: Rotor inertia of the joint [kg m^2 or kg].
     """
 
     name: str
@@ -47,7 +50,7 @@ class TreeBody:
 
 @dataclass(frozen=True)
 class TreeFrame:
-    """A named place on a body (index -1: the ground)."""
+    """A named frame that is fixed to the body with index ``body``, or to the ground if the index is -1."""
 
     name: str
     body: int
@@ -59,7 +62,7 @@ def bodies(robot: Robot) -> tuple[TreeBody, ...]:
     """The moving bodies of a robot, parents first.
 
     Raises:
-        ParameterError: If a body cannot exist.
+        ParameterError: If the inertia of a body is physically impossible.
     """
     model = robot.model
     viscous, coulomb = tree_friction(robot)
@@ -97,9 +100,9 @@ def bodies(robot: Robot) -> tuple[TreeBody, ...]:
 
 
 def frames(robot: Robot) -> tuple[TreeFrame, ...]:
-    """Named frames that are neither a moving body nor a joint: fixed links, and frames such as a tip.
+    """Fixed links and named frames of a robot, such as the tip of a tool; without moving bodies and joints.
 
-    A frame whose name is already in use is left out.
+    If several frames have the same name, only the first is returned.
     """
     model = robot.model
     seen = {body_name(robot, j) for j in range(1, model.njoints)} | {"universe", "world"}
@@ -114,10 +117,10 @@ def frames(robot: Robot) -> tuple[TreeFrame, ...]:
 
 
 def tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
-    """Torque [N m or N] on every joint of the tree, as if each had a drive: links, rotors and friction.
+    """Torque [N m or N] that links, rotors and friction need on every joint of the tree, as if each had a drive.
 
     Args:
-        robot: The robot with its friction.
+        robot: The robot.
         tree: N samples of the motion of all joints.
     """
     viscous, coulomb = tree_friction(robot)
@@ -130,7 +133,7 @@ def tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
 
 
 def with_tree_friction(robot: Robot, viscous: Float[Array, " nt"], coulomb: Float[Array, " nt"]) -> Robot:
-    """The robot with other friction on every joint of its tree."""
+    """The robot with the given viscous and Coulomb friction on every joint of its tree."""
     active = list(robot.tree_rows)
     chain = robot.chain
     if chain is not None:

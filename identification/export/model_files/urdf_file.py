@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot as URDF: its given file with new inertias and friction, or a new file.
+"""Writes a robot as URDF: edits the inertias and friction in its given file, or writes a new file.
 
-In an edited file everything else is unchanged, and the inertia of a moving body is divided among the links that are
-fixed to each other. A new file has tree, inertias and friction, but no shapes.
+Editing leaves the rest of the file unchanged. If several links are fixed to each other and so form one moving body,
+their inertias in the file add up to the body's inertia. A new file has tree, inertias and friction, but no shapes.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def placement(origin: Element | None) -> pin.SE3:
 
 
 def child_of(element: Element, tag: str) -> Element:
-    """The first child of an element with a tag, which is added if there is none."""
+    """The first child with this tag; a new child is added if the element has none."""
     found = element.find(tag)
     return ElementTree.SubElement(element, tag) if found is None else found
 
@@ -67,13 +67,15 @@ def link_of_joint(root: Element, joint: str) -> str | None:
 
 
 def fixed_links(robot: Robot, root: Element, body: int, own: str) -> dict[str, Float[Array, " 10"]]:
-    """Standard parameters, about the joint, of the other links of a body that state an inertia.
+    """Standard inertial parameters, about the joint, of the links that are fixed to the link on a joint.
+
+    Links without an inertia in the URDF are left out.
 
     Args:
         robot: The robot, with the placements of the links.
         root: Root element of the URDF.
-        body: Pinocchio's index of the body's joint.
-        own: The child link of that joint.
+        body: Pinocchio's index of the joint.
+        own: Name of the link on the joint, to which the others are fixed.
     """
     places = {f.name: f.placement for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == body}
     stated = {link.get("name", ""): stated_inertia(link) for link in root.findall("link")}
@@ -85,7 +87,10 @@ def fixed_links(robot: Robot, root: Element, body: int, own: str) -> dict[str, F
 
 
 def locked_links(robot: Robot, root: Element) -> frozenset[str]:
-    """Links behind a locked joint, which can move in a file without the lock."""
+    """Names of the links that only a locked joint fixes to their body.
+
+    They are the child links of locked joints and all links that are fixed to these.
+    """
     children: dict[str, list[tuple[str, str]]] = {}
     for element in root.findall("joint"):
         parent, child = element.find("parent"), element.find("child")
@@ -104,23 +109,23 @@ def locked_links(robot: Robot, root: Element) -> frozenset[str]:
 def own_inertia(
     robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], held: frozenset[str], *, broken: bool = False
 ) -> tuple[LinkInertia, frozenset[str]]:
-    """Inertia of the link on a joint, which together with that of the links fixed to it is the inertia of the body.
+    """Inertia of the link on a joint: the inertia of the whole body minus that of the links fixed to this link.
 
-    Links fixed to it keep the inertia in the file. If no possible body has the remainder, their inertia is added to the
-    link's own instead; links behind a locked joint always keep theirs.
+    If this difference is physically impossible, the inertia of the fixed links is moved to the link on the joint. Links
+    behind a locked joint always keep their inertia.
 
     Args:
         robot: The robot, with the inertia of the body.
-        body: Pinocchio's index of its joint.
-        fixed: Parameters of the links that are fixed to it, from `fixed_links`.
+        body: Pinocchio's index of the joint.
+        fixed: Parameters of the links that are fixed to the link on the joint, from `fixed_links`.
         held: Links behind a locked joint, from `locked_links`.
-        broken: True if no body can have the inertia in the given file, which loads all the same.
+        broken: True if the link's inertia in the given file already violates the triangle inequality.
 
     Returns:
-        The inertia, and the links whose own inertia becomes zero.
+        The inertia, and the names of the links that lose their inertia.
 
     Raises:
-        ParameterError: If no possible body has the remainder.
+        ParameterError: If the difference is impossible in both cases.
     """
     whole = robot.model.inertias[body].toDynamicParameters()
     reason = None
@@ -138,6 +143,7 @@ _BROKEN = "one principal inertia exceeds the sum of the others"
 
 
 def _cannot_exist(link: str, reason: str) -> str:
+    """Error message for a link with a physically impossible inertia."""
     return (
         f"The link {link} cannot exist with the identified inertia, {reason}: record more motion, or take an estimator "
         "that keeps bodies possible."
@@ -145,7 +151,7 @@ def _cannot_exist(link: str, reason: str) -> str:
 
 
 def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
-    """The text of a URDF in which the inertias and frictions that differ from the given robot's are replaced.
+    """The text of a given URDF with new inertias and friction where these differ from the given model.
 
     Args:
         robot: The robot with the new inertias and friction.
@@ -155,7 +161,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
 
     Raises:
         RobotError: If the file has no link on a joint of the robot.
-        ParameterError: If no possible body has the inertia of a link.
+        ParameterError: If the inertia of a link would be physically impossible.
     """
     root = ElementTree.parse(file, comment_parser()).getroot()
     links = {link.get("name", ""): link for link in root.findall("link")}
@@ -191,7 +197,7 @@ def _comments_before(file: Path) -> list[str]:
 
 
 def inertial_element(inertia: LinkInertia) -> Element:
-    """The ``<inertial>`` of a link; nothing is rounded."""
+    """The ``<inertial>`` of a link, with all digits of the numbers."""
     element = ElementTree.Element("inertial")
     ElementTree.SubElement(element, "origin", xyz=attribute_text(inertia.center), rpy="0 0 0")
     ElementTree.SubElement(element, "mass", value=repr(float(inertia.mass)))
@@ -202,18 +208,19 @@ def inertial_element(inertia: LinkInertia) -> Element:
 
 
 def attribute_text(numbers) -> str:
-    """Numbers of an attribute; nothing is rounded."""
+    """Numbers as the text of an attribute, with all digits."""
     return " ".join(repr(float(x)) for x in np.ravel(numbers))
 
 
 def set_inertial(link: Element, inertial: Element) -> None:
-    """Put an ``<inertial>`` in the place of those that a link or body has."""
+    """Replaces the ``<inertial>`` of a link or body."""
     for element in link.findall("inertial"):
         link.remove(element)
     link.insert(0, inertial)
 
 
 def _set_friction(root: Element, robot: Robot, given: Robot) -> None:
+    """Writes each joint's damping and friction that differ from the given model."""
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     new, old = tree_friction(robot), tree_friction(given)
     for k, name in enumerate(list(robot.model.names)[1:]):
@@ -223,6 +230,7 @@ def _set_friction(root: Element, robot: Robot, given: Robot) -> None:
 
 
 def _relocate(root: Element, source: Path, folder: Path) -> None:
+    """Makes file names that are relative to ``source`` relative to ``folder`` instead."""
     for element in root.iter():
         name = element.get("filename") if isinstance(element.tag, str) else None
         if name and not name.startswith(_SCHEMES) and not Path(name).is_absolute() and (source / name).exists():
@@ -230,19 +238,19 @@ def _relocate(root: Element, source: Path, folder: Path) -> None:
 
 
 def new_urdf(robot: Robot) -> str:
-    """The text of a URDF.
+    """The text of a new URDF.
 
     Args:
-        robot: The robot; joints of loops become joints of a tree.
+        robot: The robot; closed loops are cut open, as a URDF is a tree.
 
     Raises:
-        ParameterError: If a body cannot exist.
+        ParameterError: If the inertia of a body is physically impossible.
     """
     root = ElementTree.Element("robot", name=robot.name)
     tree, places = bodies(robot), frames(robot)
     taken = {body.name for body in tree} | {place.name for place in places}
     ground = next(name for name in ("ground", *(f"ground_{k}" for k in range(len(taken) + 1))) if name not in taken)
-    names = [*(body.name for body in tree), ground]  # the last one has index -1, which stands for the ground
+    names = [*(body.name for body in tree), ground]  # the ground is last, so that index -1 is the ground
     ElementTree.SubElement(root, "link", name=ground)
     for body in tree:
         if breaks_triangle(body.inertia.inertia):
@@ -252,7 +260,7 @@ def new_urdf(robot: Robot) -> str:
         kind = "prismatic" if body.prismatic else "revolute" if body.limits else "continuous"
         joint = _joint(root, body.joint, kind, names[body.parent], body.name, body.rotation, body.position)
         ElementTree.SubElement(joint, "axis", xyz=attribute_text(body.axis))
-        # URDF requires effort and speed with the limits, and limits for a linear joint.
+        # URDF requires limits of a linear joint, and an effort and a velocity wherever there are limits.
         low, high = body.limits or ((-1e3, 1e3) if body.prismatic else (0.0, 0.0))
         limit = {"lower": repr(low), "upper": repr(high)} if kind != "continuous" else {}
         ElementTree.SubElement(joint, "limit", limit, effort="1e6", velocity="1e3")
@@ -273,6 +281,7 @@ def _joint(
     rotation: Float[Array, "3 3"],
     position: Float[Array, " 3"],
 ) -> Element:
+    """Adds a joint between two links; rotation and position are its placement in the parent link."""
     joint = ElementTree.SubElement(root, "joint", name=name, type=kind)
     ElementTree.SubElement(
         joint, "origin", xyz=attribute_text(position), rpy=attribute_text(pin.rpy.matrixToRpy(np.array(rotation)))

@@ -1,1 +1,1 @@
-"""Uses of a diagnosis: training in simulation, and control."""
+"""Writes files that use a diagnosis for training in simulation and for control."""

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Feedforward for control: the corrected model's drive torque as plain Python without dependencies, and as a table.
+"""Writes the feedforward torque of the corrected model as plain Python without dependencies, and as a table.
 
-The inverse dynamics in ``feedforward_functions.txt`` repeat `phantom_dyn.dynamics.dynamics` on purpose, because the
-file that a user copies into a controller must not need other code.
+The inverse dynamics in ``feedforward_functions.txt`` repeat `phantom_dyn.dynamics.dynamics` on purpose: users copy the
+written file into a controller, so the file must not need other code.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.model.robot import Robot
 
-_POSITIONS, _SPEEDS = 91, 20  # rows of the table over the position of a joint, and over each direction of its speed
-_JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1
+_POSITIONS, _SPEEDS = 91, 20  # number of positions of a joint in the table, and of speeds in each direction
+_JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1  # rows of one joint: positions, speeds in both directions, and speed zero
 OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
-"""Effects that have their own law in the file, in addition to their part in `CorrectedModel`."""
+"""Effects of `CorrectedModel.others` for which the file has an own formula."""
 _MOST = 2.0
-"""Largest torque that the file returns, over the largest measured one; it refuses motions that need more."""
+"""The file refuses motions that need more than this multiple of the largest measured torque."""
 COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom", "run")
 
 
@@ -46,7 +46,7 @@ def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
         diagnosis: The diagnosis, with the largest measured torques.
 
     Raises:
-        ParameterError: If the robot has loops that keep frames together, which need a solver.
+        ParameterError: If the robot has numerically solved loops.
     """
     functions = Path(__file__).with_name("feedforward_functions.txt").read_text(encoding="utf-8")
     imports, _, functions = functions.partition("import math\n")
@@ -57,7 +57,7 @@ def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
 
 
 def loaded(code: str, file: str = FEEDFORWARD) -> dict[str, Any]:
-    """The names that a written Python file defines.
+    """Runs a written Python file and returns the names that the file defines.
 
     Args:
         code: Text of the file.
@@ -69,10 +69,10 @@ def loaded(code: str, file: str = FEEDFORWARD) -> dict[str, Any]:
 
 
 def over_samples(code: str) -> dict[str, Any]:
-    """The names that a ``feedforward.py`` defines, for an array of N samples per joint in place of a number.
+    """The names that a ``feedforward.py`` defines, with functions that accept arrays of N samples instead of numbers.
 
-    The functions use sums, products and functions of ``math``, which NumPy has under the same names. Pass read-only
-    arrays, so that a function that changes its arguments fails.
+    The functions of the file use only sums, products and functions of ``math`` that NumPy has under the same names, so
+    ``math`` is replaced by NumPy. Pass read-only arrays, so that a function that changes its arguments fails.
     """
     names = loaded(code)
     names |= {"math": np, "_sign": np.sign, "_check": lambda *_: None, "_refuse": lambda _: None}
@@ -90,7 +90,9 @@ def _measured(diagnosis: Diagnosis, nv: int) -> _Limits:
 
 
 def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str) -> str:
-    """The text of ``feedforward.csv``: each joint over its recorded positions and speeds, the others in mid range.
+    """The text of ``feedforward.csv``: torques of each joint over its recorded range of positions and of speeds.
+
+    The other joints are at rest in the middle of their recorded positions.
 
     Args:
         corrected: The corrected model.
@@ -109,17 +111,17 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
-    for k, (j, numbers, left) in enumerate(
+    for k, (j, numbers, room) in enumerate(
         zip(joints.tolist(), np.array(own).T.tolist(), headroom.tolist(), strict=True)
     ):
         over = "position" if k % _JOINT_ROWS < _POSITIONS else "velocity"
-        # Without a limit of the torque the headroom is an empty cell.
-        table.writerow([over, cells[j], *numbers, left if np.isfinite(left) else "", diagnosis.run])
+        # Without a limit of the torque the headroom is infinite, and its cell is empty.
+        table.writerow([over, cells[j], *numbers, room if np.isfinite(room) else "", diagnosis.run])
     return text.getvalue()
 
 
 def _table_motion(diagnosis: Diagnosis, nv: int) -> tuple[Float[Array, "N nv"], Float[Array, "N nv"]]:
-    """Positions and velocities of the table's rows: for each joint first positions at rest, then speeds."""
+    """Positions and velocities of the table's rows: for each joint first all positions at rest, then all velocities."""
     q, v = diagnosis.evidence.q, diagnosis.evidence.v
     low, high = (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(nv), np.zeros(nv))
     fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(nv)
@@ -133,16 +135,17 @@ def _table_motion(diagnosis: Diagnosis, nv: int) -> tuple[Float[Array, "N nv"], 
 
 
 def _rows(values: Float[Array, "N nv"]) -> list[Float[Array, " N"]]:
-    """One read-only array for each joint."""
+    """The columns of ``values``: one read-only array for each joint."""
     return [read_only(row) for row in values.T]
 
 
 def _series(values: list[Float[Array, " N"] | float]) -> Float[Array, "N nv"] | Float[Array, " nv"]:
-    """Values of a function for each joint as one array, samples first; one row if they do not depend on samples."""
+    """Values of each joint as one array; without the dimension of samples if all values are constants."""
     return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
 def _constants(corrected: CorrectedModel) -> dict[str, object]:
+    """Constants of the file by name: parameters of the corrected model."""
     robot = corrected.robot
     slope, start = _linear_loops(robot)
     row = {joint: k for k, joint in enumerate(robot.joint_names)}
@@ -180,7 +183,7 @@ def _constants(corrected: CorrectedModel) -> dict[str, object]:
 
 
 class _Limits(tuple):
-    """Numbers, some of them infinite, whose text is valid Python."""
+    """A tuple of numbers whose ``repr`` is valid Python code also for infinite numbers."""
 
     def __repr__(self) -> str:
         words = [repr(float(x)) if np.isfinite(x) else "math.inf" for x in self]
@@ -188,6 +191,7 @@ class _Limits(tuple):
 
 
 def _plain(values: Float[Array, "..."]) -> tuple:
+    """An array as nested tuples."""
     return tuple(float(x) if np.ndim(x) == 0 else _plain(x) for x in np.asarray(values))
 
 
@@ -204,7 +208,7 @@ def _bodies(robot: Robot) -> tuple:
 
 
 def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " nt"]]:
-    """Positions of all joints as a linear function of the driven ones: slopes and offsets."""
+    """Slopes and offsets of the positions of all joints as a linear function of the driven joints' positions."""
     if robot.chain is None:
         return np.eye(robot.nv), np.zeros(robot.nv)
     if robot.chain.anchors:
@@ -218,7 +222,7 @@ def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " n
 
 
 def _docstring(corrected: CorrectedModel) -> str:
-    """The docstring of the file: how it is used, and what is not in it."""
+    """The docstring of the file: its use, and the effects that it lacks."""
     robot = corrected.robot
     names = robot.joint_names
     lines = [
@@ -239,6 +243,7 @@ def _docstring(corrected: CorrectedModel) -> str:
 
 
 def _missing(corrected: CorrectedModel) -> list[str]:
+    """Names of the effects of the corrected model that the file lacks."""
     words = (
         (effect_named(e.effect, corrected.given).words, e.joint) for e in corrected.others if e.effect not in OWN_LAWS
     )

@@ -1,9 +1,9 @@
-"""Domain randomisation: distribution of the effects that a diagnosis found, and of some that it cannot rule out.
+"""Domain randomisation: distribution of the effects that a diagnosis found, and of effects that it cannot rule out.
 
-Effects that were found are drawn from their joint normal distribution, with correlations if the diagnosis has them.
-Effects that were not seen are drawn uniformly between zero and the smallest size that the recordings would have shown.
-Only a few of these are drawn at a time, as many together would have been seen. Ranges are two standard deviations wide
-on either side.
+Found effects are drawn from their joint normal distribution, with correlations if the diagnosis has them. Effects that
+were not seen are drawn uniformly between zero and the smallest size that the recordings would have shown. Only a few of
+these are drawn at a time, as many together would have been seen. The range of a found parameter extends two standard
+deviations to either side of its value.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.model.robot import Robot
 
 SIGMAS = 2.0
-"""Half width of a range in standard deviations."""
+"""Half the width of a found parameter's range, in standard deviations."""
 _NEARLY_ABSENT = 1e-3
-"""Share of a size at which an effect is nearly absent: its parameter there is near the value without the effect."""
+"""At this share of the largest size, a parameter is close to its value without the effect."""
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """Distribution of a robot after a diagnosis: effects that were found, and effects that it may have all the same.
+    """Distribution of a robot after a diagnosis: effects that were found, and effects that may exist unseen.
 
     Attributes:
         robot: The given model.
         findings: Findings of the diagnosis.
         found: The effects of these findings, with parameters in the order of the catalogue.
-        loadings: Matrix that maps ``k`` independent standard normal numbers to the errors of all ``p`` numbers.
-        unseen: Effects that were not seen, with the size from which they would have been seen.
-        control_step: Time between commands [s], which is the time between samples; None if it is not known.
-        posture: Mean recorded positions [rad or m]; the zero posture by default.
+        loadings: Matrix that maps ``k`` independent standard normal numbers to the errors of all ``p`` parameters.
+        unseen: Effects that were not seen, with the smallest size that would have been seen.
+        control_step: Time between commands [s], taken as the time between samples; None if unknown.
+        posture: Mean recorded positions [rad or m]; None means zero.
     """
 
     robot: Robot
@@ -52,11 +52,11 @@ class Randomisation:
 
     @property
     def values(self) -> Float[Array, " p"]:
-        """All numbers of the effects that were found, one effect after the other."""
+        """Parameters of all found effects, one effect after the other."""
         return np.array([x for effect in self.found for x in effect.theta])
 
     def with_values(self, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
-        """The effects that were found, with these numbers in place of `values`."""
+        """The found effects with other parameters, in the order of `values`."""
         rest = iter(values.tolist())
         return tuple(KnownEffect(one.effect, one.joint, tuple(islice(rest, len(one.theta)))) for one in self.found)
 
@@ -67,7 +67,7 @@ class Randomisation:
 
     @property
     def correlation(self) -> Float[Array, "p p"]:
-        """Correlations of `values`; zero with a number whose standard deviation is zero."""
+        """Correlations of `values`; zero where a standard deviation is zero."""
         std = self.std
         scale = np.where(std > 0, std, 1.0)
         out = self.loadings @ self.loadings.T / np.outer(scale, scale)
@@ -93,7 +93,7 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot) -> Randomisation:
 
 
 def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> KnownEffect | None:
-    """An effect with a share of the size that would have been seen; None if the size alone does not define it."""
+    """An unseen effect with a share of its largest size; None if the size alone does not define the effect."""
     robot, posture = randomisation.robot, randomisation.posture
     posture = np.zeros(robot.nv) if posture is None else posture
     theta = effect_named(bound.effect, robot).sized(robot, bound.joint, bound.parameter, share * bound.below, posture)
@@ -101,7 +101,7 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
 
 
 def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
-    """Range of sizes of an effect that would not have been seen; a size is the distance from no effect."""
+    """Range of sizes that would not have been seen; a size is a parameter's distance from its value without effect."""
     parameters = effect_named(bound.effect, robot).parameters(robot, bound.joint)
     either_sign = any(parameter.either_sign for parameter in parameters if parameter.name == bound.parameter)
     return (-bound.below if either_sign else 0.0, bound.below)
@@ -109,12 +109,13 @@ def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class UnseenRange:
-    """Range of a parameter of an effect that was not seen, in the parameter and unit that a finding would state.
+    """Range of a parameter of an effect that was not seen, with the parameter and unit that a finding would state.
 
     Attributes:
         parameter: Name of the parameter in the catalogue.
         unit: Unit of the parameter.
-        low, high: The range; an end is infinite if the effect vanishes towards infinity, as that of a stiffness.
+        low: Lower end of the range.
+        high: Upper end of the range; infinite if an infinite parameter means no effect, as for a stiffness.
         nothing: Value of the parameter without the effect: 1 for a factor, infinity for a stiffness, otherwise 0.
     """
 
@@ -126,16 +127,16 @@ class UnseenRange:
 
 
 def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
-    """Range of an effect's parameter for all sizes that would not have been seen.
+    """Range of an effect's parameter over all sizes that would not have been seen.
 
-    The size in a bound is not always the effect's parameter: a ratio with an error of up to 0.04 is 0.96 to 1.04, and
-    a compliance of up to 0.001 is a stiffness of 1000 or more.
+    The size in a bound is not always the effect's parameter. For example, an error of a ratio of up to 0.04 means a
+    ratio of 0.96 to 1.04, and a compliance of up to 0.001 means a stiffness of 1000 or more.
     """
     effect = effect_named(bound.effect, robot)
     low, high = unseen_sizes(robot, bound)
     parameters = effect.parameters(robot, bound.joint)
     names = [parameter.name for parameter in parameters]
-    # A size with another name determines the first parameter.
+    # If no parameter has the name of the size, the size determines the first parameter.
     index = names.index(bound.parameter) if bound.parameter in names else 0
     chosen = parameters[index]
 
@@ -144,10 +145,11 @@ def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
         return None if theta is None else float(np.clip(theta[index], chosen.lower, chosen.upper))
 
     at_largest, at_slight = value_at(high), value_at(_NEARLY_ABSENT * high)
-    # If the size alone does not define an effect, it is the value of the parameter itself.
+    # If the size alone does not define an effect, the size is the value of the parameter.
     if at_largest is None or at_slight is None:
         return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)
-    # If size zero or the lowest size has no value, the range ends at the bound towards which the parameter goes.
+    # Size zero or the lowest size may have no value (compliance 0: infinite stiffness). The range then ends at the
+    # bound that the parameter approaches as the size decreases.
     far_bound = chosen.lower if at_largest > at_slight else chosen.upper
     without_effect, at_low = value_at(0.0), value_at(low)
     without_effect = far_bound if without_effect is None else without_effect
@@ -156,15 +158,15 @@ def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:
-    """Range of one number, two standard deviations to either side but within its bounds."""
+    """Range of one found parameter: two standard deviations to either side of its value, cut at its bounds."""
     low, high = _bounds(randomisation)
     value, half = randomisation.values[place], SIGMAS * randomisation.std[place]
-    # A value that was found outside the bounds (less friction than modelled) stays in its range.
+    # A value outside the bounds (for example less friction than in the given model) extends the range to the value.
     return float(max(value - half, min(low[place], value))), float(min(value + half, max(high[place], value)))
 
 
 def parameters_of(robot: Robot, effect: KnownEffect) -> list[tuple[str, Parameter]]:
-    """Name and parameter of each number of an effect; the numbers of a list have their index in the name."""
+    """Name and parameter of each number of an effect; if a parameter is a list, names end with an index."""
     parameters = effect_named(effect.effect, robot).parameters(robot, effect.joint)
     each = max(len(effect.theta) // len(parameters), 1)
     names = [(p.name + (f"[{k}]" if each > 1 else ""), p) for p in parameters for k in range(each)]
@@ -172,6 +174,6 @@ def parameters_of(robot: Robot, effect: KnownEffect) -> list[tuple[str, Paramete
 
 
 def _bounds(randomisation: Randomisation) -> tuple[Array, Array]:
-    """Bounds of all numbers as the effects state them."""
+    """Lower and upper bounds of all found parameters, from the catalogue."""
     parameters = [p for effect in randomisation.found for _, p in parameters_of(randomisation.robot, effect)]
     return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])

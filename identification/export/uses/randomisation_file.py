@@ -1,8 +1,8 @@
-"""``randomisation.yaml`` (schema ``phantom-dyn-randomisation/2``): ranges for training in simulation.
+"""Writes ``randomisation.yaml`` (schema ``phantom-dyn-randomisation/2``): ranges for training in simulation.
 
-The file has ranges of the parameters of effects, which count on top of the given model, and of the numbers in the
-corrected MJCF (body mass, damping, frictionloss, armature, gear and so on) that depend on these parameters, which are
-absolute. Its first lines explain this. A parameter means the same for effects that were found and for others.
+The file has two kinds of ranges. Ranges of effects' parameters are relative to the given model. Ranges of numbers in
+the corrected MJCF (body mass, damping, frictionloss, armature, gear and so on) are absolute. The first lines of the
+file explain this to its users. Parameters have the same meaning for found and for unseen effects.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.files.strict_yaml import settings_text
 
-# One number of an MJCF: element, name, attribute, and index among the numbers of the attribute.
+# Position of one number in an MJCF: element, name, attribute, and index among the numbers of the attribute.
 Field = tuple[str, str, str, int]
 _DEFAULT = {("motor", "gear"): 1.0}
-"""Values of numbers that a file leaves out, if they are not zero."""
+"""Defaults of MJCF attributes, by element and attribute; zero without an entry."""
 _OF_DRIVES = "motor", "general"
-"""Elements for a drive; which of them a file has depends on the properties of the drive."""
+"""Elements for a drive; the drive's properties determine which of them a file has."""
 
 SCHEMA = "phantom-dyn-randomisation/2"
 _ON_TOP, _ABSOLUTE = "on top of the given model", "absolute"
@@ -63,12 +63,15 @@ class FieldRange:
     """Range of one number of an MJCF.
 
     Attributes:
-        element, name, attribute, index: Place of the number, see `Field`.
+        element: Element that contains the number.
+        name: Name of the element; that of its parent if the element has none.
+        attribute: Attribute that contains the number.
+        index: Index among the numbers of the attribute.
         value: Value in the corrected model.
-        found: Range from the standard deviations of the findings.
-        unseen: Range from effects that were not seen, one at a time.
-        needs: Other attributes without which MuJoCo ignores a number that is not zero, and ``element`` if it has to be
-            another one than in the file.
+        found: Lower and upper end of the range that follows from the standard deviations of the findings.
+        unseen: Lower and upper end of the range that follows from effects that were not seen, one at a time.
+        needs: Other attributes that the element must have, as MuJoCo ignores the number without them. The key
+            ``element`` states another element that must replace the one in the file.
     """
 
     element: str
@@ -90,10 +93,11 @@ def mjcf_ranges(
 
     Args:
         randomisation: Distribution of the robot.
-        known: Effects that belong to the given model already.
+        known: Effects that the given model already contains.
 
     Returns:
-        The ranges, and the unseen effects that change no number of the file, such as play, which needs a new element.
+        The ranges, and the unseen effects that change no number of the file, such as backlash, which needs an
+        additional element.
 
     Raises:
         PhantomDynError: If the robot cannot be written as an MJCF.
@@ -114,7 +118,7 @@ def mjcf_ranges(
     without: list[Bound] = []
     for bound in randomisation.unseen:
         changes: dict[Field, float] = {}
-        # The upper end comes last. Its changes show below whether any number expresses this effect.
+        # The upper end comes last, so that ``changes`` after the loop are those of the largest size.
         for size in unseen_sizes(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
             changed = None if effect is None else _written(corrected, (effect,))
@@ -143,7 +147,7 @@ class _File:
 
     Attributes:
         root: Root element.
-        numbers: Numbers by their place.
+        numbers: All numbers in attributes, by their position.
         elements: Number of elements.
     """
 
@@ -153,14 +157,14 @@ class _File:
 
     @classmethod
     def of(cls, root: ElementTree.Element) -> _File:
-        """The file with this root element."""
+        """Reads the numbers below a root element."""
         return cls(root, _numbers(root, ""), sum(1 for _ in root.iter()))
 
 
 def _changes(changed: _File | None, base: _File) -> dict[Field, float]:
-    """Changes of the numbers of a file from those of another; none if the robot cannot be written or elements differ.
+    """Changes of the numbers of a file relative to ``base``; none if ``changed`` is None or has other elements.
 
-    Added elements have no range: the joint of a backlash or a spring, for example, is either in the file or not.
+    An element that an effect adds, such as the joint of a backlash, is either in the file or not, so it has no range.
     """
     if changed is None or changed.elements != base.elements:
         return {}
@@ -174,7 +178,7 @@ def _changes(changed: _File | None, base: _File) -> dict[Field, float]:
 
 
 def _needs(at: Field, changed: ElementTree.Element, root: ElementTree.Element) -> dict[str, str]:
-    """Attributes that a number needs, as ``biasprm`` needs ``biastype`` and a delay needs ``nsample``."""
+    """Other attributes that a number needs: for example, ``biasprm`` needs ``biastype``."""
     one, other = (_element(tree, at) for tree in (changed, root))
     if one is None or other is None or at[2] in other.attrib:
         return {}
@@ -183,12 +187,13 @@ def _needs(at: Field, changed: ElementTree.Element, root: ElementTree.Element) -
 
 
 def _element(root: ElementTree.Element, at: Field) -> ElementTree.Element | None:
+    """The element that contains a number; None if the file has none."""
     tags = _OF_DRIVES if at[0] in _OF_DRIVES else (at[0],)
     return next((e for tag in tags for e in root.iter(tag) if e.get("name") == at[1]), None)
 
 
 def _written(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File | None:
-    """The MJCF of a corrected robot with more effects; None if such a robot is impossible."""
+    """The MJCF of the corrected robot with additional effects; None if this robot cannot be written."""
     try:
         return _File.of(corrected_elements(with_effects(corrected, more)))
     except PhantomDynError:
@@ -196,7 +201,12 @@ def _written(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File 
 
 
 def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
-    """Numbers of an element and all below it; an element without a name has that of its parent."""
+    """Numbers of an element and of all elements below it.
+
+    Args:
+        element: The element.
+        owner: Name of the parent, which replaces the name of an element without one.
+    """
     name = element.get("name", owner)
     out: dict[Field, float] = {}
     tag = "motor" if element.tag in _OF_DRIVES else element.tag
@@ -206,7 +216,7 @@ def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
                 number = float(word)
             except ValueError:
                 break
-            # A name such as 1e400 or nan can be read as a number, but has no meaning as one.
+            # ``float`` also reads words such as nan and 1e400, which are names here.
             if math.isfinite(number):
                 out[tag, name, attribute, index] = number
     # The length of a delay's buffer is not a property of the robot.
@@ -223,12 +233,12 @@ def randomisation_text(
     adjusted: tuple[Adjusted, ...] = (),
     with_mjcf: bool = True,
 ) -> str:
-    """The text of ``randomisation.yaml``, with an explanation in its first lines; nothing is rounded.
+    """The text of ``randomisation.yaml``, with an explanation in its first lines and all digits of the numbers.
 
     Args:
         randomisation: Distribution of the robot.
-        known: Effects that belong to the given model already.
-        adjusted: Changes of the given model within its tolerances that the robot of the distribution has.
+        known: Effects that the given model already contains.
+        adjusted: Changes of the given model within its tolerances, which the distribution's robot includes.
         with_mjcf: False if there is no corrected MJCF.
     """
     try:
@@ -254,6 +264,7 @@ def randomisation_text(
 
 
 def _unseen_entry(randomisation: Randomisation, bound: Bound) -> dict[str, object]:
+    """Entry of an effect that was not seen."""
     found = unseen_range(randomisation.robot, bound)
     entry: dict[str, object] = {
         "effect": bound.effect,
@@ -271,6 +282,7 @@ def _unseen_entry(randomisation: Randomisation, bound: Bound) -> dict[str, objec
 
 
 def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:
+    """One entry for each parameter of the found effects."""
     out, place = [], 0
     for finding, effect in zip(randomisation.findings, randomisation.found, strict=True):
         named = parameters_of(randomisation.robot, effect)
@@ -294,7 +306,7 @@ def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:
 
 
 def _steps(randomisation: Randomisation, parameter: str, low: float, high: float) -> dict[str, object]:
-    """A range of times in control steps."""
+    """The range of a delay or time constant in control steps; empty for other parameters."""
     if parameter not in _TIMES or randomisation.control_step is None:
         return {}
     return {"control_steps": [low / randomisation.control_step, high / randomisation.control_step]}
@@ -314,6 +326,7 @@ def _field_entry(field: FieldRange) -> dict[str, object]:
 
 
 def _note(bounds: tuple[Bound, ...]) -> dict[str, str]:
+    """A note that names the unseen effects for which the MJCF has no number; empty if there are none."""
     if not bounds:
         return {}
     names = dict.fromkeys(b.effect if b.joint is None else f"{b.effect} on {b.joint}" for b in bounds)

@@ -23,8 +23,8 @@ from phantom_dyn import __version__
 if TYPE_CHECKING:
     from identification.diagnosis.residual_law import ResidualModel
 
-_PLACES = 41  # number of values of an input in the table; of a velocity, in both directions together
-_AXES = 2  # number of inputs that vary in the table; others are in the middle of their range
+_PLACES = 41  # number of values of an input in the table (of a velocity: in both directions together)
+_AXES = 2  # number of inputs that vary in the table; the others have the middle of their range
 
 
 def residual_of(diagnosis: Diagnosis) -> ResidualModel | None:
@@ -51,6 +51,7 @@ def residual_code(model: ResidualModel) -> str:
 
 
 def _docstring(model: ResidualModel) -> str:
+    """The docstring of the file: its use, its accuracy, and the ranges in which it is valid."""
     kind = (
         "It is the law in the report, fitted to the residual of the corrected model. Further terms correct the errors\n"
         "that this model has because it was fitted without the law."
@@ -81,14 +82,14 @@ and temp temperature. Beyond VALID, the value at the end of the range is used, a
 
 
 def residual_table(model: ResidualModel, diagnosis: Diagnosis) -> str:
-    """The text of ``residual.csv``: the torque over one or two inputs, the others in the middle of their ranges.
+    """The text of ``residual.csv``: the torque as a function of one or two inputs.
 
-    The table has no time: histories are those after a long motion in the direction of the velocity, a load has its
-    usual value, and a response with memory is that to constant inputs.
+    The other inputs have the middle of their range. The table shows a steady state: the states of the model are those
+    after a long motion in the direction of the velocity with constant inputs, and a load has its usual value.
 
     Args:
         model: The residual model.
-        diagnosis: The diagnosis, with the inputs in the order of their importance, and the name of the run.
+        diagnosis: The diagnosis, with the inputs in the order of their importance, and the id of the run.
     """
     law = loaded(residual_code(model), RESIDUAL)
     axes = _axes(model, diagnosis)
@@ -105,7 +106,13 @@ def residual_table(model: ResidualModel, diagnosis: Diagnosis) -> str:
 
 
 def _settled_states(law: Mapping[str, Any], at: Mapping[str, float], speed: str) -> list[float]:
-    """States of the law after a long time with constant inputs, in motion in the direction of the velocity."""
+    """Steady states of the model after a long motion in the direction of the velocity with constant inputs.
+
+    Args:
+        law: Names that ``residual.py`` defines.
+        at: Value of each input.
+        speed: Name of the joint's velocity among the inputs.
+    """
     direction = law["side"](at.get(speed, 0.0))
     out: list[float] = []
     for state in law["states"]():
@@ -119,7 +126,7 @@ def _settled_states(law: Mapping[str, Any], at: Mapping[str, float], speed: str)
 
 
 def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
-    """Values of the inputs that vary in the table: the first ones of the law, and the velocity if it has histories."""
+    """Values of the inputs that vary in the table: the most important ones; the velocity if the model has states."""
     found = diagnosis.unexplained.dependence
     speed = f"v.{model.joint}"
     wanted = [name for name in (() if found is None else found.inputs) if name in model.valid]
@@ -138,6 +145,6 @@ def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
 
 
 def residual_note(model: ResidualModel) -> Note:
-    """A note on the two files."""
+    """The note in the report that names the two files."""
     numbers = {"files": (RESIDUAL, RESIDUAL_TABLE), "lawful": model.lawful, "memory": bool(model.bands)}
     return Note(Code.RESIDUAL_HELD, model.joint, {**numbers, "closed": model.predicted_share})

@@ -1,12 +1,13 @@
-"""``isaac_lab.py`` and ``simulators.yaml``: joints of the corrected model under the names that simulators use.
+"""Writes ``isaac_lab.py`` and ``simulators.yaml``: joint parameters under the names that simulators use.
 
-Isaac Lab's fields are those of ``ActuatorBaseCfg`` and ``DelayedPDActuatorCfg``: ``friction`` is the static effort and
-``dynamic_friction`` the one in motion. A delay is a whole number of physics steps of an actuator group, so every joint
-is a group. SDF has ``<axis><dynamics>`` with damping, friction and a spring, and ``<limit><effort>``. Drake's URDF has
-``damping``, ``effort``, ``drake:rotor_inertia`` and ``drake:gear_ratio``, but no joint friction. ros2_control has only
-limits.
+- Isaac Lab: fields of ``ActuatorBaseCfg`` and ``DelayedPDActuatorCfg``. ``friction`` is the static friction and
+  ``dynamic_friction`` the friction in motion. A delay is a whole number of physics steps and belongs to a group of
+  actuators, so every joint is a group.
+- Gazebo (SDF): damping, friction and a spring in ``<axis><dynamics>``, and ``<limit><effort>``.
+- Drake (URDF): ``damping``, ``effort``, ``drake:rotor_inertia`` and ``drake:gear_ratio``, but no joint friction.
+- ros2_control: only limits.
 
-`Simulator.fields` lists the numbers that each simulator can express; the others that were found are reported.
+`Simulator.fields` lists the parameters that each simulator can express. The files name the other ones that were found.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def isaac_lab_text(corrected: CorrectedModel, name: str) -> str:
 
     Args:
         corrected: The corrected model.
-        name: Name of the robot.
+        name: Name of the robot in the docstring of the file.
     """
     lines = [
         f"Actuators of {_plain(name)} for Isaac Lab, as phantom-dyn found them.",
@@ -124,11 +125,11 @@ def _plain(text: str) -> str:
 
 @dataclass(frozen=True)
 class Simulator:
-    """The numbers that one simulator can express.
+    """The joint parameters that one simulator can express.
 
     Attributes:
         name: Name of the simulator in sentences.
-        fields: The simulator's own name for each kind of number that it can express; kinds are those of `numbers_of`.
+        fields: The simulator's own name of each parameter, by the names in `numbers_of`.
     """
 
     name: str
@@ -168,7 +169,7 @@ ROS2_CONTROL = Simulator("ros2_control", {"torque limit": "max_effort"})
 
 
 def numbers_of(corrected: CorrectedModel) -> dict[str, dict[str, float]]:
-    """Numbers of the corrected model by kind and driven joint, in SI units on the joint side.
+    """Parameters of the corrected model by name and driven joint, in SI units on the joint side.
 
     Args:
         corrected: The corrected model.
@@ -196,7 +197,7 @@ def numbers_of(corrected: CorrectedModel) -> dict[str, dict[str, float]]:
 
 
 def cannot_say(corrected: CorrectedModel, simulator: Simulator) -> tuple[str, ...]:
-    """A sentence on each kind of number of the corrected model that a simulator cannot express.
+    """Sentences on the parameters and effects of the corrected model that a simulator cannot express.
 
     Args:
         corrected: The corrected model.
@@ -216,7 +217,7 @@ def cannot_say(corrected: CorrectedModel, simulator: Simulator) -> tuple[str, ..
 
 
 def fields_of(corrected: CorrectedModel, simulator: Simulator) -> dict[str, dict[str, float]]:
-    """Numbers by joint under a simulator's own names.
+    """Parameters of each joint under a simulator's own names.
 
     Args:
         corrected: The corrected model.
