@@ -1,1 +1,1 @@
-"""Kinematic calibration from measured poses of frames: joint zeros, places of joints, and elasticity of joints."""
+"""Kinematic calibration from measured poses of frames: joint zeros, joint placements and joint elasticities."""

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Kinematic calibration from measured poses of frames: which errors of a robot's geometry they show, with a verdict.
+"""Diagnoses a robot's geometry: finds the kinematic errors that explain measured poses of frames, with a verdict.
 
-`diagnose_poses` is the entry point of this package. It uses joint positions and poses of frames, no torque. The search
-adds and exchanges single parameters of the geometry. Each cause (all parameters of one place) then has to pass the
-gates on its own; the outcome is listed in the ledger of ``diagnosis.json``.
+`diagnose_poses` is the entry point of this package. It uses joint positions and poses of frames, but no torque. The
+search adds and exchanges single parameters of the geometry (terms). Each cause (all parameters of one effect on one
+joint) then has to pass the gates; the results are listed in the ledger of ``diagnosis.json``.
 """
 
 from __future__ import annotations
@@ -52,24 +52,24 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-# Largest p-value of the F test of all terms together at which the findings count as incomplete.
+# The findings count as incomplete if the p-value of an F test of all other terms together is smaller.
 _STRUCTURE = 0.003
 FEWEST = 20
-"""Least number of poses of a frame: fewer do not determine the poses of base and target and the noise."""
-# Name of an effect and of its joint.
+"""Least number of poses of a frame that determine the poses of base and target and the noise."""
+# Names of an effect and of its joint.
 At = tuple[str, str | None]
 
 
 def diagnose_poses(
     robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None
 ) -> GeometryResult | None:
-    """Errors of the robot's geometry that explain its measured poses; None if no recording holds poses.
+    """Errors of the robot's geometry that explain its measured poses; None if no recording contains poses.
 
     Args:
         robot: The given model.
-        recordings: Those with poses are fitted together. Joint zeros, joint places and elasticities are common to all;
-            poses of base and target and delays are fitted for each recording.
-        known: Places of a closed chain that an earlier calibration has found.
+        recordings: All recordings with poses are fitted together. Joint zeros, joint placements and elasticities are
+            common to all; poses of base and target and delays are fitted for each recording.
+        known: Geometry errors of a closed chain that an earlier calibration has found.
 
     Raises:
         LogError: If a frame has fewer than 20 poses, or no joint moves it.
@@ -127,25 +127,33 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
 def _verdict(
     frames: tuple[FrameGap, ...], findings: tuple[PoseFinding, ...], bounds: tuple, *, structured: bool, more: bool
 ) -> str:
-    """Verdict on all frames together, see ``verdict`` in docs/files.md."""
+    """Verdict on all frames together, one of those of ``verdict`` in docs/files.md.
+
+    Args:
+        frames: Errors of each frame before and after the fit.
+        findings: The findings that are large enough.
+        bounds: Detection limits; empty if no term could be detected.
+        structured: True if the residual depends on the posture or exceeds the noise floor.
+        more: True if other terms together improve the fit significantly.
+    """
     if not findings:
         if structured or more:
             return "unknown"
         return "no_gap" if bounds else "not_testable"
-    left = [frame for frame in frames if not _is_left_small(frame)]
-    if not left and not structured:
+    if all(_is_explained(frame) for frame in frames) and not structured:
         return "explained"
     if all(2 * frame.rms_after**2 < frame.rms_before**2 + frame.noise_floor**2 for frame in frames):
         return "partly_explained"
     return "unknown" if structured else "partly_explained"
 
 
-def _is_left_small(frame: FrameGap) -> bool:
-    gap = frame.rms_before**2 - frame.noise_floor**2
-    left = frame.rms_after**2 - frame.noise_floor**2
+def _is_explained(frame: FrameGap) -> bool:
+    """True if the residual of a frame is near its noise floor, or a small share of its gap."""
+    gap_before = frame.rms_before**2 - frame.noise_floor**2
+    gap_after = frame.rms_after**2 - frame.noise_floor**2
     return (
         frame.rms_after <= contract_levels.FLOORS_LEFT * frame.noise_floor_interval[1]
-        or left <= contract_levels.GAP_LEFT * gap
+        or gap_after <= contract_levels.GAP_LEFT * gap_before
     )
 
 
@@ -156,13 +164,13 @@ def _more_than_found(explained: ExplainedPoses) -> bool:
     more = explained.equations.rank - len(explained.chosen)
     if more <= 0:
         return False
-    # In units of the noise, the best kinematic model leaves a sum of squares of one per degree of freedom.
+    # The noise is that of the fit of all terms, whose sum of squares is therefore the degrees of freedom.
     rest = explained.fits.squares(explained.chosen) - explained.noise.degrees_of_freedom
     return float(fdtrc(more, explained.noise.degrees_of_freedom, max(rest, 0.0) / more)) < _STRUCTURE
 
 
 def _above_floor(explained: ExplainedPoses) -> bool:
-    """True if even the best kinematic model leaves more than the tracker's noise, if that was measured separately."""
+    """True if the residual of the fit of all terms is larger than the noise that was measured without a model."""
     for series in np.unique(explained.found.series):
         floor = floor_of(explained, int(series))
         if (
@@ -179,6 +187,7 @@ def _above_floor(explained: ExplainedPoses) -> bool:
 
 
 def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], PoseEvidence]:
+    """Errors of each frame before and after the fit, and the errors of every pose for the figures."""
     found, sets = explained.found.rows(explained.kept), explained.problem.sets
     size = (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[found.series]
     before, after = (
@@ -209,6 +218,7 @@ def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], 
 
 
 def _gap(explained: ExplainedPoses, one: Measured, series: int, errors: list[Array]) -> FrameGap:
+    """Errors of the positions or orientations of one frame; ``errors`` are the lengths before and after the fit."""
     before, after = (float(np.sqrt(np.mean(x**2))) for x in errors)
     floor = floor_of(explained, series)
     three = np.sqrt(3.0)
@@ -230,6 +240,7 @@ def _gap(explained: ExplainedPoses, one: Measured, series: int, errors: list[Arr
 
 
 def _fitted(explained: ExplainedPoses) -> tuple[FittedPose, ...]:
+    """The fitted poses of base and targets."""
     problem, estimate = explained.problem, explained.estimate
     files = {} if problem.in_root else {one.recording: one.file for one in problem.sets}
     out = [FittedPose("base", file, None, _numbers(estimate.base[k])) for k, file in files.items()]
@@ -241,10 +252,12 @@ def _fitted(explained: ExplainedPoses) -> tuple[FittedPose, ...]:
 
 
 def _numbers(pose: Array) -> tuple[float, ...]:
+    """Translation and rotation vector of a pose."""
     return (*map(float, pose[:3, 3]), *map(float, pin.log3(pose[:3, :3])))
 
 
 def _delays(explained: ExplainedPoses) -> tuple[PoseDelay, ...]:
+    """The fitted delays that the poses determine, with their standard deviations."""
     found = explained.found
     scale = explained.kept / (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[found.series]
     columns = np.hstack([found.nuisance, found.columns[:, list(explained.chosen)]]) * scale[:, None]
@@ -259,7 +272,7 @@ def _delays(explained: ExplainedPoses) -> tuple[PoseDelay, ...]:
 
 
 def _own_size(columns: Array, k: int) -> float:
-    """Norm of the part of a column that is orthogonal to all others; zero if that is a rounding error."""
+    """Norm of the part of a column that is orthogonal to all other columns; zero if this part is a rounding error."""
     own = float(np.linalg.norm(orthogonal_part(columns[:, [k]], orthonormal(np.delete(columns, k, axis=1), 1e-9))))
     return own if own > SEEN * float(np.linalg.norm(columns[:, k])) else 0.0
 
@@ -273,12 +286,12 @@ def _warnings(explained: ExplainedPoses) -> tuple[Note, ...]:
 
 
 def size_of(finding: PoseFinding) -> GateResult:
-    """Result of the gate on the size of a cause; one that fails is listed as minor."""
+    """Result of the gate on the size of a finding; a finding that fails is listed as minor."""
     return large_enough(finding.share, float(np.sqrt(max(finding.floors, 0.0))))
 
 
 def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding]) -> tuple[Claim[At], ...]:
-    """Entries of the ledger: the findings, then the places without a finding that explain most.
+    """Entries of the ledger: the findings, then those effects and joints without a finding that explain most.
 
     Args:
         explained: Fit of the findings to the poses.
@@ -297,15 +310,15 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
 
 @dataclass(frozen=True)
 class _UnclaimedPlace:
-    """A place without a finding, with the one of its parameters that explains most.
+    """An effect on a joint without a finding, with the one of its parameters that explains most.
 
     Attributes:
         at: The effect and its joint.
         term: Index of the parameter.
         gain_if_added: Decrease of the sum of squares if the parameter is added to all findings.
-        gain_if_replacing: Decrease of the sum of squares if it replaces one finding.
-        other: Effect and joint of that finding.
-        gain_of_other: Decrease of the sum of squares by that finding itself.
+        gain_if_replacing: Decrease of the sum of squares if the parameter replaces the finding ``other``.
+        other: Effect and joint of the finding that is replaced; None if no replacement is possible.
+        gain_of_other: Decrease of the sum of squares by the finding ``other`` itself.
     """
 
     at: At
@@ -322,25 +335,26 @@ class _UnclaimedPlace:
 
 
 def _best_term_of(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: dict[At, Group]) -> _UnclaimedPlace:
+    """The parameter of an effect and joint that explains most, added to all findings or in place of one of them."""
     fits, chosen = explained.fits, explained.chosen
     every = []
     for k in terms:
         # A linear combination of the chosen terms adds nothing to them.
-        apart = fits.values((*chosen, k)) is not None
-        gain_if_added = fits.squares(chosen) - fits.squares((*chosen, k)) if apart else 0.0
+        is_independent = fits.values((*chosen, k)) is not None
+        gain_if_added = fits.squares(chosen) - fits.squares((*chosen, k)) if is_independent else 0.0
         every.append(_UnclaimedPlace(at, k, gain_if_added))
         for other, group in groups.items():
             rest = tuple(one for one in chosen if one not in group)
-            left = fits.squares(rest)
-            if np.isfinite(left):
-                gains = (left - fits.squares(some) for some in ((*rest, k), chosen))
-                every.append(_UnclaimedPlace(at, k, gain_if_added, next(gains), other, next(gains)))
+            without = fits.squares(rest)
+            if np.isfinite(without):
+                gain, gain_of_other = without - fits.squares((*rest, k)), without - fits.squares(chosen)
+                every.append(_UnclaimedPlace(at, k, gain_if_added, gain, other, gain_of_other))
     return max(every, key=lambda one: one.most)
 
 
 def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
     fits, chosen = explained.fits, explained.chosen
-    # Each parameter of a cause has to pass the gate on its own, so the smallest decrease decides.
+    # Each parameter of a finding has to pass the gate on its own: the smallest decrease decides.
     least = min(fits.squares([k for k in chosen if k != term]) for term in group) - fits.squares(chosen)
     large = size_of(finding)
     gates = until_failed((more_than_chance(least, explained.price), large))
@@ -366,5 +380,5 @@ def _claim_of_place(explained: ExplainedPoses, gap: Gap, near: _UnclaimedPlace, 
 
 
 def _closes(gap: Gap, terms: Sequence[int]) -> float:
-    """Share of the gap that these terms close by themselves."""
+    """Share of the gap that these terms close without any others."""
     return float(gap.closed(gap.blocks.losses(terms), np.ones((1, len(gap.after))))[0])

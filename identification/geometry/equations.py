@@ -1,10 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
-"""Linear equations of measured poses: residuals, and Pinocchio's kinematic regressor of all candidate errors.
+"""Linear equations of measured poses: residuals, and the kinematic regressor of all candidate geometry errors.
 
-The predicted pose of a target is ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are given in the
-root frame, the first and the last are only the errors ``base_pose`` and ``tool_pose``. Residuals and columns are twists
-of the target in its own axes, so that isotropic noise stays isotropic. In a closed chain an error moves the frame
-directly, and also through the passive joints that keep the loops closed.
+The predicted pose of a target is ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. If poses are given in the
+robot's root frame, ``T_tracker_base`` and ``T_frame_target`` are identities, except for the candidate errors
+``base_pose`` and ``tool_pose``. Residuals and columns are twists of the target in the target's axes, so that isotropic
+noise stays isotropic. In a closed chain an error moves the target directly, and also through the passive joints, which
+keep the loops closed.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class Estimate:
         values: Value of each term in its unit, zero if it is not in the fit, ``(p,)``.
         base: ``T_tracker_base`` of each recording, ``(4, 4)``.
         tool: ``T_frame_target`` of each set of poses, ``(4, 4)``.
-        delay: Time by which the stamps of poses are late [s], of each recording.
+        delay: For each recording, the time by which the time stamps of its poses are too late [s].
     """
 
     values: Float[Array, " p"]
@@ -57,7 +58,7 @@ class Nuisance:
 
     Attributes:
         kind: `BASE`, `TOOL` or `DELAY`.
-        of: Number of the recording, or of the set of poses for `TOOL`.
+        of: Index of the recording; for `TOOL` the index of the set of poses.
         part: Component of the twist, 0 to 5; 0 for a delay.
     """
 
@@ -75,8 +76,9 @@ class Equations:
         nuisance: Columns that are always in the fit, ``(m, k)``.
         columns: Columns of the terms, ``(m, p)``.
         kinds: Kind of each column of ``nuisance``.
-        pose: Number of the pose of each row, counted over all sets, ``(m,)``.
-        series: Number of the noise series of each row: twice that of the set, plus one for orientations, ``(m,)``.
+        pose: Index of the pose of each row, counted over all sets, ``(m,)``.
+        series: Index of the noise series of each row, ``(m,)``: twice the index of its set of poses, plus one for
+            orientations.
     """
 
     residual: Float[Array, " m"]
@@ -104,13 +106,14 @@ class PoseProblem:
 
     Attributes:
         robot: The given model.
-        sets: Sets of measured poses.
-        paths: Joint positions over time of the recordings that are motions, by number of the recording.
+        sets: Sets of measured poses: one for each frame of each recording.
+        paths: Joint positions over time of the recordings that are motions, by index of the recording.
         terms: The candidate errors.
         in_root: True if poses are given in the robot's root frame, so that no pose of the base is fitted.
-        on_frame: Frames that are measured themselves, so that no pose of a target on them is fitted.
+        on_frame: Frames whose own poses are measured, so that no pose of a target on them is fitted.
         loops: Loops of a closed chain, else None.
-        compensated: Errors that are left out of the terms: passive joints compensate them, so no measured frame moves.
+        compensated: Errors that are not among the terms because passive joints compensate them: no measured frame
+            moves.
     """
 
     robot: Robot
@@ -124,7 +127,7 @@ class PoseProblem:
 
     @property
     def model(self) -> pin.Model:
-        """The robot's model; of a closed chain its tree, with pins as frames and known geometry errors corrected."""
+        """The robot's model. For a closed chain, its tree with pins as frames and known geometry errors corrected."""
         return self.robot.model if self.loops is None else self.loops.model
 
     @property
@@ -134,7 +137,7 @@ class PoseProblem:
 
 
 def nuisances_of(problem: PoseProblem) -> tuple[Nuisance, ...]:
-    """Columns for base pose and delay of each recording and tool pose of each set that the measured poses depend on."""
+    """The nuisances: pose of the base and delay of each recording, and pose of the target of each set."""
     own = sorted({one.recording for one in problem.sets})
     out = [] if problem.in_root else [Nuisance(BASE, number, part) for number in own for part in range(6)]
     for k, one in enumerate(problem.sets):
@@ -148,7 +151,7 @@ def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Arr
 
     Args:
         model: The given model.
-        terms: Errors; those of other effects than ``link_geometry`` are ignored.
+        terms: Errors; terms of other effects than ``link_geometry`` are ignored.
         values: Value of each term.
     """
     out = model.copy()
@@ -168,7 +171,7 @@ def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Arr
 def true_positions(
     q: Float[Array, "n nv"], load: Float[Array, "n nv"], terms: Sequence[PoseTerm], values: Float[Array, " p"]
 ) -> Float[Array, "n nv"]:
-    """Positions of the links [rad or m]: readings minus wrong zeros and minus deflections under load."""
+    """Positions of the links [rad or m]: encoder readings minus zero errors and minus deflections under load."""
     out = q.copy()
     for term, value in zip(terms, values, strict=True):
         if term.effect in (ZERO, ELASTIC) and value != 0.0:
@@ -200,6 +203,7 @@ def equations(problem: PoseProblem, estimate: Estimate) -> Equations:
 def _equations_of_set(
     problem: PoseProblem, model: pin.Model, kinds: tuple[Nuisance, ...], number: int, estimate: Estimate, first: int
 ) -> Equations:
+    """Equations of set ``number``; ``first`` is the number of poses of all sets before it."""
     one = problem.sets[number]
     delay = estimate.delay[one.recording]
     q, v = one.q, one.v
@@ -213,7 +217,7 @@ def _equations_of_set(
     base = pin.SE3(estimate.base[one.recording]) * placed(pose_errors[BASE_POSE])
     tool = pin.SE3(estimate.tool[number]) * placed(pose_errors[TOOL_POSE])
     x = tree_positions(problem, model, one, q)
-    left, twists, regressor = _residuals_and_derivatives(model, one, x, base, tool)
+    residual, twists, regressor = _residuals_and_derivatives(model, one, x, base, tool)
     motions = _joint_columns(model, regressor)
     by_pin: dict[int, Array] = {}
     if problem.loops is not None:
@@ -244,7 +248,7 @@ def _equations_of_set(
     kept = 3 if one.turn is None else 6
     rows = len(one.t) * kept
     return Equations(
-        left[:, :kept].reshape(rows),
+        residual[:, :kept].reshape(rows),
         nuisance[:, :kept].reshape(rows, -1),
         columns[:, :kept].reshape(rows, -1),
         kinds,
@@ -261,8 +265,8 @@ def tree_positions(
     Args:
         problem: The problem with its loops.
         model: The tree at the current estimate.
-        one: Set of poses; the loops are closed near the positions that belong to it.
-        q: Positions of the robot's joints.
+        one: Set of poses; the loops are closed near the joint positions of these poses.
+        q: Positions of the robot's active joints.
     """
     if problem.loops is None:
         return q
@@ -270,15 +274,15 @@ def tree_positions(
 
 
 def _pin_columns(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Float[Array, "6 6"]:
-    """Twist of the target per twist of a pin in its own axes; zero if the pin does not carry the target."""
+    """Derivative of the target's twist by the twist of a pin; zero if the target is not fixed to the pin."""
     if not is_fixed_to(model, one.index, frame):
         return np.zeros((6, 6))
-    apart = model.frames[frame].placement.actInv(model.frames[one.index].placement * tool)
-    return apart.toActionMatrixInverse()
+    pin_to_target = model.frames[frame].placement.actInv(model.frames[one.index].placement * tool)
+    return pin_to_target.toActionMatrixInverse()
 
 
 def _pose_error_columns(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:
-    """Twist of a ``base_pose`` or ``tool_pose`` in its own axes, per unit of each of its six numbers."""
+    """Derivative of the twist of a ``base_pose`` or ``tool_pose``, in its own axes, by its six numbers."""
     out = np.zeros((6, 6))
     out[:3, :3], out[3:, 3:] = pin.exp3(numbers[3:]).T, pin.Jexp3(numbers[3:])
     return out
@@ -296,10 +300,10 @@ def _pose_error(problem: PoseProblem, estimate: Estimate, effect: str, of: str |
 def _residuals_and_derivatives(
     model: pin.Model, one: Measured, x: Array, base: pin.SE3, tool: pin.SE3
 ) -> tuple[Float[Array, "n 6"], Float[Array, "n 6 6"], Float[Array, "n 6 j"]]:
-    """Residual of each pose, and the twist of the target per twist of the base and of each joint's placement."""
+    """Residual of each pose; derivatives of the target's twist by the twists of the base and of joint placements."""
     data, configuration = model.createData(), configurations(model, x)
     n = len(x)
-    left, by_base = np.zeros((n, 6)), np.empty((n, 6, 6))
+    residual, by_base = np.zeros((n, 6)), np.empty((n, 6, 6))
     regressor = np.empty((n, 6, 6 * (model.njoints - 1)))
     to_target = tool.toActionMatrixInverse()
     for k in range(n):
@@ -308,14 +312,14 @@ def _residuals_and_derivatives(
         regressor[k] = to_target @ pin.computeFrameKinematicRegressor(model, data, one.index, pin.LOCAL)
         by_base[k] = target.toActionMatrixInverse()
         predicted = base * target
-        left[k, :3] = predicted.rotation.T @ (one.position[k] - predicted.translation)
+        residual[k, :3] = predicted.rotation.T @ (one.position[k] - predicted.translation)
         if one.turn is not None:
-            left[k, 3:] = pin.log3(predicted.rotation.T @ pin.Quaternion(one.turn[k]).toRotationMatrix())
-    return left, by_base, regressor
+            residual[k, 3:] = pin.log3(predicted.rotation.T @ pin.Quaternion(one.turn[k]).toRotationMatrix())
+    return residual, by_base, regressor
 
 
 def _joint_columns(model: pin.Model, regressor: Float[Array, "n 6 j"]) -> Float[Array, "n 6 nv"]:
-    """Twist of the target per unit of each joint position."""
+    """Derivative of the target's twist by each joint position."""
     out = np.empty((len(regressor), 6, model.nv))
     for index in range(1, model.njoints):
         own = regressor[:, :, 6 * (index - 1) : 6 * index]
@@ -326,9 +330,9 @@ def _joint_columns(model: pin.Model, regressor: Float[Array, "n 6 j"]) -> Float[
 def _term_column(
     model: pin.Model, term: PoseTerm, regressor: Array, motions: Array, load: Array
 ) -> Float[Array, "n 6"]:
-    """Twist of the target per unit of a term."""
+    """Derivative of the target's twist by the value of a term."""
     if term.effect == LINK:
         return regressor[:, :, 6 * (joint_index(model, term.row) - 1) + term.part]
-    # The position of the link is the reading minus the wrong zero and minus the deflection under load.
+    # The minus sign: the position of the link is the reading minus the zero error and minus the deflection under load.
     along = -motions[:, :, term.row]
     return along * load[:, term.row, None] if term.effect == ELASTIC else along

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Gauss-Newton fit of poses: poses of base and target, delays and the chosen terms."""
+"""Gauss-Newton fit to measured poses; unknowns are the poses of base and targets, delays and the chosen terms."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from identification.geometry.measured import Measured
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.motion import configurations
 
-_STEPS = 30
-_HALVINGS = 6
-_SMALL = 1e-10  # relative change of the weighted sum of squares at which a fit has ended
+_STEPS = 30  # largest number of Gauss-Newton steps
+_HALVINGS = 6  # a step that does not lower the sum of squares is halved at most this many times
+_SMALL = 1e-10  # relative decrease of the weighted sum of squares at which a fit has converged
 RANK = 1e-7
-"""Relative cutoff of singular values: smaller ones are rounding of robot files and of sums."""
+"""Singular values below this share of the largest one are rounding errors of robot files and of sums."""
 
 
 def start_of(problem: PoseProblem) -> Estimate:
-    """Poses of base and targets from the measured positions alone: the best rotation (Kabsch), no delay, no term.
+    """Start of the fit: poses of base and targets by the Kabsch method, no delay, and all terms zero.
 
     Poses that are not fitted are identities.
     """
@@ -48,11 +48,11 @@ def start_of(problem: PoseProblem) -> Estimate:
 
 
 def frame_poses(problem: PoseProblem, one: Measured) -> Float[Array, "n 4 4"]:
-    """Poses of a frame in the root by the given model.
+    """Poses of a frame in the robot's root frame, predicted by the given model.
 
     Args:
-        problem: Gives the model.
-        one: Gives frame and joint positions.
+        problem: The problem with the model.
+        one: Set of poses with the frame and the joint positions.
     """
     model, data = problem.model, problem.model.createData()
     out = np.empty((len(one.t), 4, 4))
@@ -63,17 +63,17 @@ def frame_poses(problem: PoseProblem, one: Measured) -> Float[Array, "n 4 4"]:
 
 
 def _aligned(points: Float[Array, "n 3"], measured: Float[Array, "n 3"]) -> Float[Array, "4 4"]:
-    """Rigid motion of points that is nearest to the measured points in the sense of least squares."""
-    middle, there = points.mean(axis=0), measured.mean(axis=0)
-    u, _, vt = np.linalg.svd((measured - there).T @ (points - middle))
-    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    """Rigid transformation that maps points to measured points with the least sum of squared distances (Kabsch)."""
+    center, measured_center = points.mean(axis=0), measured.mean(axis=0)
+    u, _, vt = np.linalg.svd((measured - measured_center).T @ (points - center))
+    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
     out = np.eye(4)
-    out[:3, :3], out[:3, 3] = turn, there - turn @ middle
+    out[:3, :3], out[:3, 3] = rotation, measured_center - rotation @ center
     return out
 
 
 def _target(frames: Float[Array, "n 4 4"], base: Float[Array, "4 4"], one: Measured) -> Float[Array, "4 4"]:
-    """Mean orientation of a target on its frame, at its origin."""
+    """Pose of a target in its frame: mean orientation, and no translation."""
     out = np.eye(4)
     if one.turn is None:
         return out
@@ -91,14 +91,14 @@ def fitted(
     weights: Float[Array, " s"],
     kept: Array | None = None,
 ) -> tuple[Estimate, Equations]:
-    """The best estimate with some of the terms, and the equations there.
+    """The least-squares estimate with some of the terms, and the equations at this estimate.
 
     Args:
         problem: Poses and terms.
-        estimate: Start of the fit; values of terms that are not chosen stay as they are.
+        estimate: Start of the fit; the values of other terms are not changed.
         chosen: Indices of the terms that are fitted.
         weights: One over the noise of each series.
-        kept: True for rows that are used; None for all.
+        kept: True for rows that are used; None to use all.
     """
     current = equations(problem, estimate)
     cost = _cost(current, weights, kept)
@@ -143,14 +143,14 @@ def stepped(kinds: Sequence[Nuisance], estimate: Estimate, chosen: Sequence[int]
     values = estimate.values.copy()
     values[list(chosen)] += step[len(kinds) :]
 
-    def turned(kind: str, poses: tuple[Array, ...]) -> tuple[Array, ...]:
+    def moved(kind: str, poses: tuple[Array, ...]) -> tuple[Array, ...]:
         none = np.zeros(6)
         return tuple(pose @ pin.exp6(twists.get((kind, k), none)).homogeneous for k, pose in enumerate(poses))
 
     return replace(
         estimate,
         values=values,
-        base=turned(BASE, estimate.base),
-        tool=turned(TOOL, estimate.tool),
+        base=moved(BASE, estimate.base),
+        tool=moved(TOOL, estimate.tool),
         delay=tuple(delay),
     )

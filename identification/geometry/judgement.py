@@ -1,7 +1,7 @@
-"""Search for the few geometry errors that explain measured poses, and their sizes, shares, rivals and limits.
+"""Searches for the few geometry errors that explain measured poses; computes sizes, shares, rivals, detection limits.
 
-Noise and outliers are estimated, and few terms are searched for. Both are repeated because the linearisation of the
-poses changes with the fit.
+The noise is estimated, outliers are left out, and few terms are searched for. This is repeated, because the
+linearisation of the poses changes with the fit.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
 
 CHANCE = 0.005
-"""Probability that the best of all terms gains more than its price by chance, in a robot without errors."""
+"""Probability that the best of all terms gains more than the price of a term by chance, if the model has no errors."""
 _OUTLIER = 6.0
-"""Residual of an outlier in units of the noise; in a thousand poses none is larger than 5 by chance."""
+"""A pose with a larger residual, in units of the noise, is an outlier; by chance none of a thousand poses exceeds 5."""
 _MOST_OUTLIERS = 0.05
-"""Largest share of poses that may be outliers; if more are far off, none is left out."""
+"""Largest share of poses that may be outliers. If more have large residuals, none is left out."""
 
 
 @dataclass(frozen=True)
 class ExplainedPoses:
-    """A fit of poses by few terms.
+    """A fit of few terms to poses.
 
     Attributes:
         problem: Poses and terms.
         estimate: Fitted nuisances and chosen terms; other terms are zero.
-        found: Equations at the estimate.
+        found: Equations linearised at the estimate.
         noise: Noise of the poses.
-        equations: Equations in units of the noise, with the residual before any term.
-        fits: Products of these equations.
-        price: Decrease of the sum of squares, in units of the noise, that a term needs.
+        equations: Equations in units of the noise. Their residual is the one without any term.
+        fits: Products of the columns and the residual of ``equations``.
+        price: Decrease of the sum of squares, in units of the noise variance, that a term needs.
         chosen: Indices of the chosen terms.
         kept: False for rows of outliers, ``(m,)``.
     """
@@ -63,7 +63,7 @@ class ExplainedPoses:
 
 @dataclass(frozen=True)
 class _PoseFit:
-    """A fit of poses at which columns are computed: its estimate, the equations there, and the rows that are used."""
+    """A fit at which columns are computed: estimate, equations linearised there, rows in use, and noise."""
 
     estimate: Estimate
     found: Equations
@@ -72,7 +72,7 @@ class _PoseFit:
 
 
 def explain_poses(problem: PoseProblem) -> ExplainedPoses:
-    """The few terms that explain poses, with the fit behind them.
+    """The few terms that explain poses, with their fit.
 
     Args:
         problem: Poses and all candidate errors.
@@ -98,7 +98,7 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
             at = replace(at, noise=noise(at))
         return at, few_columns(*equations_at(at)[1:])
 
-    def retake(at: _PoseFit, chosen: tuple[int, ...]) -> _PoseFit:
+    def recompute(at: _PoseFit, chosen: tuple[int, ...]) -> _PoseFit:
         values = np.zeros(len(terms))
         values[list(chosen)] = at.estimate.values[list(chosen)]
         start = replace(at.estimate, values=values)
@@ -106,7 +106,7 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
         return replace(at, estimate=estimate, found=found)
 
     every = np.ones(len(first[1].residual), dtype=bool)
-    at, chosen = until_same_set(_PoseFit(*first, every, noise_of(first[1], *named, moving, every)), search, retake)
+    at, chosen = until_same_set(_PoseFit(*first, every, noise_of(first[1], *named, moving, every)), search, recompute)
     at = replace(at, noise=noise(at))
     return ExplainedPoses(problem, at.estimate, at.found, at.noise, *equations_at(at), chosen, at.kept)
 
@@ -116,7 +116,7 @@ def _name(term: PoseTerm) -> str:
 
 
 def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
-    """Block of each row: stretches of time of a recording, the same for all frames of the recording."""
+    """Block of each row: equal parts of a recording, the same for all frames of the recording."""
     of_pose = np.concatenate(
         [BLOCKS * one.recording + np.arange(len(one.t)) * BLOCKS // len(one.t) for one in problem.sets]
     )
@@ -124,7 +124,7 @@ def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
 
 
 def _without_outliers(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
-    """True for rows of poses that are no outliers; unchanged if too many poses are far off to be outliers."""
+    """True for rows of poses that are no outliers; ``kept`` itself if too many poses have large residuals."""
     size = np.abs(found.residual) / np.array([_spread(found, s) for s in range(len(noise.sigma))])[found.series]
     far = np.unique(found.pose[size > _OUTLIER])
     if len(far) > _MOST_OUTLIERS * len(np.unique(found.pose)):
@@ -138,10 +138,10 @@ def _spread(found: Equations, series: int) -> float:
     return max(1.4826 * float(np.median(values)), 1e-300) if len(values) else 1.0
 
 
-_NEAR = 15.0  # largest difference of the sums of squares of a rival: its likelihood is then below a thousandth
+_NEAR = 15.0  # rivals with a larger increase of the sum of squares (likelihood below a thousandth) are left out
 _POWER = 1.6448536269514722  # 95 % quantile of the normal distribution
-_LEAST_GAP = 1e-3  # smallest gap of which shares are computed, relative to the loss before all findings
-_ROUNDING = 1e-9  # load of a joint, relative to the largest load, that is rounding
+_LEAST_GAP = 1e-3  # a gap counts as at least this share of the loss before all findings, so that shares are finite
+_ROUNDING = 1e-9  # a smaller load of a joint, relative to the largest load, is a rounding error
 COMPENSATED = "passive joints of its loop take it up, so that it moves no measured frame"
 
 Group = tuple[int, ...]
@@ -149,29 +149,35 @@ Group = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Gap:
-    """Held-out losses before and after all findings; their difference is the gap that findings share."""
+    """Held-out losses of each block before and after all findings."""
 
     blocks: Blocks
     before: Float[Array, " B"]
     after: Float[Array, " B"]
 
     def closed(self, losses: Float[Array, " B"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        """Share of the gap that a set of terms with these losses closes, when blocks count ``weights`` times."""
+        """Share of the gap that a set of terms closes.
+
+        Args:
+            losses: Held-out loss of each block with these terms.
+            weights: Weight of each block, one row for each replicate.
+        """
         rows = weights @ self.blocks.rows
         before, after = (weights @ x / rows for x in (self.before, losses))
-        least = weights @ self.after / rows
-        # The gap is the loss above the noise, or the part of it that all findings close if that part is smaller.
-        gap = np.maximum(np.where(before > 1.0, before - np.minimum(1.0, least), before - least), _LEAST_GAP * before)
-        return (before - after) / gap
+        after_all = weights @ self.after / rows
+        # Losses are in units of the noise variance: without a gap a loss is 1. The gap ends at 1, or at the loss after
+        # all findings if this is lower, or if the loss before is below 1 already.
+        end = np.where(before > 1.0, np.minimum(1.0, after_all), after_all)
+        return (before - after) / np.maximum(before - end, _LEAST_GAP * before)
 
 
 def drawn_blocks(gap: Gap) -> Float[Array, "R B"]:
-    """How often each block is drawn in each bootstrap replicate of the gap; the same draws for all findings."""
+    """How often each block is drawn in each bootstrap replicate; all findings use the same draws."""
     return block_counts(len(gap.after), random_stream("bootstrap of the gap in poses"))
 
 
 def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
-    """The chosen terms, in groups of one effect on one joint."""
+    """The chosen terms, grouped by effect and joint."""
     places: dict[tuple[str, str | None], list[int]] = {}
     for k in explained.chosen:
         places.setdefault(explained.problem.terms[k].effect_joint, []).append(k)
@@ -179,12 +185,12 @@ def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
 
 
 def gap_of(explained: ExplainedPoses, blocks: Blocks) -> Gap:
-    """Losses before and after all findings."""
+    """Held-out losses before and after all findings."""
     return Gap(blocks, blocks.losses(()), blocks.losses(explained.chosen))
 
 
 def findings_of(explained: ExplainedPoses, gap: Gap) -> tuple[PoseFinding, ...]:
-    """Findings, the largest share first."""
+    """The findings, that with the largest share of the gap first."""
     groups = groups_of(explained)
     shares = _shares(gap, groups)
     std = _deviations(explained)
@@ -193,7 +199,7 @@ def findings_of(explained: ExplainedPoses, gap: Gap) -> tuple[PoseFinding, ...]:
 
 
 def _deviations(explained: ExplainedPoses) -> dict[int, float]:
-    """Standard deviations of the chosen terms, fitted together."""
+    """Standard deviation of each chosen term, if all of them are fitted together."""
     at = list(explained.chosen)
     if not at:
         return {}
@@ -204,30 +210,31 @@ def _deviations(explained: ExplainedPoses) -> dict[int, float]:
 def _finding(
     explained: ExplainedPoses, gap: Gap, group: Group, groups: Sequence[Group], share: float, std: dict[int, float]
 ) -> PoseFinding:
+    """The finding of one group of terms: sizes, share of the gap, probability and rivals."""
     terms, values = explained.problem.terms, explained.estimate.values
-    alone = gap.blocks.losses([k for other in groups if other != group for k in other])
-    once, drawn = np.ones((1, len(alone))), drawn_blocks(gap)
+    without = gap.blocks.losses([k for other in groups if other != group for k in other])
+    once, drawn = np.ones((1, len(without))), drawn_blocks(gap)
 
-    def back(weights: Array) -> Array:
-        return gap.closed(gap.after, weights) - gap.closed(alone, weights)
+    def closed_by_group(weights: Array) -> Array:
+        return gap.closed(gap.after, weights) - gap.closed(without, weights)
 
-    low, high = interval(back(drawn))
+    low, high = interval(closed_by_group(drawn))
     probability, rivals = _rivals(explained, gap.blocks, group)
     return PoseFinding(
         effect=terms[group[0]].effect,
         joint=terms[group[0]].joint,
         parameters={terms[k].parameter: Number(float(values[k]), std[k], terms[k].unit) for k in group},
         share=share,
-        gap_closed=float(back(once)[0]),
+        gap_closed=float(closed_by_group(once)[0]),
         gap_closed_interval=(float(low), float(high)),
         probability=probability,
         rivals=rivals,
-        floors=float(np.sum(alone - gap.after) / np.sum(gap.blocks.rows)),
+        floors=float(np.sum(without - gap.after) / np.sum(gap.blocks.rows)),
     )
 
 
 def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
-    """Shapley value of each group, as its part of the share of the gap that all groups close."""
+    """Share of the gap that each group closes (Shapley value)."""
     once = np.ones((1, len(gap.after)))
 
     @cache
@@ -239,7 +246,7 @@ def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
 
 
 def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[float, tuple[PoseRival, ...]]:
-    """Probability of a finding, and its rivals: the same number of other terms that explain the same poses."""
+    """Probability of a finding, and its rivals: sets of terms that explain the poses nearly as well in its place."""
     fits, chosen = explained.fits, explained.chosen
     rest = tuple(k for k in chosen if k not in group)
     near = [group, *rivals_of(fits, chosen, group, _NEAR)]
@@ -256,6 +263,7 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
 
 
 def _places(terms: Sequence[PoseTerm]) -> tuple[Place, ...]:
+    """The terms, grouped by effect and joint."""
     places: dict[tuple[str, str | None], list[str]] = {}
     for term in terms:
         places.setdefault(term.effect_joint, []).append(term.parameter)
@@ -269,7 +277,7 @@ def pose_bounds(
 
     Args:
         explained: Fit of the findings to the poses.
-        findings: All findings. Their rivals have no limit, because they may replace the finding at any size.
+        findings: All findings. Their rivals have no detection limit, because a rival of any size may be the true cause.
     """
     places = [place for finding in findings for rival in finding.rivals for place in rival.places]
     rivals = {(place.effect, place.joint, name) for place in places for name in place.parameters}
@@ -299,7 +307,7 @@ def _unseen(term: PoseTerm, why: str) -> UnseenTerm:
 
 
 def _why_unseen(explained: ExplainedPoses, k: int) -> str:
-    """Why poses cannot show a term: it moves no frame, or has the same effect as another pose of base or target."""
+    """Reason why poses cannot show a term: it moves no frame, or has the same effect as a changed nuisance."""
     found, term = explained.found, explained.problem.terms[k]
     scale = (explained.kept * explained.noise.weights[found.series])[:, None]
     column = found.columns[:, [k]] * scale
@@ -322,7 +330,7 @@ def _why_unseen(explained: ExplainedPoses, k: int) -> str:
 
 
 def _is_loaded(explained: ExplainedPoses, term: PoseTerm) -> bool:
-    """True if a joint carries a load that is more than rounding of the other joints' loads."""
+    """True if the load of a term's joint is more than a rounding error of the other joints' loads."""
     loads = np.concatenate([np.abs(one.load) for one in explained.problem.sets])
     return bool(loads[:, term.row].max() > _ROUNDING * max(float(loads.max()), 1e-300))
 

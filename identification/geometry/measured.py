@@ -17,12 +17,12 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
 MOST = 1200
-"""Largest number of poses of one recording that are used, evenly spread: neighbours in time are redundant."""
-# Poses are a motion if the median step of each joint is less than this share of its range.
+"""Largest number of poses of one recording that are used, evenly spaced: neighbours in time are redundant."""
+# Samples count as a motion if the median step of each joint is less than this share of its range.
 _DENSE = 0.02
 _FEWEST_OF_MOTION = 200  # fewer samples never count as a motion
 _AT_EDGE = 1.0  # time [s] left out at both ends of a motion, because derivatives are not accurate there
-_MOVES = 1e-3  # largest speed of a joint [rad/s or m/s] below which a delay does not show
+_MOVES = 1e-3  # a delay can show only if some joint is faster than this [rad/s or m/s]
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def has_poses(recordings: tuple[Recording, ...]) -> bool:
 
 
 def is_motion(recording: Recording) -> bool:
-    """True if the samples follow a motion, False for poses that are far from each other."""
+    """True if the samples follow a motion, False if they are single poses far from each other."""
     if len(recording.t) < _FEWEST_OF_MOTION:
         return False
     span = np.ptp(recording.q, axis=0)
@@ -77,7 +77,7 @@ def measured_poses(
     """Poses of every frame of every recording, and joint positions over time of the recordings that are motions.
 
     Args:
-        robot: Gives frames and loads.
+        robot: The given model, which predicts the loads.
         recordings: Recordings; those without measured poses are ignored.
     """
     out: list[Measured] = []
@@ -109,7 +109,7 @@ def measured_poses(
 
 
 def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bool]:
-    """Rows of a recording that are used, joint velocities and loads in them, and True if the rows are a motion."""
+    """Indices of the samples that are used, joint velocities and loads there, and True if the samples are a motion."""
     inside = included(recording)
     smooth = smoothed(recording) if is_motion(recording) else None
     if smooth is None:
@@ -134,7 +134,7 @@ def load_of(robot: Robot, recording: Recording) -> Float[Array, "n nv"]:
     """Modelled torque that the transmissions pass to the links at every sample [N m or N].
 
     Args:
-        robot: Gives the model.
+        robot: The given model.
         recording: A motion, or poses at rest.
     """
     smooth = smoothed(recording) if is_motion(recording) else None

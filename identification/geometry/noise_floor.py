@@ -1,4 +1,4 @@
-"""Noise of the pose measurement without a model: from repeated poses, or from second differences of a motion."""
+"""Estimates the noise of measured poses without a model, from repeated poses or from second differences of a motion."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from identification.geometry.judgement import ExplainedPoses
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-_SAME = 1e-4  # poses count as equal if their joint positions are equal to this [rad or m], as encoders repeat it
+_SAME = 1e-4  # poses count as repeated if their joint positions, rounded to this [rad or m], are equal
 _FEWEST = 6  # least degrees of freedom for an estimate of the noise
-_POSES = 300  # largest number of poses in the test of whether the residual depends on the posture
-_SHUFFLES = 199  # random orders of the poses in that test
+_POSES = 300  # largest number of poses in `depends_on_posture`
+_SHUFFLES = 199  # number of random orders of the poses in `depends_on_posture`
 _LEAST_PREDICTED = 0.15
-"""Least share of the residual that the posture predicts on held-out poses, if the residual depends on it."""
+"""The residual may depend on the posture if the posture predicts at least this share of it on held-out poses."""
 
 
 @dataclass(frozen=True)
 class Floor:
-    """Noise of one coordinate of a series, its interval at 95 %, and its source."""
+    """Noise of one coordinate of a series [m or rad], its 95 % interval, and the name of the method."""
 
     sigma: float
     interval: tuple[float, float]
@@ -28,19 +28,19 @@ class Floor:
 
 
 def floor_of(explained: ExplainedPoses, series: int) -> Floor:
-    """Noise of one series of poses; if no pose is repeated, the residual of the best kinematic model.
+    """Noise of one series of poses; if no pose is repeated, the noise is that of the fit of all terms.
 
     Args:
         explained: The fit.
-        series: Twice the set, plus one for orientations.
+        series: Twice the index of the set of poses, plus one for orientations.
     """
     one = explained.problem.sets[series // 2]
-    left = _left(explained, series)
+    residual = _residual(explained, series)
     if one.moving:
-        second = left[2:] - 2 * left[1:-1] + left[:-2]
+        second = residual[2:] - 2 * residual[1:-1] + residual[:-2]
         return _floor(second**2 / 6.0, second.size / 2.0, "above_band")
     groups = _repeated(one.q)
-    squares = [(left[group] - left[group].mean(axis=0)) ** 2 for group in groups]
+    squares = [(residual[group] - residual[group].mean(axis=0)) ** 2 for group in groups]
     free = 3.0 * sum(len(group) - 1 for group in groups)
     if free >= _FEWEST:
         squares = np.concatenate(squares)
@@ -49,13 +49,14 @@ def floor_of(explained: ExplainedPoses, series: int) -> Floor:
     return Floor(sigma, _interval(sigma, free), "predictors")
 
 
-def _left(explained: ExplainedPoses, series: int) -> Float[Array, "n 3"]:
+def _residual(explained: ExplainedPoses, series: int) -> Float[Array, "n 3"]:
+    """Residual of one series, one row for each pose."""
     found = explained.found
     return found.residual[found.series == series].reshape(-1, 3)
 
 
 def _repeated(q: Float[Array, "n nv"]) -> list[list[int]]:
-    """Poses of the same joint positions, two or more together."""
+    """Groups of two or more poses with the same joint positions."""
     groups: dict[tuple[int, ...], list[int]] = {}
     for k, key in enumerate(np.round(q / _SAME).astype(int).tolist()):
         groups.setdefault(tuple(key), []).append(k)
@@ -75,18 +76,19 @@ def _interval(sigma: float, free: float) -> tuple[float, float]:
 
 
 def depends_on_posture(explained: ExplainedPoses) -> bool:
-    """True if joint positions predict the residuals of held-out poses better than those of shuffled poses.
+    """True if joint positions predict the residuals of held-out poses better than residuals in random order.
 
     A smooth function of the posture (ridge regression on Gaussian kernels) is fitted to nine tenths of the poses and
     predicts the remaining tenth.
 
     Args:
-        explained: The fit that leaves the residuals.
+        explained: The fit with its residuals.
     """
     return any(_is_predicted(explained, number) for number in range(len(explained.problem.sets)))
 
 
 def _is_predicted(explained: ExplainedPoses, number: int) -> bool:
+    """The test of `depends_on_posture` for one set of poses."""
     one, found = explained.problem.sets[number], explained.found
     rows = (found.series // 2 == number) & explained.kept
     numbers = np.unique(found.pose[rows])
@@ -107,7 +109,7 @@ def _is_predicted(explained: ExplainedPoses, number: int) -> bool:
 
 
 def _predictor(q: Float[Array, "n nv"]) -> Float[Array, "n n"]:
-    """Matrix that predicts the residual of each pose from those of other blocks of poses."""
+    """Matrix that predicts the residual of each pose from the residuals of the nine other blocks of poses."""
     n = len(q)
     size = np.ptp(q, axis=0)
     scaled = q / np.where(size > 0, size, 1.0)

@@ -1,13 +1,15 @@
 # pyright: reportAttributeAccessIssue=false
-r"""States the loops of a closed chain as pairs of frames that stay together; formulas become pins if possible.
+r"""Loops of a closed chain as pairs of coincident frames (pins), and derivatives of passive joint positions by errors.
 
-A file may state a parallelogram by a formula (``elbow: theta3 - theta2``). In the robot a pin holds two links together,
-and the formula is wrong for other link lengths. So this module looks for pins: two points, one on each link, that the
-formula keeps together in every posture. If there are none, the formula is kept.
+A file may state a parallelogram by a formula for a passive joint (``elbow: theta3 - theta2``). In the real robot a pin
+connects two links, and with wrong link lengths the formula does not hold. Therefore this module searches for pins: two
+points, one on each link, that coincide in every posture if the formula holds. If there are no such points, the formula
+is kept.
 
 Only active joints have encoders. Passive joints keep the loops closed: an error that moves the two frames of a loop
 apart by :math:`dc` moves the passive joints by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is needed for planar loops,
-whose joints cannot move the frames in one direction. An error in that direction remains: the bearings give way to it.
+whose joints cannot move the frames in one direction. An error in this direction is not closed: in the real robot the
+bearings yield.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
 from phantom_dyn.random_streams import random_stream
 
-_POSTURES = 12
+_POSTURES = 12  # number of random postures in which two points have to coincide
 
 
 @dataclass(frozen=True)
@@ -44,11 +46,11 @@ class KnownPlaces:
 
 @dataclass(frozen=True)
 class Loops:
-    """A closed chain whose loops are frames that stay together.
+    """A closed chain whose loops are pairs of coincident frames.
 
     Attributes:
-        model: The tree, with a frame for each pin.
-        chain: Its loops; ``linear_map`` and ``offset`` hold the formulas for which there is no pin.
+        model: The tree, with a frame for each end of a pin.
+        chain: The loops; ``linear_map`` and ``offset`` hold the formulas for which there is no pin.
         targets: For each frame with a known target, the index of the target's frame.
     """
 
@@ -58,7 +60,7 @@ class Loops:
 
     @property
     def pins(self) -> tuple[int, ...]:
-        """Frames that loops keep together, in the order of the loops."""
+        """Indices of the frames that loops keep together, in the order of the loops."""
         return tuple(dict.fromkeys(frame for one in self.chain.anchors for frame in (one.frame_a, one.frame_b)))
 
     @property
@@ -68,11 +70,11 @@ class Loops:
 
 
 def loops_of(robot: Robot, known: KnownPlaces | None = None) -> Loops | None:
-    """The loops of a closed chain with known corrections of their places; None for an open chain.
+    """The loops of a closed chain, with known corrections of placements; None for an open chain.
 
     Args:
         robot: The given model.
-        known: Corrections from earlier poses.
+        known: Corrections from an earlier diagnosis of poses.
     """
     if robot.chain is None:
         return None
@@ -95,12 +97,12 @@ def loops_of(robot: Robot, known: KnownPlaces | None = None) -> Loops | None:
 
 
 def move_frame(model: pin.Model, frame: int, move: pin.SE3) -> None:
-    """Move a frame in its own axes, with all that is fixed to it.
+    """Move a frame, and all frames that are fixed to it.
 
     Args:
-        model: It is changed.
+        model: The model, which is changed in place.
         frame: Index of the frame.
-        move: Displacement of the frame.
+        move: Displacement of the frame in its own axes.
     """
     own = model.frames[frame].placement.copy()
     for index in range(model.nframes):
@@ -108,24 +110,24 @@ def move_frame(model: pin.Model, frame: int, move: pin.SE3) -> None:
             model.frames[index].placement = own * move * own.inverse() * model.frames[index].placement
 
 
-def is_fixed_to(model: pin.Model, frame: int, by: int) -> bool:
-    """True if a frame is ``by`` itself, or fixed to it."""
-    joint = model.frames[by].parentJoint
+def is_fixed_to(model: pin.Model, frame: int, parent: int) -> bool:
+    """True if a frame is ``parent`` itself, or a frame below it with the same parent joint."""
+    joint = model.frames[parent].parentJoint
     while frame and model.frames[frame].parentJoint == joint:
-        if frame == by:
+        if frame == parent:
             return True
         frame = model.frames[frame].parentFrame
     return False
 
 
 def joints_of_loop(model: pin.Model, anchor: Anchor) -> set[int]:
-    """Joints of a loop, by Pinocchio's index: those that move one of its frames and not the other."""
+    """Pinocchio's indices of the joints of a loop: those that move one of its two frames and not the other."""
     a, b = (set(model.supports[model.frames[frame].parentJoint]) for frame in (anchor.frame_a, anchor.frame_b))
     return a ^ b
 
 
 def _with_found_pins(loops: Loops) -> Loops:
-    """The loops with pins in the place of formulas, where two points stay together."""
+    """The loops, with pins in place of those formulas that keep two points together."""
     model, chain = loops.model, loops.chain
     q = random_stream("postures for pins").uniform(-0.7, 0.7, (_POSTURES, chain.linear_map.shape[1]))
     x = q @ chain.linear_map.T + chain.offset
@@ -133,14 +135,14 @@ def _with_found_pins(loops: Loops) -> Loops:
     for first, second in combinations(followers, 2):
         if first in loops.chain.unknowns or second in loops.chain.unknowns:
             continue
-        points = _staying_together(model, x, first, second)
+        points = _coincident_points(model, x, first, second)
         if points is not None:
             trial = _with_pin(loops, (first, second), points)
             loops = loops if trial is None or not _is_determined(trial, x) else trial
     return loops
 
 
-def _staying_together(model: pin.Model, x: Float[Array, "n nt"], first: int, second: int) -> Array | None:
+def _coincident_points(model: pin.Model, x: Float[Array, "n nt"], first: int, second: int) -> Array | None:
     """Points on the bodies of two joints [m], ``(2, 3)``, that coincide at all positions; None if there are none."""
     data, joints = model.createData(), [joint_index(model, row) for row in (first, second)]
     if set(model.supports[joints[0]]) & {joints[1]} or set(model.supports[joints[1]]) & {joints[0]}:
@@ -152,13 +154,13 @@ def _staying_together(model: pin.Model, x: Float[Array, "n nt"], first: int, sec
         matrix.append(np.hstack([a.rotation, -b.rotation]))
         right.append(b.translation - a.translation)
     A, y = np.concatenate(matrix), np.concatenate(right)
-    # In a planar loop the points may be anywhere along the axes. These are the ones nearest to the joints.
+    # In a planar loop any points along the joint axes coincide. The solution of least norm is nearest to the joints.
     points = np.linalg.lstsq(A, y, rcond=SINGULAR)[0]
     return points.reshape(2, 3) if np.abs(A @ points - y).max() <= CLOSED else None
 
 
 def _with_pin(loops: Loops, rows: tuple[int, int], points: Float[Array, "2 3"]) -> Loops | None:
-    """The loops with a pin at two points in place of the formulas of its joints; None if it does not close them."""
+    """The loops with a pin in place of the formulas of two joints; None if the pin's loop lacks one of the joints."""
     model, chain = loops.model.copy(), loops.chain
     links = [_link(model, row) for row in rows]
     ends = [
@@ -196,7 +198,7 @@ def _is_determined(loops: Loops, x: Float[Array, "n nt"]) -> bool:
 
 
 def _pin_frame(model: pin.Model, row: int, point: Float[Array, " 3"], name: str) -> int:
-    """A frame of the body at a point: one of the file, if its origin differs only along the axis, else a new one."""
+    """A frame of a body at a point: one of the file if its origin differs along the joint axis only, else a new one."""
     index = joint_index(model, row)
     body, axis = _link_frame(model, index), _axis(model, index)
     for frame in range(model.nframes):
@@ -214,7 +216,7 @@ def _add_frame(model: pin.Model, name: str, parent: int, placement: pin.SE3) -> 
 
 
 def _axis(model: pin.Model, index: int) -> Float[Array, " 3"]:
-    """Axis about which a joint turns, zero if it slides."""
+    """Unit vector of the axis of a revolute joint; zero for a prismatic joint."""
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     axis = pin.getJointJacobian(model, data, index, pin.LOCAL)[3:, model.joints[index].idx_v]
@@ -237,11 +239,12 @@ def _link(model: pin.Model, row: int) -> str:
     return model.frames[_link_frame(model, joint_index(model, row))].name
 
 
-_MOST_STEPS = 20
+_MOST_STEPS = 20  # largest number of Gauss-Newton steps to close the loops
 _LAST_STEP = 1e-11
 """Step [rad or m] below which a loop counts as closed."""
 _ROUNDING = 1e-10
-"""Derivatives below this are rounding, as of a turn about a passive joint's axis, and are set to zero."""
+"""Derivatives below this are set to zero, because they are rounding errors. An example is the derivative by a rotation
+about a passive joint's axis, which the joint compensates."""
 
 
 @dataclass(frozen=True)
@@ -249,9 +252,11 @@ class PositionSensitivities:
     """Derivatives of all joint positions of the tree by errors, with the loops closed, at ``n`` poses.
 
     Attributes:
-        by_active: By the positions of the active joints, ``(n, nt, nv)``.
-        by_place: By twists of the placements of all joints, in their own axes, ``(n, nt, 6 (njoints - 1))``.
-        by_pin: For each frame of a loop, by twists of its placement in its own axes, each ``(n, nt, 6)``.
+        by_active: Derivatives by the positions of the active joints, ``(n, nt, nv)``.
+        by_place: Derivatives by twists of the placements of all joints, in the joints' axes,
+            ``(n, nt, 6 (njoints - 1))``.
+        by_pin: For each frame of a loop, derivatives by the twist of its placement, in the frame's axes,
+            ``(n, nt, 6)``.
     """
 
     by_active: Float[Array, "n nt nv"]
@@ -265,7 +270,7 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
     Args:
         loops: Tree and loops of the current model.
         q: Positions of the active joints.
-        near: Positions of the tree near those wanted.
+        near: Positions of all joints at which the iteration starts, ``(n, nt)``.
     """
     chain = loops.chain
     S, nv = chain.linear_map, chain.nv
@@ -284,11 +289,11 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
 
 
 def position_sensitivities(loops: Loops, x: Float[Array, "n nt"]) -> PositionSensitivities:
-    """Derivatives of the joint positions by errors, at positions that close the loops.
+    """Derivatives of all joint positions by errors, at positions that close the loops.
 
     Args:
         loops: Tree and loops.
-        x: Positions of the tree.
+        x: Positions of all joints of the tree.
     """
     model, chain = loops.model, loops.chain
     S, nv, n = chain.linear_map, chain.nv, len(x)
@@ -300,18 +305,19 @@ def position_sensitivities(loops: Loops, x: Float[Array, "n nt"]) -> PositionSen
     at, configuration, data = constraints_of(model, chain.anchors), configurations(model, x), model.createData()
     for k in range(n):
         slope = error_and_jacobian(at, x[k])[1] @ S
-        back = -S[:, nv:] @ np.linalg.pinv(slope[:, nv:], rcond=SINGULAR)
-        by_active[k] += back @ slope[:, :nv]
+        # Change of the joint positions that closes the loops again, per error of the loops.
+        response = -S[:, nv:] @ np.linalg.pinv(slope[:, nv:], rcond=SINGULAR)
+        by_active[k] += response @ slope[:, :nv]
         pin.framesForwardKinematics(model, data, configuration[k])
-        places, pins = _moved_frames(at, data)
-        by_place[k] = back @ places
-        for frame, moves in pins.items():
-            by_pin[frame][k] = back @ moves
+        error_by_place, error_by_pin = _loop_errors(at, data)
+        by_place[k] = response @ error_by_place
+        for frame, error in error_by_pin.items():
+            by_pin[frame][k] = response @ error
     return PositionSensitivities(by_active, by_place, by_pin)
 
 
-def _moved_frames(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"], dict[int, Float[Array, "m 6"]]]:
-    """Distance of both frames of all anchors per twist of the places of joints, and per twist of each of the frames."""
+def _loop_errors(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"], dict[int, Float[Array, "m 6"]]]:
+    """Derivatives of the errors of all loops by twists of the joint placements, and by twists of each loop frame."""
     model, count = at.model, sum(rows.stop - rows.start for rows in at.slices)
     places, pins = np.zeros((count, 6 * (model.njoints - 1))), {}
     for anchor, rows in zip(at.anchors, at.slices, strict=True):
@@ -330,12 +336,12 @@ def _moved_frames(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"],
 
 
 def _regressor(model: pin.Model, data: pin.Data, frame: int) -> Float[Array, "6 p"]:
-    """Pinocchio's kinematic regressor of a frame in its own axes; nothing moves what is fixed to the root."""
+    """Pinocchio's kinematic regressor of a frame in the frame's axes; zero for a frame that is fixed to the root."""
     if model.frames[frame].parentJoint == 0:
         return np.zeros((6, 6 * (model.njoints - 1)))
     return pin.computeFrameKinematicRegressor(model, data, frame, pin.LOCAL)
 
 
 def rounded(columns: Array) -> Array:
-    """Columns in which motions that are rounding are zero."""
+    """Columns in which rounding errors are set to zero."""
     return np.where(np.abs(columns) < _ROUNDING, 0.0, columns)

@@ -31,7 +31,7 @@ class Place:
 
 @dataclass(frozen=True)
 class PoseRival:
-    """Places that explain the same poses as a finding, with their probability, see `engine.resampling`."""
+    """Parameters that explain the same poses as a finding, with the probability that they are the true cause."""
 
     places: tuple[Place, ...]
     probability: float
@@ -39,10 +39,18 @@ class PoseRival:
 
 @dataclass(frozen=True)
 class PoseFinding:
-    """One named cause of pose errors; ``joint`` is the frame of a ``tool_pose`` and None for a ``base_pose``.
+    """One named cause of pose errors.
 
-    ``gap_closed`` is the share of the gap that is open without this finding, all others fitted again; ``share`` is its
-    Shapley value. ``floors`` is the growth of the mean squared residual without it, in squares of the noise.
+    Attributes:
+        effect: Name of the effect.
+        joint: Name of the joint; for a ``tool_pose`` of the frame; None for a ``base_pose``.
+        parameters: Estimate of each parameter, by name.
+        share: Share of the gap that the finding closes (Shapley value).
+        gap_closed: Share of the gap that remains if this finding alone is left out and the others are fitted again.
+        gap_closed_interval: 95 % interval of ``gap_closed``.
+        probability: Probability that this is the true cause and not a rival.
+        rivals: Other causes that explain the same poses.
+        floors: Increase of the mean squared residual without the finding, in units of the noise variance.
     """
 
     effect: str
@@ -57,24 +65,25 @@ class PoseFinding:
 
     @property
     def verdict(self) -> str:
-        """``one_of`` if the poses do not separate it from something else."""
+        """``one_of`` if the poses do not separate the finding from its rivals, else ``supported``."""
         return "one_of" if self.rivals else "supported"
 
 
 @dataclass(frozen=True)
 class FrameGap:
-    """Gap of one frame on held-out poses; RMS of the length of the error [m], or of its angle [rad].
+    """Errors of the position or orientation of one frame on held-out poses.
 
     Attributes:
         frame: Name of the frame.
-        unit: ``m`` or ``rad``.
-        rms_before: With the given geometry; poses of base and target as given, or else fitted.
-        rms_after: With the findings.
-        noise_floor: Noise of the tracker.
-        noise_floor_interval: At 95 %.
-        noise_floor_source: ``repetitions``, ``above_band`` or ``predictors``; the last, the residual of the best
-            kinematic model, is an upper limit.
-        closed: Part of the gap that the findings close; None if there is no gap.
+        unit: ``m`` for positions, ``rad`` for orientations.
+        rms_before: RMS of the length (or angle) of the error with the given geometry. Poses of base and target are as
+            given, or fitted if they are unknown.
+        rms_after: RMS of the error with the findings.
+        noise_floor: RMS of the tracker's noise.
+        noise_floor_interval: 95 % interval of the noise floor.
+        noise_floor_source: ``repetitions`` (of poses), ``above_band`` (second differences of a motion) or
+            ``predictors`` (residual of the fit of all terms, an upper limit).
+        closed: Share of the gap that the findings close; None if there is no gap.
         hold_out_samples: Number of held-out poses.
     """
 
@@ -102,7 +111,7 @@ class PoseBound:
 
 @dataclass(frozen=True)
 class UnseenTerm:
-    """A term that these poses cannot show, and why."""
+    """A term that these poses cannot show, and the reason."""
 
     effect: str
     joint: str | None
@@ -134,9 +143,15 @@ class PoseDelay:
 
 @dataclass(frozen=True)
 class PoseEvidence:
-    """Errors behind the figure of the report: length [m] of each pose held out of its fit, before and after.
+    """Position error of each held-out pose, for the figure of the report.
 
-    ``t`` is the time [s], ``frame`` the number of the frame among the names, ``moving`` True for poses of a motion.
+    Attributes:
+        t: Time [s].
+        frames: Names of the frames.
+        frame: Index of each pose's frame in ``frames``.
+        before: Length of the error with the given geometry [m].
+        after: Length of the error with the findings [m].
+        moving: True for poses of a motion.
     """
 
     t: Float[Array, " n"]
@@ -156,18 +171,18 @@ class GeometryResult:
         closed: Share of the gap that all findings close; None if there is no gap.
         interval: 95 % interval of ``closed``.
         frames: Gap of each frame.
-        findings: Named causes, the largest first.
-        minor: Causes that are seen but close less than a hundredth of the gap and less than half a noise floor.
-        bounds: Detection limits.
+        findings: Named causes, that with the largest share first.
+        minor: Causes that close less than a hundredth of the gap and less than half a noise floor.
+        bounds: Detection limits of the other terms.
         not_testable: Terms that these poses cannot show.
-        fitted: Poses of base and target that the recordings do not give.
+        fitted: Fitted poses of base and targets, which the recordings do not state.
         delays: Delays of recordings that are motions.
-        rank: Number of base kinematic parameters: independent combinations of all terms that the poses show.
-        structured: True if the residual depends on the posture.
+        rank: Number of base kinematic parameters: independent combinations of all terms that the poses determine.
+        structured: True if the residual depends on the posture, or is larger than the noise floor.
         warnings: Notes on the data.
         evidence: Errors of single poses.
         torque_verdict: Verdict on the torques of the same recordings; None if there are none.
-        notes: On how findings in torque and in poses agree.
+        notes: Notes on how findings in torque and in poses agree.
         claims: Ledger: the claimed causes and the best unclaimed ones, by effect and joint, with their gates.
     """
 

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""Decides whether measured poses are those that their columns state: of a robot's frame, in the robot's root frame.
+"""Decides whether measured poses are, as their columns state, poses of a robot's frame in the robot's root frame.
 
-The column ``p.<frame>`` states the position of a frame of the robot in its root frame. A laser tracker may write
-positions in its own axes under that name, and its reflector may be mounted beside the frame. If a pose differs from the
-model by more than anybody would overlook, the pose of the base or of the target is unknown and fitted. If it differs by
-less, the difference counts as an error of the base's or the tool's pose.
+By definition the column ``p.<frame>`` is the position of a frame of the robot in its root frame. But a laser tracker
+may write positions in the tracker's axes, and its reflector may be mounted beside the frame. If a pose differs from the
+model by more than a plausible error, the pose of the base or of the target counts as unknown and is fitted. Otherwise
+the difference counts as a candidate error ``base_pose`` or ``tool_pose``.
 """
 
 from __future__ import annotations
@@ -23,15 +23,17 @@ from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, PoseTerm, 
 from phantom_dyn.model.robot import Robot
 
 _LITTLE = 1e-3
-"""Motion of a frame per unit of a place, relative to the largest, below which the place counts as without effect."""
+"""A placement error counts as without effect if it moves frames by less than this share of the most effective one."""
 _CHANCE = 1e-4
-"""Level of the test whether one base near the root frame fits worse than a free base for each recording."""
+"""Significance level of the test whether a base near the root frame fits worse than a free base of each recording."""
 
 
 def problem_of(
     robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, CubicSpline], loops: Loops | None = None
 ) -> PoseProblem:
-    """Measured poses with all candidate errors; poses of base and tool are among them if the columns state them.
+    """Measured poses with all candidate errors.
+
+    Poses of base and tool are candidate errors if the columns are what they state, otherwise they are nuisances.
 
     Args:
         robot: The given model.
@@ -64,7 +66,7 @@ def problem_of(
 
 
 def _without_compensated(problem: PoseProblem) -> PoseProblem:
-    """The problem without errors of places that passive joints compensate, so that they hardly move a frame."""
+    """The problem without placement errors that passive joints compensate, so that they hardly move a frame."""
     if problem.loops is None or not problem.terms:
         return problem
     size = np.abs(equations(problem, start_of(problem)).columns).max(axis=0)
@@ -79,7 +81,7 @@ def _without_compensated(problem: PoseProblem) -> PoseProblem:
 
 
 def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measured]) -> tuple[PoseTerm, ...]:
-    """Terms without the place of a first joint that carries all frames: no data separate it from the base's pose.
+    """Terms without placement errors of a first joint that carries all frames: they equal errors of the base's pose.
 
     Args:
         robot: The given model.
@@ -103,16 +105,16 @@ def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measu
 
 
 def _is_far(problem: PoseProblem, one: Measured) -> bool:
-    """True if no plausible errors of the poses of base and tool explain how far the frame is from the model's."""
+    """True if the frame is farther from its predicted position than plausible errors of base and tool explain."""
     reached = frame_poses(problem, one)[:, :3, 3]
     shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest
     reach = float(np.linalg.norm(reached, axis=1).max())
-    # The three shifts of base and of tool at their limits, and the three turns.
+    # All three shifts of base and tool, and all three rotations of the base, have their largest plausible values.
     return float(np.median(np.linalg.norm(one.position - reached, axis=1))) > np.sqrt(3) * (2 * shift + turn * reach)
 
 
 def _as_good(near: Equations, terms: int, free: Equations) -> bool:
-    """True if the residual of the constrained fit is not larger than that of the free one by more than chance."""
+    """True if the constrained fit (near) is not significantly worse than the free one (F test)."""
     from scipy.special import fdtri
 
     of_near, of_free = float(near.residual @ near.residual), float(free.residual @ free.residual)

@@ -1,10 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
-"""Candidate errors of a robot's geometry, called terms: one number each, with the joint that it belongs to.
+"""Candidate errors of a robot's geometry, called terms. Each term is one number of an effect on a joint or frame.
 
-Joint zeros (``encoder_offset``), six numbers of the place of a joint on its parent (``link_geometry``; in closed chains
-also of a frame that a loop keeps at another one), the deflection of a joint under its load (``joint_elasticity``), and,
-where poses are given in the robot's root frame, six numbers of the pose of the base (``base_pose``) and of a target on
-its frame (``tool_pose``).
+- ``encoder_offset``: the zero of a joint.
+- ``link_geometry``: six numbers of the placement of a joint on its parent; in closed chains also of a loop's frames.
+- ``joint_elasticity``: the compliance of a joint under its load.
+- ``base_pose``, ``tool_pose``: six numbers of the pose of the base, and of a target on its frame. They are terms only
+  if poses are given in the robot's root frame.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from phantom_dyn.model.robot import Robot
 ZERO, LINK, ELASTIC = "encoder_offset", "link_geometry", "joint_elasticity"
 BASE_POSE, TOOL_POSE = "base_pose", "tool_pose"
 PLACES = (LINK, BASE_POSE, TOOL_POSE)
-"""Effects that are a pose: six numbers, of which a finding states those that are wrong."""
+"""Effects whose terms are the six numbers of a pose."""
 PARTS = ("x", "y", "z", "rx", "ry", "rz")
 _ALONG = 1.0 - 1e-9  # above this cosine a joint moves along one of its own axes
 
@@ -33,15 +34,15 @@ class PoseTerm:
 
     Attributes:
         effect: ``encoder_offset``, ``link_geometry``, ``joint_elasticity``, ``base_pose`` or ``tool_pose``.
-        joint: Name of the joint; for a ``tool_pose`` and the pin of a loop the frame; None for a ``base_pose``.
-        row: Index of the joint: for a zero or an elasticity among the robot's joints, for a ``link_geometry`` among the
-            velocities of the tree, which differs in closed chains only; -1 without a joint.
+        joint: Name of the joint; name of the frame for a ``tool_pose`` and for a loop's pin; None for a ``base_pose``.
+        row: Index of the joint, -1 without a joint. For ``encoder_offset`` and ``joint_elasticity`` it counts the
+            robot's joints, for ``link_geometry`` the velocities of the tree; these differ in closed chains only.
         parameter: Name of the number.
         unit: Unit of the number.
         part: Index of the number among the six of a pose; -1 for other effects.
-        largest: Largest plausible value. A place that is wrong by a decimetre or half a radian is seen by eye, and so
-            is a joint that gives way by a tenth of a radian at one newton metre.
-        frame: Pinocchio's index of a loop's pin; -1 for all others.
+        largest: Largest plausible value. Larger errors are seen by eye: a placement that is wrong by a decimetre or
+            half a radian, or a joint that yields by a tenth of a radian under one newton metre.
+        frame: Pinocchio's index of the frame of a loop's pin; -1 for all other terms.
     """
 
     effect: str
@@ -60,13 +61,13 @@ class PoseTerm:
 
 
 def bounds_of(terms: Sequence[PoseTerm]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Least and largest plausible value of each term; no joint yields against its load."""
+    """Least and largest plausible value of each term. A compliance is not negative."""
     largest = np.array([term.largest for term in terms])
     return np.where([term.effect == ELASTIC for term in terms], 0.0, -largest), largest
 
 
 def pose_terms(effect: str, of: str | None, parts: int = 6) -> tuple[PoseTerm, ...]:
-    """The numbers of a ``base_pose`` or ``tool_pose``: three where orientations were not measured."""
+    """Terms of a ``base_pose`` or ``tool_pose``: six, or with ``parts=3`` the position only."""
     return tuple(_pose_term(effect, of, -1, part) for part in range(parts))
 
 
@@ -76,12 +77,15 @@ def _pose_term(effect: str, joint: str | None, row: int, part: int) -> PoseTerm:
 
 
 def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) -> tuple[PoseTerm, ...]:
-    """All terms of the joints that carry one of the frames, directly or through loops, from the root on.
+    """All terms of the joints that carry one of the frames, directly or through loops, from the root outwards.
 
-    The part of a joint's place along or about its own axis is its zero and is left out of its ``link_geometry``. An
-    encoder on the link measures the deflection of the transmission, so that such a joint has no term for it. Passive
-    joints have terms for their places only. The part along or about the axis is one of them if a formula gives the
-    joint's position, of which it is the constant; it is not if a loop does.
+    - The part of a joint's placement along or about the joint axis equals ``encoder_offset`` and is no term of
+      ``link_geometry``.
+    - A joint has a ``joint_elasticity`` only if its encoder is on the motor. An encoder on the link measures the
+      deflection.
+    - Passive joints have terms of ``link_geometry`` only. The part along or about the axis is a term if a formula
+      determines the joint's position, because it is the formula's constant. It is no term if a loop determines the
+      position.
 
     Args:
         robot: A robot with one velocity per joint.
@@ -140,7 +144,7 @@ def _followed(loops: Loops, placed: set[int]) -> set[int]:
 
 
 def moved_part(robot: Robot, index: int) -> int:
-    """Number of the axis (x, y, z, rx, ry, rz) along or about which a joint moves; -1 if it is none of these.
+    """Index in `PARTS` of the axis along or about which a joint moves; -1 if the joint moves along none of these axes.
 
     Args:
         robot: The robot with its model.
@@ -159,5 +163,5 @@ def subspace(model: pin.Model, index: int) -> Float[Array, " 6"]:
 
 
 def placed(numbers: Float[Array, " 6"]) -> pin.SE3:
-    """The pose of a ``base_pose`` or ``tool_pose``: shift ``x y z`` and rotation vector ``rx ry rz``."""
+    """The pose with translation ``x y z`` [m] and rotation vector ``rx ry rz`` [rad]."""
     return pin.SE3(pin.exp3(numbers[3:]), numbers[:3])

@@ -1,7 +1,7 @@
-"""Pose equations divided by their noise, and the estimate of that noise.
+"""Pose equations divided by their noise, and the estimate of the noise.
 
-The noise of each series is the residual of the best kinematic model, with all base kinematic parameters free. Poses
-whose noise is correlated in time have less weight. Residuals on held-out blocks are computed from products of columns.
+The noise of each series is the residual of a fit of all terms (the best kinematic model). Poses whose noise is
+correlated in time have less weight. Residuals on held-out blocks are computed from products of columns.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 SEEN = 1e-5
-"""Least share of a column that is independent of the nuisances: angles in robot files have nine digits at best."""
+"""A column counts as a combination of nuisances if less than this share of it is orthogonal to them. Smaller shares are
+rounding errors: angles in robot files have nine digits at best."""
 BLOCKS = 10
-"""Number of blocks of each recording; each is held out of one fit."""
-_ROUNDS = 4
-_FEWEST = 8  # least poses of a motion for an estimate of the noise's correlation time
+"""Number of blocks of each recording; each block is held out of one fit."""
+_ROUNDS = 4  # number of fits in which the noise is estimated; each is weighted with the noise of the fit before
+_FEWEST = 8  # least number of poses of a motion from which the correlation time of the noise is estimated
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Noise:
 
     Attributes:
         sigma: Standard deviation of each coordinate, by series [m or rad].
-        correlation_time: Number of poses per independent pose, by series; variances of estimates grow by it.
+        correlation_time: Number of poses per independent pose, by series; variances of estimates grow by this factor.
         degrees_of_freedom: Degrees of freedom of the estimate of the noise.
     """
 
@@ -42,17 +43,17 @@ class Noise:
 
     @property
     def weights(self) -> Float[Array, " s"]:
-        """By series, one over the noise."""
+        """One over the noise, by series."""
         return 1.0 / self.sigma
 
 
 @dataclass(frozen=True)
 class Whitened:
-    """Equations in units of noise, residual and terms projected off the nuisances.
+    """Pose equations in units of the noise.
 
     Attributes:
-        residual: Residual, projected, ``(m,)``.
-        columns: Columns of the terms, projected, ``(m, p)``.
+        residual: Residual, projected off the nuisances, ``(m,)``.
+        columns: Columns of the terms, projected off the nuisances, ``(m, p)``.
         seen: False for terms whose column is a combination of nuisances, ``(p,)``.
         whole: Columns of nuisances and terms, and the residual, not projected, ``(m, k + p + 1)``.
         block: Block of each row.
@@ -73,10 +74,10 @@ class Whitened:
 
 
 def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequence[str]) -> Int[Array, " r"]:
-    """Places of the base kinematic parameters among terms: the independent columns, by the reduction of dynamics.
+    """Indices of linearly independent columns (base kinematic parameters), found as for base inertial parameters.
 
     Args:
-        columns: Projected off the nuisances.
+        columns: Columns of the terms, projected off the nuisances.
         units: Units of the terms.
         names: Names of the terms.
     """
@@ -87,10 +88,10 @@ def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequ
 def noise_of(
     found: Equations, units: Sequence[str], names: Sequence[str], moving: Bool[Array, " s"], kept: Bool[Array, " m"]
 ) -> Noise:
-    """Noise of each series from the residual of the best kinematic model, with all terms free.
+    """Noise of each series, from the residual of a fit of all terms.
 
     Args:
-        found: Equations at some estimate.
+        found: Equations linearised at some estimate.
         units: Units of the terms.
         names: Names of the terms.
         moving: True for series of poses of a motion, whose noise may be correlated in time.
@@ -98,18 +99,18 @@ def noise_of(
     """
     count = len(moving)
     size = np.array([_rms(found.residual[kept & (found.series == s)]) for s in range(count)])
-    sigma, left, rank = np.where(size > 0, size, 1.0), found.residual, 0
+    sigma, residual, rank = np.where(size > 0, size, 1.0), found.residual, 0
     for _ in range(_ROUNDS):
         scale = kept / sigma[found.series]
         basis = orthonormal(found.nuisance * scale[:, None], 1e-9)
         own = orthogonal_part(found.columns * scale[:, None], basis)
         whole = np.hstack([basis, orthonormal(own[:, base_columns(own, units, names)], SEEN)])
         rank = whole.shape[1]
-        left = orthogonal_part(found.residual * scale, whole) * sigma[found.series]
-        share = max(1.0 - rank / max(kept.sum(), 1), 1.0 / max(kept.sum(), 1))
-        size = np.array([_rms(left[kept & (found.series == s)]) for s in range(count)]) / np.sqrt(share)
+        residual = orthogonal_part(found.residual * scale, whole) * sigma[found.series]
+        free_share = max(1.0 - rank / max(kept.sum(), 1), 1.0 / max(kept.sum(), 1))
+        size = np.array([_rms(residual[kept & (found.series == s)]) for s in range(count)]) / np.sqrt(free_share)
         sigma = np.where(size > 0, size, 1.0)
-    times = np.array([_correlation_time(left, found, s) if moving[s] else 1.0 for s in range(count)])
+    times = np.array([_correlation_time(residual, found, s) if moving[s] else 1.0 for s in range(count)])
     return Noise(sigma, times, max(float(kept.sum() - rank), 1.0) / float(times.max(initial=1.0)))
 
 
@@ -117,9 +118,9 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-def _correlation_time(left: Array, found: Equations, series: int) -> float:
-    """Number of poses per independent pose, from their autocorrelation, summed over the axes."""
-    values = left[found.series == series].reshape(-1, 3)
+def _correlation_time(residual: Array, found: Equations, series: int) -> float:
+    """Number of poses per independent pose, from the autocorrelation of the residual, summed over the axes."""
+    values = residual[found.series == series].reshape(-1, 3)
     n = len(values)
     if n < _FEWEST:
         return 1.0
@@ -135,11 +136,11 @@ def whitened(
     kept: Bool[Array, " m"],
     named: tuple[Sequence[str], Sequence[str]],
 ) -> Whitened:
-    """Equations in units of noise, with the residual before any term.
+    """Equations in units of the noise; their residual is the one without any term.
 
     Args:
-        found: Equations at an estimate.
-        values: Values of the terms at the estimate. What they explain is added to the residual.
+        found: Equations linearised at an estimate.
+        values: Values of the terms at the estimate. The columns times these values are added to the residual.
         noise: Noise of the poses.
         block: Block of each row.
         kept: True for rows that are used.
@@ -148,15 +149,15 @@ def whitened(
     scale = (kept / (noise.sigma * np.sqrt(noise.correlation_time))[found.series])[kept]
     rows = found.rows(kept)
     nuisance, columns = rows.nuisance * scale[:, None], rows.columns * scale[:, None]
-    left = rows.residual * scale + columns @ values
+    residual = rows.residual * scale + columns @ values
     basis = orthonormal(nuisance, 1e-9)
     own = orthogonal_part(columns, basis)
     size = np.linalg.norm(columns, axis=0)
     seen = np.linalg.norm(own, axis=0) > SEEN * np.where(size > 0, size, 1.0)
     own = np.where(seen, own, 0.0)
     rank = len(base_columns(own, *named))
-    whole = np.hstack([nuisance, columns, left[:, None]])
-    return Whitened(orthogonal_part(left, basis), own, seen, whole, block[kept], rank)
+    whole = np.hstack([nuisance, columns, residual[:, None]])
+    return Whitened(orthogonal_part(residual, basis), own, seen, whole, block[kept], rank)
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ class Blocks:
     """Products of nuisances, terms and residual, by block of poses.
 
     Attributes:
-        products: In units of noise, nuisances first.
+        products: Products in units of the noise, nuisances first.
         rows: Number of rows of each block.
         nuisances: Number of columns that are always in the fit.
     """
@@ -174,11 +175,11 @@ class Blocks:
     nuisances: int
 
     def losses(self, chosen: Sequence[int]) -> Float[Array, " B"]:
-        """Squared residuals of each block by a fit of the others, in units of noise."""
+        """Squared residual of each block, predicted by a fit to the other blocks, in units of the noise variance."""
         return self.products.losses(self.columns(chosen))
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
-        """Columns of a fit of some terms, the nuisances among them."""
+        """Indices of the columns of a fit of some terms: the nuisances, then the terms."""
         return [*range(self.nuisances), *(self.nuisances + k for k in chosen)]
 
 
@@ -190,7 +191,7 @@ def blocks_of(found: Whitened) -> Blocks:
 
 
 def held_out_residual_of_rows(found: Whitened, blocks: Blocks, chosen: Sequence[int]) -> Float[Array, " m"]:
-    """Residual of each row by fits of the other blocks, in units of noise."""
+    """Residual of each row, predicted by a fit to the other blocks, in units of the noise."""
     at = blocks.columns(chosen)
     place = np.searchsorted(np.unique(found.block), found.block)
     return held_out_residual(found.whole[:, at], found.whole[:, -1], place, blocks.products.fits_without_each(at))
