@@ -27,9 +27,9 @@ SHARE = 0.2
 """Share of a single recording, at its end, that is held out."""
 
 _EQUATIONS = 2.0  # smallest number of equations per unknown: with fewer, standard deviations are not reliable
-_ROUGH = 0.25  # relative standard deviation of an error on held-out data above which there is a warning
+_ROUGH = 0.25  # a larger relative standard deviation of an error on held-out data causes a warning
 
-_BETWEEN = 20  # steps between two recordings on the time axis, so that figures show a gap
+_BETWEEN = 20  # number of sample times between two recordings on the time axis, so that figures show a gap
 _LONGEST, _SHORTEST = 1024, 64  # largest and smallest number of samples in a segment of the spectra
 
 
@@ -40,8 +40,8 @@ class Split:
     Attributes:
         train: Logs for the fit.
         test: Logs that no fit uses.
-        words: Which data are held out, such as ``the last 20 % of log.csv (from 22 s on)``.
-        cutoff_hz: Edge of the band [Hz].
+        words: The held-out data in words, such as ``the last 20 % of log.csv (from 22 s on)``.
+        cutoff_hz: Upper edge of the band [Hz].
     """
 
     train: tuple[Log, ...]
@@ -53,11 +53,11 @@ class Split:
 def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[Recording, ...] = ()) -> Split:
     """Logs for the fit and held-out logs, all in one band.
 
-    ``hold_out`` is held out if it is given. Else it is the last one of several recordings, or the end of a single one.
-    No filtered sample depends on samples of both parts.
+    The recordings of ``hold_out`` are held out if they are given. Otherwise the last one of several recordings is held
+    out, or the end of a single recording. No filtered sample depends on samples of both parts.
 
     Args:
-        robot: States how torques were held, and the limits of the drives.
+        robot: The robot.
         recordings: One recording or more.
         hold_out: Recordings that no fit may use.
 
@@ -87,7 +87,7 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
 
 
 def _joint_torque(log: Log, robot: Robot) -> Float[Array, "N nv"]:
-    """Torque on the joints: that of their drives, clipped at their limits, and that of measured forces."""
+    """Torque on the joints: drive torque, clipped at the limits of the drives, plus the torque of measured forces."""
     tau = within_limits(log.tau, robot)
     return tau if log.external is None else tau + log.external
 
@@ -96,7 +96,7 @@ def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
     """Raise an error for fewer than two equations per unknown, or for too few held-out samples.
 
     Args:
-        robot: Gives the joints; each sample is one equation per joint.
+        robot: The robot; each sample is one equation per joint.
         split: Data for the fit, and held-out data.
         unknowns: Number of parameters that some motion of the robot can identify.
 
@@ -118,7 +118,7 @@ def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
 
 
 def caution(split: Split) -> tuple[str, ...]:
-    """A warning if the errors on held-out data are estimated from few samples; else empty."""
+    """A warning if the errors on held-out data are estimated from few samples."""
     samples = _count(split.test)
     # Relative standard deviation of the root mean square of n independent numbers.
     rough = 1 / np.sqrt(2 * max(samples, 1))
@@ -139,7 +139,7 @@ def _joints(robot: Robot) -> str:
 
 
 def _held_at_standstill(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
-    """The motion with zero velocity for joints that never move, whose friction would have the sign of noise."""
+    """The motion with zero velocity for joints that never move: otherwise their friction has the sign of noise."""
     q = np.where(still, np.median(motion.q, axis=0), motion.q)
     return motion.with_joints(q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
 
@@ -175,7 +175,7 @@ def joint_errors(
     """Torque errors of every joint on held-out samples.
 
     Args:
-        robot: Gives names and units.
+        robot: The robot.
         measured: Measured torque in the band [N m or N], shape ``(N, nv)``.
         predicted: Torque predicted by the fit [N m or N], shape ``(N, nv)``.
         given: Torque of the given model [N m or N], shape ``(N, nv)``.
@@ -208,7 +208,7 @@ def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ..
 
     Args:
         given: The robot as its file states it.
-        fitted: The robot that was fitted, without the friction and rotors that were unknowns.
+        fitted: The robot that was fitted: without the friction and rotor inertias that were unknowns.
         fit: The fit.
         logs: Logs with at least one valid sample in the band.
     """
@@ -218,7 +218,7 @@ def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ..
         log_torques = [log.tau, fit.predict(fitted, log.motion), inverse_dynamics(given, log.motion)]
         torques.append([Regressor.in_band(log, values) for values in log_torques])
         t = log.motion.t[log.samples][log.valid_in_band]
-        # One recording keeps its own times; each further one follows after a gap.
+        # The first recording keeps its times. Each further one is shifted to follow after a gap.
         shift = start - t[0] if times and len(t) else 0.0
         times.append(t + shift)
         if len(t):
@@ -246,9 +246,9 @@ def _densities(
         return np.zeros(0), np.zeros((0, nv)), np.zeros((0, nv))
     rate = pieces[int(np.argmax([len(piece) for _, piece in pieces]))][0]
     power, weight, f = 0.0, 0, np.zeros(0)
-    for its_rate, piece in pieces:
+    for piece_rate, piece in pieces:
         # A stretch with another sample rate would have other frequencies.
-        if len(piece) >= length and abs(its_rate - rate) < 1e-3 * rate:
+        if len(piece) >= length and abs(piece_rate - rate) < 1e-3 * rate:
             f, density = power_density(piece, rate, length)
             power, weight = power + len(piece) * density, weight + len(piece)
     amplitude = np.sqrt(power / weight)[1:]  # without the mean

@@ -18,16 +18,17 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 SURE = 2.0
-"""A value counts as identified if it is this many standard deviations from zero: about 5 % of true zeros are too."""
+"""A value counts as identified if it is more than this many standard deviations from zero. Of parameters that are zero,
+about 5 % are farther by chance."""
 
-_SAMPLES = 200  # several times the rows that any robot needs
+_SAMPLES = 200  # number of random samples, several times as many as any robot needs
 _SHOWN = 4  # largest number of names that a sentence lists
 
 
 def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> BaseParameters:
     """Base parameters of the robot for a random motion, which excites all of them.
 
-    For a closed chain the positions are those of the recording, as it cannot be closed at all positions.
+    The positions of a closed chain are those of the recording, because its loops cannot be closed at all positions.
 
     Args:
         robot: The robot, with its rigid bodies.
@@ -47,9 +48,9 @@ def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> Ba
 
 
 def identified_shares(base: BaseParameters) -> tuple[Share, ...]:
-    """For every column, whether its parameter is identified alone, in a combination, or not at all.
+    """For every parameter, whether it is identified alone, in a combination, or not at all.
 
-    It is identified alone if its column is independent, and no other column is regrouped into it.
+    A parameter is identified alone if its column is independent, and no other parameter is regrouped into it.
     """
     out: list[Share] = ["combination"] * len(base.names)
     for row, k in enumerate(base.independent):
@@ -70,9 +71,9 @@ def body_table(robot: Robot, base: BaseParameters, excited: BaseParameters) -> t
     """For each body, which of its ten parameters can be identified.
 
     Args:
-        robot: Gives the bodies, whose parameters are the first columns.
+        robot: The robot; the parameters of its bodies are the first columns.
         base: Base parameters of the recording.
-        excited: Base parameters of motion that excites everything.
+        excited: Base parameters of a motion that excites everything.
     """
     recorded, any_motion = identified_shares(base), identified_shares(excited)
     return tuple(
@@ -86,11 +87,11 @@ def body_table(robot: Robot, base: BaseParameters, excited: BaseParameters) -> t
 
 
 def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unidentified, ...]:
-    """Every dependent column, and why it cannot be identified alone.
+    """Every parameter that cannot be identified alone, with the reason.
 
     Args:
         base: Base parameters of the recording.
-        excited: Base parameters of motion that excites everything, over the same columns.
+        excited: Base parameters of a motion that excites everything, over the same columns.
     """
     containing = regrouped_into(base)
     never_torque, always_dependent = set(excited.zero), set(excited.dependent)
@@ -110,12 +111,12 @@ def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unident
 
 
 def not_excited(base: BaseParameters, excited: BaseParameters) -> tuple[str, ...]:
-    """Parameters that depend on others in this recording, but not in motion that excites everything."""
+    """Parameters that are identified alone by a motion that excites everything, but not by this recording."""
     return tuple(base.names[k] for k in base.dependent if k in set(excited.independent))
 
 
 def parameters(fit: Fit) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
-    """Base parameters of the links, and parameters of friction and drives."""
+    """Result for each base parameter of the links, and for each parameter of friction and drives."""
     sums = dict(equation.split(" = ", 1) for equation in fit.base.regroupings())
     owners = _owners(fit)
     links: list[Parameter] = []

@@ -1,4 +1,4 @@
-"""Data types for the result of an identification."""
+"""Data types of the result of an identification."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class Parameter:
     """One base parameter of the links, or one parameter of friction or of a drive.
 
     Attributes:
-        name: Such as ``forearm.IzzR``; an ``R`` at the end means that other parameters are regrouped into it.
+        name: Name such as ``forearm.IzzR``; a final ``R`` means that other parameters are regrouped into this one.
         value: Estimate.
         std: Standard deviation; NaN if there are no more equations than unknowns.
         unit: Unit of value and standard deviation.
         regroups: The sum that is estimated, such as ``a.Izz + 0.25 b.m``; empty for a single parameter.
         identified: True if the value is more than two standard deviations from zero.
-        why: Why it is not identified; empty if it is.
+        why: Reason why the parameter is not identified; empty if it is.
         joint: Joint of a friction or drive parameter; None for the links and the whole robot.
         effect: Effect that the parameter belongs to; None for the links.
     """
@@ -39,7 +39,7 @@ class Parameter:
 
     @property
     def relative_std(self) -> float:
-        """Standard deviation over the size of the value; infinite for a value of zero."""
+        """Standard deviation divided by the size of the value; infinite for a value of zero."""
         return self.std / abs(self.value) if self.value else float("inf")
 
 
@@ -58,8 +58,8 @@ class BodyParameters:
 
     Attributes:
         body: Name of the link.
-        this_recording: For each parameter, ``m`` to ``Izz``, with this recording.
-        any_motion: For each parameter, with motion that excites everything.
+        this_recording: Identifiability of each parameter, ``m`` to ``Izz``, by this recording.
+        any_motion: Identifiability of each parameter by a motion that excites everything.
     """
 
     body: str
@@ -75,7 +75,7 @@ class JointError:
         joint: Name of the joint.
         unit: Unit of the torque.
         rms: Root mean square of measured minus predicted torque.
-        relative: ``rms`` over the root mean square of the measured torque; NaN if this is zero.
+        relative: ``rms`` divided by the root mean square of the measured torque; NaN if the latter is zero.
         given: Relative error of the given model.
         fitted: Relative error on the samples of the fit.
         samples: Number of held-out samples.
@@ -98,9 +98,10 @@ class Export:
         file: Name of the file.
         text: Content of the file; empty if it was not written.
         loaded_with: Library that loaded it again; empty if none did.
-        difference: Largest difference of its torques from the identified model's, over the largest torque.
+        difference: Largest difference between the torques of the file and of the identified model, divided by the
+            largest torque.
         tolerance: Largest difference that is allowed.
-        left_out: Sentences on what the format cannot express, or on why the file was not written.
+        left_out: Sentences on parameters that the format cannot express, or on why the file was not written.
     """
 
     file: str
@@ -144,17 +145,17 @@ class IdentifiedModel:
         band_hz: Band of the fit [Hz].
         samples: Number of samples of the fit.
         rank: Number of base parameters, friction included.
-        excitable: Number of base parameters, friction included, with motion that excites everything.
-        condition: Condition number of the base regressor, its columns scaled to norm one.
-        bias: Result of the Durbin-Wu-Hausman test of least squares; empty if the estimator has no instruments.
+        excitable: Number of base parameters, friction included, for a motion that excites everything.
+        condition: Condition number of the base regressor with columns of norm one.
+        bias: Result of the Durbin-Wu-Hausman test in words; empty if the estimator has no instruments.
         base: Base parameters of the links.
         others: Parameters of friction and drives.
         unidentified: Parameters that cannot be identified alone.
         bodies: For each body, which parameters can be identified.
-        held_out: Which data are held out, in words.
+        held_out: The held-out data in words.
         joints: Errors on held-out samples.
-        departure: For each joint, root mean square of the torque by which the full model differs from the fit.
-        full_words: How the full model was made.
+        departure: For each joint, root mean square of the difference between the torques of full model and fit.
+        full_words: How the full model (all standard parameters) was computed, in words.
         exports: Model files.
         warnings: Warnings, one sentence each.
         evidence: Held-out samples for figures.

@@ -1,6 +1,6 @@
 """Writes the files of an identification: ``identification.json`` (schema ``identification/1``), models and report.
 
-If one of them cannot be written, none is.
+If one of these files cannot be written, none is.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NAMES = ("identification.json", "report.html", URDF, MJCF)
 
 
 def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
-    """The content of ``identification.json``; numbers are not rounded, and None if they are not finite."""
+    """The content of ``identification.json``. Numbers are not rounded; a number that is not finite becomes None."""
     return {
         "schema": SCHEMA,
         "run": run,
@@ -71,7 +71,7 @@ def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
 
 
 def json_text(found: IdentifiedModel, *, run: str = "") -> str:
-    """The text of ``identification.json``; ``run`` is the id of the run, which all its files contain."""
+    """The text of ``identification.json``; ``run`` is the id that all files of one run contain."""
     return json.dumps(to_json(found, run=run), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -100,7 +100,7 @@ def _export(export: Export) -> dict[str, Json]:
 
 
 def _number(value: float) -> float | None:
-    """The number, or None if it is not finite, as JSON cannot express it."""
+    """The number, or None if it is not finite, which JSON cannot express."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -112,7 +112,7 @@ def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
         read: Input files.
 
     Raises:
-        UsageError: If it is no folder, a file to write is a folder or an input, or writing is not allowed.
+        UsageError: If ``out`` is no folder, a file to write is a folder or an input, or writing is not allowed.
     """
     require_writable_folder(out, NAMES)
     require_not_read(read, (out / name for name in NAMES))
@@ -122,7 +122,7 @@ def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
 def write_outputs(found: IdentifiedModel, out: Path) -> tuple[Path, ...]:
     """Write ``identification.json``, ``report.html`` and the models into a folder, which is created if it is missing.
 
-    A model file of an earlier run that this run does not write is removed, so that no file is from another run.
+    Model files of an earlier run that are not written again are removed, so that all files are of one run.
 
     Args:
         found: The identification.
@@ -134,7 +134,7 @@ def write_outputs(found: IdentifiedModel, out: Path) -> tuple[Path, ...]:
     Raises:
         UsageError: If a file cannot be written; then none is.
     """
-    # The report needs libraries that take long to load.
+    # Imported here, because libraries of the report take long to load.
     from identification.identify.identification_report import report_html
 
     check_folder(out)

@@ -1,4 +1,4 @@
-"""Makes the report on an identification: one self-contained HTML page with figures as inline SVG."""
+"""Builds the report on an identification: one self-contained HTML page with figures as inline SVG."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from identification.reporting.charts.thinning import eventful_stretch
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import STANDARD_NAMES
 
-_DECADES = 5  # decades of a spectrum that are drawn
+_DECADES = 5  # number of decades of a spectrum that are drawn
 _PER_OCTAVE = 12  # bins of a spectrum per octave
 
 _FIGURES = 12  # largest number of joints with figures, beginning with the largest error
@@ -26,7 +26,7 @@ _OPEN = 2  # number of joints whose figures are unfolded at first
 
 
 def error_bars(joints: tuple[JointError, ...]) -> str:
-    """Figure of each joint's relative torque error on held-out samples, of the given and the identified model."""
+    """Figure of the relative torque errors of given and identified model on held-out samples, for each joint."""
     places = np.arange(len(joints), dtype=float)
     curves = [
         Curve(places, 100 * np.array(errors), colour, 0.0, label, marked=True, tips=tuple(map(error_percent, errors)))
@@ -80,7 +80,7 @@ def spectrum_figure(found: IdentifiedModel, joint: int) -> str:
 
 
 def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"]) -> tuple[Array, Array]:
-    """Frequencies and densities, averaged in power over bins of equal ratio, which makes fewer points."""
+    """Frequencies and densities, averaged (in power) over bins of equal width in octaves, to draw fewer points."""
     if not len(f):
         return f, density
     which = np.floor(np.log2(f / f[0]) * _PER_OCTAVE + 1e-9).astype(int)
@@ -91,7 +91,7 @@ def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"]) -> tuple[Ar
 
 @dataclass(frozen=True)
 class JointView:
-    """What the page shows of one joint: name, error, and figures."""
+    """Name, error and figures of one joint, as the page shows them."""
 
     name: str
     error: str
@@ -101,7 +101,7 @@ class JointView:
 
 
 def report_html(found: IdentifiedModel) -> str:
-    """The whole page as text, which needs no other files."""
+    """The whole page as HTML text, which needs no other files."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("identification_report.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(source).render(
@@ -128,7 +128,7 @@ def report_html(found: IdentifiedModel) -> str:
 
 
 def _row(parameter: Parameter) -> tuple[str, str, str, bool, str, str]:
-    """Name, value, relative standard deviation, whether it is identified, why not, and regrouped combination."""
+    """Cells of a table: name, value, relative deviation, True if identified, reason if not, regrouped combination."""
     return (
         parameter.name,
         words.value_cell(parameter),

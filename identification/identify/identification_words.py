@@ -10,7 +10,7 @@ from identification.words.effect_words import effect_words
 from identification.words.numbers_and_names import NO_BREAK, number, with_std, with_unit
 
 IDENTIFIABILITY = {"alone": "alone", "combination": "in combination", "none": "not at all"}
-"""Words for how a standard inertial parameter can be identified, by the value in ``identification.json``."""
+"""Words for each value of a parameter's identifiability in ``identification.json``."""
 
 
 def error_percent(share: float) -> str:
@@ -40,7 +40,7 @@ def headline(found: IdentifiedModel) -> str:
 
 
 def law_cell(parameter: Parameter, parameters: tuple[Parameter, ...]) -> str:
-    """Law of a parameter of friction or a drive, with the name of the parameter if the law has several."""
+    """Law of a friction or drive parameter, with the name of the parameter if its law has several parameters."""
     law = capital(effect_words(parameter.effect or "").name.removeprefix("a "))
     several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in parameters) > 1
     return f"{law}: {parameter_name(parameter.name.rpartition('.')[2])}" if several else law
@@ -60,11 +60,11 @@ def relative_cell(parameter: Parameter) -> str:
 
 
 def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
-    """Row of the table of errors for each joint.
+    """Rows of the table of errors, one for each joint.
 
-    The columns are the joint, the relative torque errors of the given and of the identified model on held-out data,
-    that of the identified model on the samples of the fit, the RMS error on held-out data, the RMS difference between
-    the exported model with all parameters and the fit of the base parameters, the unit, and the number of samples.
+    The columns are: joint; relative torque error of the given model and of the identified model on held-out data;
+    relative error of the identified model on the samples of the fit; RMS error on held-out data; RMS difference between
+    the exported model with all parameters and the fit of the base parameters; unit; number of samples.
     """
     return [
         (
@@ -94,7 +94,7 @@ def export_sentence(difference: float, tolerance: float, loaded_with: str) -> st
 
 
 def summary(found: IdentifiedModel) -> str:
-    """The summary for the terminal, one line per fact."""
+    """The summary for the terminal."""
     lines = [headline(found), f"held out: {found.held_out}; band 0 to {found.band_hz[1]:.3g} Hz; {found.estimator}"]
     for joint in found.joints:
         lines.append(

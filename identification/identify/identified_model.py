@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Makes the identified model: the given robot with the identified inertias, friction and rotors, as URDF and MJCF.
+"""Builds the identified model (given robot with identified inertias, friction and rotors) and its URDF and MJCF files.
 
 Each file is loaded again and compared with the model before it is written.
 """
@@ -46,12 +46,12 @@ TERMS = {
     "offset": "torque_offset",
     "direction_dependent": "direction_dependent_friction",
 }
-"""Effect for the short name of each friction term."""
+"""Name of the effect for the short name of each friction term."""
 
 DEFAULT_TERMS = ("viscous", "coulomb", "offset")
 """Friction terms that are estimated by default."""
 
-# Smallest change of a body's parameter, relative to the largest parameter of this kind; smaller changes are rounding.
+# Changes of a body's parameter below this share of the largest parameter of the same kind are rounding errors.
 _SAME = 1e-12
 
 
@@ -69,7 +69,7 @@ class JointTerms:
 
 
 def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
-    """Friction terms that a user names; ``none`` alone means no term.
+    """Friction terms from the words of a user; the word ``none`` alone means no term.
 
     Args:
         words: Short names, or names of the effects.
@@ -97,7 +97,7 @@ def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def effects_of_terms(robot: Robot, terms: JointTerms) -> tuple[EffectOnJoint, ...]:
-    """The effects of the terms on every joint of a robot, joint by joint."""
+    """All terms as effects on every joint of a robot, joint by joint."""
     effects = [effect_named(TERMS[term]) for term in terms.friction]
     if terms.rotors:
         effects.append(effect_named("rotor_inertia"))
@@ -129,9 +129,9 @@ class FullModel:
         robot: The robot with the identified inertias, friction and rotors.
         offset: Constant torque on each joint [N m or N], shape ``(nv,)``, which is not part of ``robot``.
         asymmetry: Joints whose friction differs by direction; ``robot`` has the mean of both directions.
-        words: How the inertias were chosen, or why they are the given ones.
-        possible: False if no possible inertias were found; then ``robot`` has the given ones.
-        moved: Largest change of a base parameter for physically possible bodies, in standard deviations.
+        words: Sentence on how the inertias were chosen, or why they are the given ones.
+        possible: False if no possible inertias were found; ``robot`` then has the given ones.
+        moved: Largest change of a base parameter that made the bodies physically possible, in standard deviations.
     """
 
     robot: Robot
@@ -146,7 +146,7 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
     """The given robot with all parameters of a fit.
 
     Args:
-        given: The given model, from which the inertias deviate as little as possible.
+        given: The given model; the inertias deviate from it as little as possible.
         fitted: The robot that was fitted, without the friction and rotors that were estimated.
         fit: Fit of rigid bodies and effects.
     """
@@ -209,7 +209,7 @@ def robots_in_files(full: FullModel, given: Robot) -> dict[str, Robot]:
 
     Args:
         full: The identified model.
-        given: The robot as its file states it; the URDF keeps its rotors.
+        given: The robot as its file states it. A URDF cannot express rotor inertias: its robot has the given ones.
     """
     writable, _ = _without_negative_friction(full.robot)
     return {URDF: with_rotors_of(writable, given), MJCF: writable}
@@ -221,9 +221,9 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
     Args:
         full: The identified model.
         given: The robot as its file states it.
-        motion: Motion on which torques are compared.
-        folder: Folder in which the files will be.
-        config: The given ``robot.yaml``; None for the one beside the robot's file.
+        motion: Motion for which torques are compared.
+        folder: Folder into which the files will be written.
+        config: The given ``robot.yaml``; None for the one in the folder of the robot's file.
 
     Raises:
         EstimationError: If a written file gives other torques than the model.
@@ -231,17 +231,17 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
     file = find_robot(given.source)
     beside = file.with_name(CONFIG_NAME)
     stated = config if config is not None else beside if beside.is_file() else None
-    few = some_motion(motion)
+    few_samples = some_motion(motion)
     writable, cut = _without_negative_friction(full.robot)
     as_urdf = with_rotors_of(writable, given)
 
     def urdf() -> tuple[str, float]:
         text = edited_urdf(as_urdf, given, file, folder) if file.suffix == ".urdf" else new_urdf(as_urdf)
-        return text, urdf_difference(text, as_urdf, few, stated)
+        return text, urdf_difference(text, as_urdf, few_samples, stated)
 
     def mjcf() -> tuple[str, float]:
         text = mjcf_text(writable)
-        return text, mujoco_difference(text, writable, few)
+        return text, mujoco_difference(text, writable, few_samples)
 
     return (
         _checked_export(URDF, urdf, versions().get("urdf", ""), (*cut, *_urdf_left_out(full, given, file))),
@@ -269,7 +269,7 @@ def _checked_export(
 
 
 def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
-    """The robot with zero for negative friction and rotor inertias, which no format allows, and sentences on these."""
+    """The robot with zero in place of negative friction and rotor inertias (no format allows these), and sentences."""
     viscous, coulomb = tree_friction(robot)
     names = list(robot.model.names)[1:]
     kinds = (("viscous friction", viscous), ("Coulomb friction", coulomb), ("rotor inertia", robot.model.armature))
@@ -288,7 +288,7 @@ def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
 
 
 def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]:
-    """Sentences on what the URDF does not contain."""
+    """Sentences on identified parameters that the URDF does not contain."""
     rotors = [
         f"{name} {value:.4g}"
         for name, value, old in zip(full.robot.joint_names, full.robot.rotor_inertia, given.rotor_inertia, strict=True)
@@ -310,7 +310,7 @@ def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]
 
 
 def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
-    """Sentences on what the MJCF does not contain."""
+    """Sentences on identified parameters and elements of the given file that the MJCF does not contain."""
     sentences = _left_out(full, "Constant torques are not in it: set qfrc_applied [N m or N]")
     chain = full.robot.chain
     if chain is not None and set(chain.passive) - set(chain.unknowns):
@@ -319,7 +319,7 @@ def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
 
 
 def _left_out(full: FullModel, constant: str) -> list[str]:
-    """Sentences on what neither format contains; ``constant`` is the beginning of the one on constant torques."""
+    """Sentences on parameters that neither format contains; ``constant`` begins the sentence on constant torques."""
     names = full.robot.joint_names
     offsets = [f"{name} {value:.4g}" for name, value in zip(names, full.offset, strict=True) if value]
     out = []

@@ -1,8 +1,8 @@
 """Identifies the parameters of a robot from its recordings.
 
-The friction terms of an identification act on one joint each. If two joints share a transmission, friction may depend
-on the motion of both. So for joints with a large error on held-out data, every effect of the catalogue on a pair of
-joints is fitted as well. The best one is named if it halves the error on held-out data.
+Each friction term acts on one joint. If two joints share a transmission, friction may depend on the motion of both.
+Therefore, for joints with a large error on held-out data, every effect of the catalogue that acts on a pair of joints
+is fitted too. A warning names the best one if it halves the error on held-out data.
 
 A model file with larger errors on held-out data than the given model is not written.
 """
@@ -64,13 +64,13 @@ from phantom_dyn.errors import EstimationError, IdentifiabilityError, ParameterE
 from phantom_dyn.model.robot import Robot
 
 MISSED = 0.3
-"""Relative error on held-out data above which a joint's parameters are not reliable."""
+"""Relative error on held-out data above which a joint's parameters count as not reliable."""
 
-# An effect is named if it reduces the error of one of its unreliable joints to this share or less.
+# An effect on two joints is named only if it reduces the error of an unreliable joint of the two to this share, ...
 _MENDS = 0.5
-# An effect is named if it increases no joint's error by more than this factor, which allows for chance.
+# ... and if it increases no joint's error by more than this factor, which allows for chance.
 _HARMS = 1.5
-# Largest number of joints that are examined, the worst first.
+# Largest number of unreliable joints, and of effects on two joints, that are examined; the worst and the best first.
 _MOST = 4
 
 
@@ -123,7 +123,7 @@ def shared_effects(
 
 @dataclass(frozen=True)
 class _Tried:
-    """One effect on two joints that was fitted with the terms; a smaller score is better."""
+    """A fit with one additional effect on two joints; a smaller score is better."""
 
     effect: Effect
     joints: tuple[str, str]
@@ -132,7 +132,7 @@ class _Tried:
 
 
 def _tried(robot: Robot, split: Split, effects: Sequence[EffectOnJoint], worst: Sequence[str]) -> list[_Tried]:
-    """Fits of every effect on every pair with one of the worst joints; of an effect with several shapes, the best."""
+    """Fits of every effect on every pair with one of the worst joints; for several shapes, only the best fit."""
     operation = Operation.of(robot, split.train[0].motion, split.train[0].tau)
     out = []
     for effect in effects_of(robot):
@@ -171,7 +171,7 @@ def missed_sentences(joints: Sequence[JointError], shared: Sequence[Shared]) -> 
 
     Args:
         joints: Errors of every joint.
-        shared: Effects that would reduce them.
+        shared: Effects on two joints that would reduce these errors.
     """
     poor = missed(joints)
     if not poor:
@@ -193,7 +193,7 @@ def missed_sentences(joints: Sequence[JointError], shared: Sequence[Shared]) -> 
 
 
 _SHOWN = 6  # largest number of names that a warning lists
-_FAR = 2.0  # change of a base parameter for possible bodies, in standard deviations, above which there is a warning
+_FAR = 2.0  # warn if possible bodies need a larger change of a base parameter, in standard deviations
 
 
 @one_blas_thread()  # with more threads, the last digits would depend on the machine
@@ -208,23 +208,24 @@ def identify(
     config: Path | None = None,
     progress: Progress = lambda _: None,
 ) -> IdentifiedModel:
-    """Base parameters, friction and drives of a robot, judged on held-out data, with a model for simulation.
+    """Base parameters, friction and drives of a robot, with errors on held-out data and model files for simulation.
 
     Args:
         robot: The given model; inertias that the data do not determine are taken from it.
-        recordings: Recordings for the fit; without ``hold_out`` the end of a single one, or the last one, is held out.
-        hold_out: Held-out recordings; then all of ``recordings`` are for the fit.
-        estimator: A name of `identification.estimators.estimator_list`.
-        terms: Unknowns of every joint besides inertias; by default viscous and Coulomb friction and offset.
+        recordings: Recordings for the fit. Without ``hold_out``, the last one of several recordings is held out, or the
+            end of a single one.
+        hold_out: Held-out recordings.
+        estimator: Name of an estimator in `identification.estimators.estimator_list`.
+        terms: Unknowns of every joint in addition to inertias; by default viscous and Coulomb friction and offset.
         folder: Folder of the model files, to which paths of meshes are relative; by default the working folder.
-        config: The robot's ``robot.yaml``; None for the one beside its file.
-        progress: Called with each stage.
+        config: The robot's ``robot.yaml``; None for the one in the folder of the robot's file.
+        progress: Called at the start of each stage.
 
     Raises:
-        LogError: If a recording cannot be used, or has a certain fault that was not overruled.
-        IdentifiabilityError: If the recordings excite too little.
+        LogError: If a recording cannot be used, or is certainly wrong (unless it was read with ``anyway``).
+        IdentifiabilityError: If the recordings excite too few parameters.
         EstimationError: If the estimator fails.
-        ParameterError: If there is no such estimator, or the robot is not bolted down.
+        ParameterError: If no estimator has this name, or the robot has a floating base.
     """
     started = time.perf_counter()
     entry = estimator_named(estimator)
@@ -242,7 +243,7 @@ def identify(
     progress(Announcement(Stage.ESTIMATION, detail={"estimator": estimator}))
     regressor = torque_regressor(fitted, split.train, effects)
     fit = entry.fit(regressor)
-    # The test needs instruments, for which other estimators may lack the data.
+    # The test needs references and controllers for the instruments, which recordings for other estimators may lack.
     bias = hausman_test(regressor).sentence() if estimator == "iv" else ""
     progress(Announcement(Stage.HELD_OUT))
     evidence = held_out_evidence(robot, fitted, fit, split.test)
@@ -297,7 +298,7 @@ def identify(
 
 
 def _require_bolted_down(robot: Robot) -> None:
-    """Raise an error for a robot with a floating base, as contact forces are not known."""
+    """Raise an error for a robot with a floating base, whose contact forces are not known."""
     if robot.floating:
         raise ParameterError(
             f"{robot.name} is not bolted down (base: floating), and identify takes robots that are: diagnose it, or "
@@ -306,7 +307,7 @@ def _require_bolted_down(robot: Robot) -> None:
 
 
 def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> None:
-    """Raise an error for measured forces with an estimator that simulates the robot, as it cannot simulate them."""
+    """Raise an error if forces were measured and the estimator simulates the robot, which it does without forces."""
     pushed = [recording.file for recording in recordings if recording.forces]
     if pushed and entry.simulates:
         raise ParameterError(
@@ -316,7 +317,7 @@ def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> Non
 
 
 def _lacking_excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> tuple[str, ...]:
-    """A warning on parameters that the recording does not identify although a motion could; else empty."""
+    """A warning on parameters that this recording does not identify, although another motion would."""
     if not lacking:
         return ()
     named = ", ".join(lacking[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")
@@ -327,7 +328,7 @@ def _lacking_excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> t
 
 
 def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) -> Float[Array, " nv"]:
-    """For each joint, root mean square of the torque by which the full model differs from the fit, shape ``(nv,)``."""
+    """For each joint, root mean square of the difference between the torques of full model and fit, shape ``(nv,)``."""
     differences = [
         Regressor.in_band(log, model_torque(full, log.motion) - fit.predict(fitted, log.motion)) for log in logs
     ]
@@ -337,7 +338,7 @@ def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) 
 def without_worse_files(
     files: tuple[Export, ...], robots: Mapping[str, Robot], given: Robot, logs: tuple[Log, ...], cutoff_hz: float
 ) -> tuple[Export, ...]:
-    """The files; one with a larger error on some joint than the given model has no text, but a sentence why.
+    """The files; a file with a larger error than the given model on some joint has no text, but a sentence why.
 
     Args:
         files: Model files.
@@ -356,12 +357,12 @@ def without_worse_files(
         remaining = replay.squares(lambda k, robot=robot: inverse_dynamics(robot, logs[k].motion))
         worse = leaves_more(remaining, before)
         if file.text and worse.any():
-            after, had = rms(remaining), rms(before)
-            j = int(np.argmax(np.where(worse, after / np.maximum(had, 1e-300), 0.0)))
+            after, of_given = rms(remaining), rms(before)
+            j = int(np.argmax(np.where(worse, after / np.maximum(of_given, 1e-300), 0.0)))
             unit = given.torque_units[j]
             reason = (
                 f"Not written: on {given.joint_names[j]} it would leave {number(after[j])} {unit} on held-out data, "
-                f"where the given model leaves {number(had[j])} {unit}."
+                f"where the given model leaves {number(of_given[j])} {unit}."
             )
             file = replace(file, text="", left_out=(reason,))
         out.append(file)
