@@ -1,1 +1,1 @@
-"""T-optimal design of the next recording, which is to separate effects that the existing recordings do not."""
+"""Designs the next recording (T-optimal): it separates effects that the existing recordings do not separate."""

@@ -1,9 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
 """Proposes the recording that separates the rivals of a diagnosis best.
 
-Motions are scored by how well they separate rivals (T-optimal design): alone, with a known mass, or with softer gains.
-A known mass separates effects on the whole torque from effects on one body. Softer position controllers separate delays
-from friction. The proposal is a sentence and a reference motion, which is written as a CSV file.
+Motions are scored by how well they separate rivals (T-optimal design), each without changes of the robot, with a known
+mass, or with softer gains. A known mass separates effects on the whole torque from effects on one body. Softer position
+controllers separate delays from friction. The proposal is a sentence and a reference motion, which is written as a CSV
+file.
 """
 
 from __future__ import annotations
@@ -51,24 +52,24 @@ from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
 
 SHARES = (0.5, 0.2, 0.1, 0.05)
-"""Known masses in the order in which they are tried, as shares of the mass of the link that carries them."""
+"""Known masses that are tried in turn, as shares of the mass of the link that carries them."""
 GAINS = (0.5, 0.25)
-"""Gains of softer controllers, as shares of the stated gains; larger gains might make a robot vibrate."""
-# Number of motions that are drawn, and of variations of the best one: ``_WORK / nv^2`` within these limits, as many as
+"""Gains of softer controllers, as shares of the stated gains. Larger gains are not tried: a robot might vibrate."""
+# Number of random motions, and of variations of the best one: ``_WORK / nv^2``, limited to the other two numbers. They
 # take a second or two.
 _WORK, _FEWEST, _MOST = 120, 12, 40
-# Number of the best motions that are scored with a known mass and with softer gains as well, if possible.
+# Number of the best motions that are also scored with a known mass and with softer gains.
 _CHANGED = 3
-# Probability of separation above which motions are compared by the distance of rivals instead.
+# Larger probabilities of separation count as equal; such motions are compared by the distance of rivals instead.
 _SURE = 0.995
-# Least increase of the probability that no rival is left, for which a known mass or other gains are proposed: both take
-# the user more effort than another motion.
+# A known mass or softer gains are proposed only if they increase the probability that no rival remains by this much,
+# because they take the user more effort than another motion.
 _BURDEN = 0.1
 
 
 @dataclass(frozen=True)
 class KnownMass:
-    """A point mass [kg] with its centre [m], as in ``recordings.yaml``, and the frame of the centre."""
+    """A point mass [kg], its centre [m] as in ``recordings.yaml``, and in words the frame of the centre."""
 
     mass: float
     center: tuple[float, float, float]
@@ -78,7 +79,8 @@ class KnownMass:
 def known_mass(robot: Robot, share: float) -> KnownMass:
     """A point mass that is a share of the mass of the link that carries it.
 
-    It is at the stated payload frame, else at the frame ``tip``, else at twice the distance of the link's centre.
+    The mass is at the stated payload frame, else at the frame ``tip``, else at twice the distance of the link's centre
+    of mass from the joint.
     """
     body = payload_body(robot)
     inertia = robot.model.inertias[body]
@@ -86,7 +88,7 @@ def known_mass(robot: Robot, share: float) -> KnownMass:
     if robot.payload_frame is not None:
         return KnownMass(mass, (0.0, 0.0, 0.0), f"frame {robot.payload_frame}")
     tip = tip_of(robot)
-    # Rounded to a millimetre, so that the sentence has the tried numbers; + 0.0 removes the sign of zero.
+    # Rounded to a millimetre, so that the sentence states exactly the tried numbers; + 0.0 removes the sign of zero.
     x, y, z = (round(float(c), 3) + 0.0 for c in (2.0 * inertia.lever if tip is None else tip))
     return KnownMass(mass, (x, y, z), f"the frame of joint {robot.model.names[body]}")
 
@@ -97,11 +99,12 @@ def with_mass(robot: Robot, mass: KnownMass) -> Robot:
 
 
 def _one_digit(x: float) -> float:
+    """A number rounded to one digit, at least 0.001."""
     return float(f"{np.maximum(x, 1e-3):.0e}")
 
 
 def simulated_tracking(robot: Robot, reference: Motion, share: float) -> Motion | None:
-    """Simulated motion of the given model along a reference, with the gains of its controllers reduced to a share.
+    """Simulated motion of the given model along a reference, with reduced gains of its controllers.
 
     Args:
         robot: The given model; the delays of its controllers are ignored.
@@ -109,7 +112,7 @@ def simulated_tracking(robot: Robot, reference: Motion, share: float) -> Motion 
         share: Share of the stated gains.
 
     Returns:
-        The motion; None if a joint states no controller, or the robot does not follow.
+        The motion; None if a joint has no stated controller, or the simulation diverges.
     """
     controllers = [drive.controller for drive in robot.actuators]
     stated = [controller for controller in controllers if controller is not None and controller.kp > 0]
@@ -130,11 +133,12 @@ class Trial:
 
     Attributes:
         candidate: The motion.
-        mass: Mass that the robot carries; None for none.
-        gains: Share of the stated gains that the position controllers have; None for the stated gains.
-        power: Probability of separation of each pair, shape ``(p,)``.
-        gain: Squared distance of each pair, shape ``(p,)``.
-        resolved: Probability that a finding loses its hardest rival, averaged over the findings.
+        mass: Known mass that the robot carries; None without a mass.
+        gains: Gains of the position controllers as a share of the stated gains; None for the stated gains.
+        power: Probability that each pair of rivals is separated, shape ``(p,)``.
+        gain: Squared distance of the torques of each pair, shape ``(p,)``.
+        resolved: Probability that the rival of a finding that is hardest to separate is ruled out, averaged over the
+            findings.
     """
 
     candidate: Candidate
@@ -146,12 +150,12 @@ class Trial:
 
     @property
     def separates(self) -> bool:
-        """True if it separates at least one pair."""
+        """True if the motion separates at least one pair with sufficient probability."""
         return bool((self.power >= rules.SEPARATED).any())
 
     @property
     def worth(self) -> tuple[bool, float, float]:
-        """Sort key: separates a pair, probability that no rival is left, least distance of separated pairs."""
+        """Sort key: True if a pair is separated, probability that no rival remains, least distance of such pairs."""
         separated = self.gain[self.power >= rules.SEPARATED] if self.separates else self.gain
         return (self.separates, min(self.resolved, _SURE), float(separated.min(initial=np.inf)))
 
@@ -159,7 +163,7 @@ class Trial:
 def ranked_trials(
     robot: Robot, limits: Limits, recording: PlannedRecording, rivalries: tuple[Rivalry, ...], duration: float
 ) -> tuple[Trial, ...]:
-    """Motions scored by their separation of the pairs, the best first, with a mass or softer gains if these help.
+    """Motions scored by how well they separate the pairs, the best first, some with a known mass or softer gains.
 
     Raises:
         ParameterError: If no motion keeps the limits.
@@ -186,13 +190,12 @@ def ranked_trials(
             _feasible(softer_trial(trial.candidate, robot, limits, recording, rivalries) for trial in trials), _CHANGED
         ),
     )
-    # A mass or other gains take effort: they must separate more than the best motion without them.
     more = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
     return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
 
 
 def _is_best(trials: list[Trial]) -> bool:
-    """True if variations of the best motion cannot be much better: it separates each pair, or no motion does."""
+    """True if variations of the best motion cannot be much better: each pair is separated by it, or by no motion."""
     never = np.max([trial.power for trial in trials], axis=0) < contract_levels.LISTED
     return trials[0].resolved >= _SURE or bool((never | (trials[0].power >= _SURE)).all())
 
@@ -200,7 +203,7 @@ def _is_best(trials: list[Trial]) -> bool:
 def loaded_trial(
     candidate: Candidate, robot: Robot, limits: Limits, recording: PlannedRecording, rivalries: tuple[Rivalry, ...]
 ) -> Trial | None:
-    """The motion with the largest mass that the drives can carry along it; None if they can carry none."""
+    """The motion with the largest known mass that the drives can carry along it; None if they can carry none."""
     for share in SHARES:
         mass = known_mass(robot, share)
         loaded = with_mass(robot, mass)
@@ -212,7 +215,7 @@ def loaded_trial(
 def softer_trial(
     candidate: Candidate, robot: Robot, limits: Limits, recording: PlannedRecording, rivalries: tuple[Rivalry, ...]
 ) -> Trial | None:
-    """The motion as a reference of softer controllers, at the better share of gains; None without controllers."""
+    """The motion as the reference of softer controllers, with the better one of `GAINS`; None if none is possible."""
     out = []
     for share in GAINS:
         motion = simulated_tracking(robot, candidate.motion(recording.band.rate_hz), share)
@@ -238,7 +241,7 @@ def trial_of(
     Args:
         candidate: The motion, or the reference of softer controllers.
         robot: The robot, with the mass if there is one.
-        recording: Computes the columns of the rivals along a motion.
+        recording: The planned recording, which computes products of columns along a motion.
         rivalries: The rivals to separate.
         mass: Known mass that the robot carries.
         gains: Share of the stated gains of the controllers.
@@ -270,19 +273,19 @@ def _feasible(trials: Iterable[Trial | None]) -> Iterator[Trial]:
 
 
 REFERENCE = "next.csv"
-# Largest number of findings whose rivals are to be separated, the largest findings first.
+# Largest number of findings whose rivals are to be separated; the largest findings are taken.
 _FINDINGS = 3
-# Limits of the length of a proposed recording [s], which is otherwise that of the recordings.
+# The duration of a proposed recording is that of the recordings, within these limits [s].
 _SHORTEST, _LONGEST = 8.0, 20.0
-# Largest number of rows per second of a reference, which is otherwise that of the recordings: a controller's clock.
+# The sample rate of a reference is that of the recordings, but at most this rate of a usual controller [Hz].
 _RATE_HZ = 1000.0
 
 
 def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposal:
-    """The recording to make next, if a finding has rivals that a motion can separate.
+    """The recording to make next; an empty proposal if no motion separates rivals of a finding.
 
     Args:
-        explanation: All effects that the search has found, also those that are not shown.
+        explanation: All effects that the search has found, including those that are not shown as findings.
         findings: Findings that are shown.
     """
     chosen = with_all_findings(explanation.search, explanation.chosen, findings)
@@ -307,9 +310,9 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
 
 
 def length_of(logs: tuple[Log, ...]) -> float:
-    """Length of a proposed recording [s]: that of the recordings, but neither very short nor very long.
+    """Duration of a proposed recording [s]: that of the recordings, but from 8 to 20 s.
 
-    It is long enough for the filter of their band, however low their sample rate is.
+    At a low sample rate it may be longer, so that the filter of the band has enough samples.
     """
     seconds = float(np.mean([log.motion.t[-1] - log.motion.t[0] for log in logs]))
     fewest = max(shortest_recording(log.band) for log in logs)
@@ -317,6 +320,7 @@ def length_of(logs: tuple[Log, ...]) -> float:
 
 
 def _proposal(rate_hz: float, rivalries: tuple[Rivalry, ...], trials: tuple[Trial, ...]) -> Proposal:
+    """The best trial as a proposal, with a note on pairs that it does not separate."""
     pairs = tuple(pair for rivalry in rivalries for pair in rivalry.pairs)
     best = trials[0]
     if not best.separates:
@@ -341,9 +345,9 @@ class Proposal:
     """The recording to make next.
 
     Attributes:
-        experiment: Entry of ``diagnosis.json``; None if nothing is proposed.
+        experiment: The entry ``next_experiment`` of ``diagnosis.json``; None if nothing is proposed.
         motion: The reference motion.
-        notes: Notes on rivals that no recording would separate.
+        notes: Notes on rivals that the proposed recording would not separate.
     """
 
     experiment: dict | None = None
@@ -359,7 +363,7 @@ def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, po
     if trial.gains is not None:
         load = f" with the gains of the position controllers at {percent(trial.gains)} of those in robot.yaml"
         stated = ", write these gains as its controller"
-    # A mass or gains count in a diagnosis only if they are written down.
+    # A diagnosis knows a mass or gains only if the user states them in recordings.yaml.
     stated += " beside its file name in recordings.yaml," if stated else ""
     motion = f"{trial.candidate.shapes.duration:g} s, {trial.candidate.kind}"
     safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"

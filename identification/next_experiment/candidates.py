@@ -1,6 +1,6 @@
 """Candidate motions of the next experiment: random Fourier series, triangles and small reversals within safe limits.
 
-The limits are those in the robot's files, narrowed to slightly more than the range of the recordings. Motions that rest
+The limits are those of the robot's files, narrowed to little more than the range of the recordings. Motions that stop
 in several postures, with small reversals about each, excite friction and backlash.
 """
 
@@ -24,43 +24,43 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, minimum_jerk
 from phantom_dyn.number_checks import require_positive
 
-# A joint may leave its recorded range by this share of it, at either end.
+# A joint may leave its recorded range by this share of the range, at either end.
 _RANGE_MARGIN = 0.5
-# Limits of speed, acceleration and torque, as ratios to the largest recorded ones.
+# Limits of speed, acceleration and torque, as multiples of the largest recorded values.
 _SPEED_RATIO, _ACCELERATION_RATIO, _TORQUE_RATIO = 2.0, 3.0, 2.0
-# Least recorded range, speed and so on of a joint, above zero so that a joint that was held may move a little.
+# Recorded ranges, speeds and so on count as at least this large, so that a joint that was held may move a little.
 _LEAST_SIZE = 1e-4
-# Share of a stop's duration in which the robot moves to the next posture.
+# Share of a stop's duration in which the robot moves to the posture.
 _TRAVEL_SHARE = 0.3
 # Share of the remaining duration in which the reversals grow from zero, and in which they decrease to zero.
 _FADE_SHARE = 0.15
-# Largest first and second derivative of the transition from zero to one in a unit of time, see `_rise`.
+# Largest first and second derivative of the minimum-jerk transition from zero to one in a unit of time.
 _RISE_SPEED, _RISE_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
-# Share of a period in which a triangle changes its direction.
+# Share of a period of a triangle in which its direction changes.
 _TURN_SHARE = 0.2
-# Sizes of a motion about its posture that are tried in turn until one keeps the limits, as shares of the first.
+# Relative sizes of a motion about its posture that are tried in turn until one keeps the limits.
 _TRIED_SIZES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
-# Least number of slow triangles, and one more than the largest. Over a wide range at low speed they show effects that
-# decrease with speed.
+# Range of the number of periods of slow triangles (the end is excluded). They cover a wide range at low speed, and show
+# effects that decrease with speed.
 _SLOW_PERIODS = (1, 4)
-# Amplitudes of small reversals, as shares of half the range. With smaller ones a joint with friction stands still for a
-# part of the time, so that the recording would show less than planned.
+# Amplitudes of small reversals, as shares of half the range. With smaller amplitudes a joint with friction would not
+# move for a part of the time, and the recording would show less than planned.
 _REVERSAL_SIZES = (0.1, 0.5)
 # Standard deviation of the logarithm of a joint's size between variations; single shapes vary by a third of it.
 _SIZE_DEVIATION = 0.5
 # A joint moves fast enough if its RMS speed is `_FAST_ENOUGH` of its limit. A motion is used if the ratio to that
-# speed, at most 1 for each joint, is at least `_LEAST_MEAN_RATIO` on average. Slower joints stick and slip, which no
-# law of friction predicts, so that the planned separation would not be reached.
+# speed, limited to 1, is at least `_LEAST_MEAN_RATIO` on average over the joints. Slower joints stick and slip, which
+# no law of friction predicts, so that the rivals would not be separated as planned.
 _FAST_ENOUGH, _LEAST_MEAN_RATIO = 0.125, 0.75
-# Exciting motion: number of harmonics, of random motions of which the best is improved, and of rounds and iterations of
-# the descent.
+# Exciting motion: number of harmonics, number of random motions (the best one is improved), and numbers of rounds and
+# iterations of the descent.
 _HARMONICS, _STARTS, _ROUNDS, _ITERATIONS = 5, 4, 3, 12
-# Draws for each wanted motion, as many are too slow.
+# Number of random draws for each wanted motion; many draws are too slow.
 _DRAWS = 4
 
 
 def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
-    """Limits of the robot's files, narrowed to what the recordings have shown to be safe.
+    """Limits of the robot's files, narrowed to the range that the recordings have shown to be safe.
 
     Raises:
         RobotError: If the robot has a joint that no reference can drive.
@@ -74,32 +74,32 @@ def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
     lower[rows] = np.maximum(lower[rows], q.min(axis=0) - _RANGE_MARGIN * reach)
     upper[rows] = np.minimum(upper[rows], q.max(axis=0) + _RANGE_MARGIN * reach)
     velocity[rows] = np.minimum(velocity[rows], _SPEED_RATIO * _largest([log.motion.v for log in logs]))
-    # A joint that was held shows no torque, but may at least overcome its friction.
-    shown = np.maximum(
+    # The torque of a joint that was held may be near zero: it is allowed to overcome at least the joint's friction.
+    safe_torque = np.maximum(
         _TORQUE_RATIO * _largest([log.band(log.tau) for log in logs]), 2.0 * np.array(robot.coulomb_friction)
     )
-    torque = np.minimum(stated.torque, shown)
+    torque = np.minimum(stated.torque, safe_torque)
     acceleration = _ACCELERATION_RATIO * _largest([log.motion.a for log in logs])
     return Limits(lower, upper, velocity, acceleration, torque, clear=_clearance(robot, logs))
 
 
 def _clearance(robot: Robot, logs: tuple[Log, ...]) -> float:
-    """Distance of the loops from a singularity that a motion keeps; less if the recordings were nearer to one."""
+    """Distance from a singularity that a motion has to keep; smaller if the recordings were nearer to a singularity."""
     recorded = [singularity_distance(robot, log.motion) for log in logs]
     return float(np.clip(min(float(each.min(initial=CLEAR)) for each in recorded), 0.01, CLEAR))
 
 
 def _largest(series: list[Float[Array, "_ nv"]]) -> Float[Array, " nv"]:
-    """Largest absolute value of each column, without the few samples that are noise; above zero."""
+    """Nearly the largest absolute value of each column (99.5 %, so that single noisy samples do not count)."""
     return np.maximum(np.percentile(np.abs(np.concatenate(series)), 99.5, axis=0), _LEAST_SIZE)
 
 
 @dataclass(frozen=True)
 class SmallReversals:
-    """Shapes of a motion from rest to rest: one leads to each posture but the first, and two oscillate about each.
+    """Shapes of a motion that stops in several postures and makes small reversals about each.
 
-    Of these two, one has ``reversals`` periods of a triangle and the other half as many. Joints that use different ones
-    reverse at different times.
+    One shape leads to each posture except the first, and two shapes are triangular waves about each posture: one with
+    ``reversals`` periods, one with half as many. Joints that use different waves reverse at different times.
 
     Attributes:
         duration: Duration [s].
@@ -120,16 +120,16 @@ class SmallReversals:
 
     @property
     def samples(self) -> int:
-        """Number of samples that is enough to find the extremes."""
+        """Number of samples from which the extremes of the motion are known."""
         return 20 * self.reversals * self.stops
 
     @property
     def stop(self) -> float:
-        """Duration of one stop, including the motion to it [s]."""
+        """Duration of one stop, including the motion to its posture [s]."""
         return self.duration / self.stops
 
     def farthest(self, velocity: Float[Array, " nv"], acceleration: Float[Array, " nv"]) -> Float[Array, " nv"]:
-        """Largest distance of the next posture [rad or m] for joints with these limits, shape ``(nv,)``."""
+        """Largest distance between two successive postures [rad or m] within the limits, shape ``(nv,)``."""
         length = _TRAVEL_SHARE * self.stop
         return np.minimum(velocity * length / _RISE_SPEED, acceleration * length**2 / _RISE_ACCELERATION)
 
@@ -141,7 +141,7 @@ class SmallReversals:
             start, travel = k * self.stop, _TRAVEL_SHARE * self.stop
             if k:
                 shapes.append(_rise(t, start, travel))
-            shapes += [self._shake(t, start + travel, n) for n in (self.reversals, self.reversals // 2)]
+            shapes += [self._fading_wave(t, start + travel, n) for n in (self.reversals, self.reversals // 2)]
         return np.stack(shapes, axis=2)
 
     def weights(self, postures: Float[Array, "s nv"], sizes: Float[Array, "s nv"], slow: Array) -> Float[Array, "K nv"]:
@@ -150,7 +150,7 @@ class SmallReversals:
         Args:
             postures: Posture of each stop [rad or m], shape ``(s, nv)``.
             sizes: Amplitudes of the reversals at each stop [rad or m], shape ``(s, nv)``.
-            slow: True for joints that use the slower triangle, shape ``(nv,)``.
+            slow: True for joints that use the wave with fewer periods, shape ``(nv,)``.
         """
         rows = [postures[0]]
         for k in range(self.stops):
@@ -159,8 +159,8 @@ class SmallReversals:
             rows += [np.where(slow, 0.0, sizes[k]), np.where(slow, sizes[k], 0.0)]
         return np.array(rows)
 
-    def _shake(self, t: Float[Array, " N"], start: float, periods: int) -> Float[Array, "3 N"]:
-        """Triangles of unit amplitude that grow from zero and fade again."""
+    def _fading_wave(self, t: Float[Array, " N"], start: float, periods: int) -> Float[Array, "3 N"]:
+        """A triangular wave of unit amplitude that grows from zero and decreases to zero."""
         length = (1.0 - _TRAVEL_SHARE) * self.stop
         wave = Triangle(1.0, periods / length, 0.0, _TURN_SHARE).motion(t - start)
         up = _rise(t, start, _FADE_SHARE * length)
@@ -175,7 +175,7 @@ def _rise(t: Float[Array, " N"], start: float, length: float) -> Float[Array, "3
 
 
 def _product(f: Float[Array, "3 N"], g: Float[Array, "3 N"]) -> Float[Array, "3 N"]:
-    """A product of two functions and its first two derivatives, from those of its factors."""
+    """Product of two functions with its first two derivatives, from the functions with their derivatives."""
     return np.stack([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]])
 
 
@@ -201,16 +201,16 @@ class Candidate:
 def candidates(
     problem: DesignProblem, *, duration: float, count: int, rng: np.random.Generator
 ) -> tuple[Candidate, ...]:
-    """Random motions of four kinds in turn: Fourier series, fast triangles, slow triangles, rests with small reversals.
+    """Random motions of four kinds in turn: Fourier series, triangles and sines, slow triangles, small reversals.
 
     Args:
-        problem: Robot and limits, see `design_of`.
+        problem: Robot and limits, from `design_of`.
         duration: Duration of each motion [s].
-        count: Largest number of motions; those that are too slow are left out, see `fast_enough`.
-        rng: Draws the motions.
+        count: Largest number of motions; motions that are too slow (see `fast_enough`) are left out.
+        rng: Random numbers.
 
     Raises:
-        ParameterError: If the robot cannot rest anywhere within its limits.
+        ParameterError: If the robot cannot rest in any posture within its limits.
     """
     postures = feasible_postures(problem, rng)
     draws = (_fourier, _triangles, _slow_triangles, _reversals)
@@ -225,17 +225,17 @@ def candidates(
 
 
 def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) -> Candidate:
-    """D-optimal motion for the inertial parameters, which separates rivals such as base tilt, load and inertia best.
+    """D-optimal motion for the inertial parameters.
 
-    Random motions rarely separate them nearly as well.
+    It separates rivals such as base tilt, load and inertia much better than most random motions.
 
     Args:
         problem: Robot and limits.
         duration: Duration [s].
-        rng: Draws the motions of which the best one is improved.
+        rng: Random numbers for the start.
 
     Raises:
-        ParameterError: If the robot cannot rest anywhere within its limits.
+        ParameterError: If the robot cannot rest in any posture within its limits.
     """
     shapes = FourierSeries(duration, _HARMONICS)
     grid, postures = Grid.of(shapes, shapes.samples), feasible_postures(problem, rng)
@@ -255,12 +255,12 @@ def _information(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv
 
 
 def design_of(robot: Robot, limits: Limits) -> DesignProblem:
-    """Design problem of the motions. Make it once, as the base parameters of a large robot take a while."""
+    """Design problem of the motions. Create it once: computing the base parameters of a large robot takes long."""
     return DesignProblem(robot, base_of(robot), ConditionNumber(), limits)
 
 
 def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> Candidate:
-    """A variation of a motion, with other sizes of each joint and slightly other shapes, as large as limits allow."""
+    """A random variation of a motion: other sizes of each joint and slightly other shapes, within the limits."""
     nv = problem.robot.nv
     grid = Grid.of(one.shapes, one.shapes.samples)
     posture = grid.motion(one.weights).q.mean(axis=0)
@@ -277,7 +277,7 @@ def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> 
 
 
 def fast_enough(one: Candidate, problem: DesignProblem) -> bool:
-    """True if the joints, on average, move fast enough for the laws of friction to hold."""
+    """True if the joints, on average, move fast enough that they do not stick and slip (see `_FAST_ENOUGH`)."""
     v = Grid.of(one.shapes, one.shapes.samples).motion(one.weights).v
     wanted = _FAST_ENOUGH * problem.limits.velocity[list(problem.robot.tree_rows)]
     return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _LEAST_MEAN_RATIO
@@ -299,7 +299,7 @@ def _slow_triangles(problem: DesignProblem, postures: Array, duration: float, rn
 
 
 def _random(problem: DesignProblem, shapes: Shapes, postures: Array, rng: np.random.Generator) -> Float[Array, "K nv"]:
-    """Random weights about the middle or about a random posture, each joint as large as its own limits allow."""
+    """Weights of a random motion about the middle of the ranges or a random posture, as large as the limits allow."""
     grid, sizes = Grid.of(shapes, shapes.samples), joint_sizes(problem)
     if rng.random() < 0.5:
         posture = postures[rng.integers(len(postures))]
@@ -308,9 +308,9 @@ def _random(problem: DesignProblem, shapes: Shapes, postures: Array, rng: np.ran
     still = np.zeros((grid.values.shape[2], problem.robot.nv))
     still[0] = posture
     moving = random_weights(problem, grid, rng)
-    moved, rows = grid.values[0] @ moving, list(problem.robot.tree_rows)
-    up = (problem.limits.upper[rows] - posture) / np.maximum(moved.max(axis=0), 1e-12)
-    down = (posture - problem.limits.lower[rows]) / np.maximum(-moved.min(axis=0), 1e-12)
+    travel, rows = grid.values[0] @ moving, list(problem.robot.tree_rows)
+    up = (problem.limits.upper[rows] - posture) / np.maximum(travel.max(axis=0), 1e-12)
+    down = (posture - problem.limits.lower[rows]) / np.maximum(-travel.min(axis=0), 1e-12)
     return largest_within_limits(
         problem, grid, still + moving * np.clip(0.97 * np.minimum(up, down), 0.0, 1.0), posture, _TRIED_SIZES
     )
@@ -321,12 +321,12 @@ def _reversals(problem: DesignProblem, postures: Array, duration: float, rng: np
     sizes = joint_sizes(problem)
     nv = problem.robot.nv
     places = postures[rng.integers(len(postures), size=shapes.stops)]
-    # The motion to the next posture keeps each joint's limits of speed and acceleration.
+    # The postures are moved closer together, so that the motions between them keep the limits of each joint.
     steps = np.maximum(np.abs(np.diff(places, axis=0)).max(axis=0), 1e-12)
     farthest = shapes.farthest(sizes.speed, problem.limits.acceleration)
     places = places[0] + np.minimum(1.0, 0.9 * farthest / steps) * (places - places[0])
     grid = Grid.of(shapes, shapes.samples)
-    # The reversals may use half of them.
+    # The reversals may use half of the limits of speed and acceleration.
     fastest, sharpest = (np.abs(grid.values[k, :, 1]).max() for k in (1, 2))
     small = np.exp(rng.uniform(*np.log(_REVERSAL_SIZES), size=(shapes.stops, nv))) * sizes.half
     small = np.minimum(small, 0.5 * np.minimum(sizes.speed / fastest, problem.limits.acceleration / sharpest))

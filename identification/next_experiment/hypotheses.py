@@ -1,4 +1,4 @@
-"""A finding and its rivals as fitted models that predict the torque of another recording."""
+"""Expresses a finding and its rivals as fitted models, which predict the torque of another recording."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import with_replacement
 from phantom_dyn.array_types import Array, Float, Int
 
-# Number of shapes of one law that are kept: a rival may need another shape to fit the torque of the true effect.
+# Largest number of shapes (such as Stribeck velocities) of one law that are kept: another shape of a rival may fit the
+# torque of the true effect better.
 _VARIANTS = 3
-# A shape is kept if it costs at most this much more than the best one, in squared standard deviations.
+# A shape is kept if its loss is at most this much larger than that of the best shape, in squared standard deviations.
 _CLOSE = 8.0
 # Largest number of combinations of shapes of one set of effects that are fitted.
 _COMBINATIONS = 60
-# Largest number of hypotheses of one finding that are compared, the most probable first.
+# Largest number of hypotheses of one finding that are compared; the most probable ones are taken.
 _MOST = 5
 
 
@@ -32,7 +33,7 @@ class Variant:
     Attributes:
         terms: All effects of the model.
         fitted: Fit of the model.
-        score: In-sample loss, with the price of the parameters.
+        score: In-sample loss plus the price of the parameters.
     """
 
     terms: frozenset[Term]
@@ -42,12 +43,12 @@ class Variant:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One explanation of the residual that a finding explains.
+    """One explanation of the same residual: the finding itself, or a rival.
 
     Attributes:
-        effects: Effects that replace the finding; of the finding itself, its own effect.
-        probability: Share of bootstrap replicates that it wins.
-        variants: Fits, the best first.
+        effects: The effect of the finding, or the effects of the rival.
+        probability: Probability of this explanation in the diagnosis.
+        variants: Fits with different shapes, the best first.
     """
 
     effects: tuple[EffectAt, ...]
@@ -62,17 +63,20 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Model:
-    """A fitted variant as ``basis @ y + shift`` among the columns ``union``, with the cost ``prior @ y**2``.
+    """A fitted variant, expressed in the columns that several variants use together (their union).
+
+    With parameters ``y`` the coefficients of these columns are ``basis @ y + shift``, and the cost is ``prior @ y**2``.
 
     Attributes:
-        theta: Coefficients of the columns, ``(u,)``.
-        basis: Columns per parameter of the fit, ``(u, n)``.
-        shift: Part of the coefficients that is constant, ``(u,)``.
-        prior: Precision of each parameter, ``(n,)``.
-        lower, upper: Bounds of each parameter, ``(n,)``.
+        theta: Coefficients of the columns at the fit, ``(u,)``.
+        basis: Derivatives of the coefficients by the parameters, ``(u, n)``.
+        shift: Constant part of the coefficients, ``(u,)``.
+        prior: Prior precision of each parameter, ``(n,)``.
+        lower: Least value of each parameter, ``(n,)``.
+        upper: Largest value of each parameter, ``(n,)``.
         is_nuisance: True for tolerance parameters, ``(n,)``.
-        score: In-sample loss of the variant, see `Variant`.
-        columns: Indices of its effects' columns in the union.
+        score: In-sample loss plus the price of the parameters.
+        columns: Indices in the union of the columns of the variant's effects.
     """
 
     theta: Float[Array, " u"]
@@ -92,15 +96,16 @@ class Model:
 
     @property
     def _rows(self) -> Int[Array, " n"]:
+        """For each parameter, the coefficient that is equal to it."""
         return np.argmax(self.basis == 1.0, axis=0)
 
 
 def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> tuple[Hypothesis, ...]:
-    """The finding and its rivals, the most probable first; empty without rivals, or if it is no chosen effect.
+    """The finding and its rivals, the most probable first; empty without rivals, or if ``chosen`` lacks the finding.
 
     Args:
-        search: Has all effects and fits them.
-        chosen: The set that the search has chosen.
+        search: The search, which fits sets of effects.
+        chosen: The set of effects that the search has chosen.
         finding: A finding of the diagnosis.
     """
     cause = (finding.effect, finding.joint)
@@ -118,14 +123,14 @@ def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> 
 
 
 def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[Finding, ...]) -> frozenset[Term]:
-    """The set that the search has chosen, changed so that it includes every finding of the diagnosis.
+    """The set that the search has chosen, changed so that it contains every finding of the diagnosis.
 
-    If a rival leads in the diagnosis, it is the finding in place of the effect that the search chose. Only with it in
-    the set can its own rivals be compared with it.
+    The diagnosis may name a more probable rival as its finding, in place of the effect that the search chose. The rival
+    then has to replace this effect in the set, before its own rivals can be compared with it.
 
     Args:
-        search: Has all effects and fits them.
-        chosen: The set that the search has chosen.
+        search: The search, which fits sets of effects.
+        chosen: The set of effects that the search has chosen.
         findings: Findings of the diagnosis.
     """
     found_causes = {(finding.effect, finding.joint) for finding in findings}
@@ -135,20 +140,20 @@ def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[F
         if not shapes or any(term.effect_joint == cause for term in chosen):
             continue
         rivals = {(at.effect, at.joint) for rival in finding.rivals for at in rival.effects}
-        gone = frozenset(
+        replaced = frozenset(
             term
             for term in chosen
             if term.effect_joint not in found_causes
             and (term.effect_joint in rivals or any(contains(term, shape) for shape in shapes))
         )
-        chosen = min((with_term(chosen - gone, shape) for shape in shapes), key=search.in_sample_loss)
+        chosen = min((with_term(chosen - replaced, shape) for shape in shapes), key=search.in_sample_loss)
     return chosen
 
 
 def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
-    """All columns that any hypothesis uses, and all tolerance parameters, which come first."""
+    """Indices of all tolerance parameters, then of all columns that any hypothesis uses."""
     fits = [variant.fitted for one in hypotheses for variant in one.variants]
-    # All tolerance parameters are included, because the next recording may show further ones.
+    # Even tolerance parameters that no fit uses are included, because the next recording may depend on them.
     used = {int(k) for found in fits for k in (*range(found.problem.nuisance_count), *found.active)}
     return np.array(sorted(used), dtype=int)
 
@@ -156,7 +161,7 @@ def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
 def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
     """A variant expressed in the columns of a union."""
     found = variant.fitted
-    # A fit may contain other tolerance parameters than the problem of the search.
+    # The fit's own problem is used: its tolerance parameters may differ from those of the search's problem.
     problem = found.problem
     at = np.searchsorted(union, found.active)
     expand = np.eye(len(at)) if found.expand is None else found.expand
@@ -165,7 +170,7 @@ def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
     basis[:nuisances, :nuisances] = np.eye(nuisances)
     basis[at[fitted:], nuisances:] = expand[fitted:, fitted:]
     theta = found.theta[union]
-    # The first unit entry of a column marks the coefficient that is equal to the parameter.
+    # The first 1 in a column of the basis marks the coefficient that is equal to the parameter.
     rows = np.argmax(basis == 1.0, axis=0)
     columns = union[rows]
     effects = {column for term in variant.terms for column in term.columns}
@@ -185,7 +190,7 @@ def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
 def _variants(
     search: Search, chosen: frozenset[Term], term: Term, effects: tuple[EffectAt, ...]
 ) -> tuple[Variant, ...]:
-    """Fits of a set of effects in the place of a term, over the shapes of their laws."""
+    """The best fits of a set of effects in place of a term, for different shapes of the effects' laws."""
     options = [
         [other for other in search.terms if other.named and other.effect_joint == (at.effect, at.joint)]
         for at in effects

@@ -1,4 +1,4 @@
-"""Products of columns along a planned motion, whitened and weighted as those of the recordings."""
+"""Computes products of columns along a planned motion, whitened and weighted like those of the existing recordings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Samples of a planned motion per period of the band's edge.
+# Number of samples of a planned motion per period of the band's edge frequency.
 _SAMPLES = 4.0
 
 
@@ -35,14 +35,14 @@ class PlannedRecording:
     """Sampling, filters and noise of a planned recording, taken from the existing recordings.
 
     Attributes:
-        problem: Columns and weights of the fits.
-        like: Columns of the recordings, restricted to those that are needed.
+        problem: Columns and weights of the diagnosis.
+        like: Columns of the existing recordings, restricted to those that are needed.
         union: Indices of the columns whose products are computed.
-        band: Filter of a planned motion, with as many samples as that of the recordings.
-        laws: Autocovariance of each row's noise [torque unit^2], see `noise_law`.
+        band: Filter of a planned motion; its output rate is that of the recordings.
+        laws: Autocovariance of each row's noise [torque unit^2], from `noise_law`.
         variance: Variance of the whitened noise of each row [torque unit^2], ``(nv,)``.
-        trust: Mean share of the noise in the variance of noise and friction errors, on each row of the recordings,
-            ``(nv,)``.
+        trust: Share of noise in the total variance (of noise and friction errors) of each row, averaged over the
+            recordings, ``(nv,)``.
         found: Effects that the diagnosis has found.
     """
 
@@ -56,9 +56,13 @@ class PlannedRecording:
     found: tuple[FoundEffect, ...]
 
     def products(self, motion: Motion, robot: Robot) -> Float[Array, "u u"]:
-        """Weighted products over a motion at the band's rate, of a robot that may carry a known load, ``(u, u)``.
+        """Weighted products of the columns in ``union`` over a planned motion, ``(u, u)``.
 
-        Samples at which friction is uncertain, as at reversals, have the same low weight as in the diagnosis.
+        Samples at which friction is uncertain, such as reversals, have the same low weight as in the diagnosis.
+
+        Args:
+            motion: The motion at the band's rate.
+            robot: The robot, which may carry a known load.
         """
         tau = inverse_dynamics(robot, motion)
         log = Log("next", robot.joint_names, motion, tau, self.band, np.ones(len(motion.t), dtype=bool))
@@ -84,18 +88,18 @@ class PlannedRecording:
 def _trusted(
     columns: Columns, noise: list[Float[Array, " n"]], row: int, law: Float[Array, "_"]
 ) -> tuple[float, float]:
-    """Variance of a row's white noise in the recordings, and its mean share in the variance of noise and friction."""
+    """Variance of a row's whitened noise in the recordings, and its mean share in that of noise and friction."""
     use = [part[:, row] for part in columns.usable]
     filters = [row_filters(columns, log, row, law) for log in range(len(use))]
-    doubt = np.concatenate([friction_variance(columns, log, row, filters[log])[u] for log, u in enumerate(use)])
+    friction = np.concatenate([friction_variance(columns, log, row, filters[log])[u] for log, u in enumerate(use)])
     variance = noise_variance(columns, noise, row, filters)
-    return variance, max(float(np.mean(noise_share(variance, doubt))), 1e-300) if len(doubt) else 1.0
+    return variance, max(float(np.mean(noise_share(variance, friction))), 1e-300) if len(friction) else 1.0
 
 
 def planned_recording(
     problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]
 ) -> PlannedRecording:
-    """The planned recording of a diagnosis; the first log gives its sampling."""
+    """The planned recording of a diagnosis, with the sampling of the first log."""
     columns = problem.columns
     wanted = set(union.tolist())
     local = tuple(
@@ -111,7 +115,7 @@ def planned_recording(
 
 
 def coarser(band: Band) -> Band:
-    """A filter for motions without noise, which need fewer samples; its output rate is the same."""
+    """A filter with the same output rate and fewer input samples, which are enough for motions without noise."""
     rate = band.output_rate_hz
     step = int(np.ceil(_SAMPLES * band.cutoff_hz / rate))
     if step >= band.step or len(band.kernel) == 1:

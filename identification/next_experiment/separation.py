@@ -1,4 +1,4 @@
-"""Power of a planned recording to separate rivals, and the squared distance between their torques (T-optimality).
+"""Probability that a planned recording separates rivals, and the squared distance between their torques (T-optimality).
 
 The distance of two rivals is the residual of one rival after a fit to the torque of the other.
 """
@@ -21,10 +21,10 @@ from identification.next_experiment.hypotheses import Hypothesis, Model, model_o
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-# Number of random models that the recordings leave possible, in addition to the fit itself.
+# Number of random models within the uncertainty of the fit, in addition to the fit itself.
 _DRAWS = 7
-# Largest in-sample lead of a rival that counts, in squared standard deviations: with a larger lead its shapes have
-# fitted noise.
+# If a rival's in-sample loss is lower than that of the true explanation, at most this difference counts, in squared
+# standard deviations: a larger difference means that the rival's shapes have fitted noise.
 _AHEAD = 8.0
 
 
@@ -43,9 +43,9 @@ class Rivalry:
     Attributes:
         pairs: Pairs to be separated.
         models: Fits of each explanation, by its effects.
-        recorded: Products over the recordings.
-        held_out: Share of the samples that is judged while it is held out.
-        nuisance_count: Number of columns of tolerance parameters.
+        recorded: Products of the columns over the existing recordings.
+        held_out: Share of the samples on which held-out losses are computed.
+        nuisance_count: Number of tolerance parameters, whose columns come first.
     """
 
     pairs: tuple[Pair, ...]
@@ -56,9 +56,9 @@ class Rivalry:
 
     @cached_property
     def possible_models(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]]:
-        """Models that the recordings leave possible, by the explanation that is true and the other one of the pair.
+        """Models that are possible according to the recordings, by the true and the wrong explanation of a pair.
 
-        They are the same for every planned motion, so that random draws do not change the order of motions.
+        The same random models are used for every planned motion, so that the order of motions does not depend on them.
         """
         rng = random_stream("models that recordings leave possible")
         out: dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]] = {}
@@ -76,17 +76,18 @@ class Rivalry:
     def held_out_loss(
         self, coefficients: Float[Array, "d u"], wrong: Model, products: Float[Array, "u u"]
     ) -> Float[Array, " d"]:
-        """Expected held-out loss of a wrong model for each set of coefficients that may be true, shape ``(d,)``."""
+        """Expected held-out loss of a wrong model for each row of coefficients that may be true, shape ``(d,)``."""
         return self.held_out * distance(coefficients, self.nuisance_count, wrong, products)
 
 
 @dataclass(frozen=True)
 class _PossibleModels:
-    """Models that the recordings leave possible if one of two explanations is true.
+    """Models that are possible according to the recordings, if one of two explanations is true.
 
     Attributes:
         coefficients: Coefficients that may be true, ``(d, u)``.
-        before: Expected held-out loss of each model of the other explanation in the recordings, ``(d,)`` each.
+        before: For each model of the wrong explanation, its expected held-out losses in the existing recordings,
+            ``(d,)``.
     """
 
     coefficients: Float[Array, "d u"]
@@ -94,7 +95,7 @@ class _PossibleModels:
 
 
 def rivalry_of(search: Search, groups: tuple[tuple[Hypothesis, ...], ...]) -> tuple[Rivalry, ...]:
-    """One rivalry per finding, over the union of the columns of all findings."""
+    """One rivalry per finding; all use the union of the columns of all findings."""
     union = union_of(tuple(one for group in groups for one in group))
     return tuple(_rivalry(search, group, union) for group in groups)
 
@@ -104,9 +105,10 @@ class Separation:
     """Expected separation of one finding's rivals by a recording.
 
     Attributes:
-        power: Probability that each pair is separated, averaged over which of the two is true.
-        gain: Squared distance of each pair.
-        resolved: Probability that the hardest rival is ruled out, averaged over which explanation is true.
+        power: Probability that each pair is separated, averaged over the two cases that one or the other is true.
+        gain: Squared distance between the torques of each pair.
+        resolved: Probability that the rival that is hardest to separate is ruled out, averaged over the explanations
+            that may be true.
     """
 
     power: Float[Array, " p"]
@@ -149,14 +151,14 @@ def _power_and_distance(
     wrong: Hypothesis,
     all_products: Float[Array, "u u"],
 ) -> tuple[float, float]:
-    """Probability that the wrong explanation is ruled out, averaged over the possible models, and the median gain."""
+    """Probability that the wrong explanation is ruled out (mean over the possible models), and the median distance."""
     model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects][wrong.effects]
     count = len(possible_models.coefficients)
     power, gain = np.full(count, np.inf), np.full(count, np.inf)
     for other, before in zip(rivalry.models[wrong.effects], possible_models.before, strict=True):
         more = np.maximum(rivalry.held_out_loss(possible_models.coefficients, other, all_products) - before, 0.0)
-        ahead = float(np.clip(other.score - model.score, -_AHEAD, 0.0))
-        power = np.minimum(power, power_of(more, ahead, before))
+        head_start = float(np.clip(other.score - model.score, -_AHEAD, 0.0))
+        power = np.minimum(power, power_of(more, head_start, before))
         gain = np.minimum(gain, more)
     return float(power.mean()), float(np.median(gain))
 
@@ -167,10 +169,11 @@ def _power_against_richer(
     wrong: Hypothesis,
     all_products: Float[Array, "u u"],
 ) -> float:
-    """Mean probability that a richer law is ruled out if the simpler one is true.
+    """Mean probability that a richer law is ruled out if the simpler law, its special case, is true.
 
-    The law is ruled out if all its shapes are. A shape is ruled out if its additional part would have been seen. A law
-    that equals the simpler one only at the limit of its shapes is also ruled out if it fits too badly.
+    The richer law is ruled out if each of its shapes is ruled out. A shape is ruled out if its additional part would
+    have been seen. A shape is also ruled out if it fits too badly: a law may equal the simpler one only at the limit of
+    its shapes.
     """
     model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects][wrong.effects]
     power = np.full(len(possible_models.coefficients), np.inf)
@@ -191,7 +194,7 @@ def _rivalry(search: Search, group: tuple[Hypothesis, ...], union: Int[Array, " 
 
 
 def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:
-    """Coefficients that the recordings leave possible if the model is true: the fit, then one per draw, ``(d + 1, u)``.
+    """Coefficients that are possible according to the recordings: the fit, then one row per draw, ``(d + 1, u)``.
 
     Args:
         model: The fitted model.
@@ -213,7 +216,7 @@ def distance(
 ) -> Float[Array, " d"]:
     """Least weighted squared residual of a model that is fitted to the torque of other models.
 
-    It includes the difference of the costs of both models' tolerance parameters.
+    The difference of the costs of the two models' tolerance parameters is added.
 
     Args:
         truth: True coefficients, one row each, ``(d, u)``; tolerance parameters first.
@@ -225,27 +228,27 @@ def distance(
     difference = truth - model.shift
     wanted = (model.basis.T @ products @ difference.T).T
     y = np.linalg.solve(inner, wanted.T).T
-    # Parameters that exceed their bounds are solved again within them.
+    # If a parameter violates its bounds, the fit is repeated within the bounds.
     for row in np.flatnonzero(((y < model.lower) | (y > model.upper)).any(axis=1)):
         y[row] = bounded_solve(inner, wanted[row], model.lower, model.upper)
     residual = difference - y @ model.basis.T
-    own = np.where(model.is_nuisance, model.prior, 0.0)
-    theirs = np.zeros(len(model.shift))
-    theirs[:nuisance_count] = own[model.is_nuisance]
-    left = np.sum((residual @ products) * residual, axis=1)
-    return np.maximum(left + y**2 @ own - truth**2 @ theirs, 0.0)
+    prior = np.where(model.is_nuisance, model.prior, 0.0)
+    prior_of_truth = np.zeros(len(model.shift))
+    prior_of_truth[:nuisance_count] = prior[model.is_nuisance]
+    squares = np.sum((residual @ products) * residual, axis=1)
+    return np.maximum(squares + y**2 @ prior - truth**2 @ prior_of_truth, 0.0)
 
 
 def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, " d"]) -> Float[Array, " d"]:
     """Probability that a wrong model wins so few bootstrap replicates that it is no longer listed.
 
-    The held-out loss of the wrong model exceeds that of the true one by the gain, with the variance ``4 gain`` of a
-    noncentral chi-squared. Between replicates it varies by the same law, over all recordings together.
+    The difference of the held-out losses of both models has the expectation ``gain`` and the variance ``4 gain`` of a
+    noncentral chi-squared distribution. Between replicates it varies in the same way, with all recordings together.
 
     Args:
-        gain: Expected further held-out loss of the wrong model.
-        head_start: Loss of the wrong model on the recordings, negative if it fits them better than the true one.
-        before: Expected held-out loss of the wrong model in the present recordings.
+        gain: Expected increase of the wrong model's held-out loss by the planned recording.
+        head_start: Loss of the wrong model minus loss of the true one in the existing recordings; zero or negative.
+        before: Expected held-out loss of the wrong model in the existing recordings.
     """
     from scipy.special import ndtr, ndtri
 
@@ -258,13 +261,13 @@ def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array,
     """Probability that a model fits so badly in every block that it is no longer compared with the true one.
 
     Args:
-        gain: Expected further held-out loss of the wrong model.
-        lead: Loss of the wrong model on the recordings, with its price; negative if it fits them better.
-        after: Expected held-out loss of the wrong model in all recordings, the planned one included.
+        gain: Expected increase of the wrong model's held-out loss by the planned recording.
+        lead: Loss and price of the wrong model minus those of the true one in the existing recordings.
+        after: Expected held-out loss of the wrong model in all recordings, including the planned one.
     """
     from scipy.special import ndtr
 
-    # The loss varies from block to block as a noncentral chi-squared.
+    # The loss varies between blocks like a noncentral chi-squared variable.
     bar = rules.HOPELESS_ERRORS * 2.0 * np.sqrt(np.maximum(after, 0.0)) + rules.HOPELESS_BEYOND
     return ndtr((gain + lead - bar) / (2.0 * np.sqrt(np.maximum(gain, 1e-12))))
 
@@ -272,13 +275,14 @@ def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array,
 def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], recorded: Float[Array, "u u"]) -> float:
     """Probability that a richer law is ruled out if the simpler law that it contains is true.
 
-    The richer law is kept while its additional part may exist without being seen; see `odds_of_richer`.
+    The richer law is kept as long as its additional part may exist without being seen, see `odds_of_richer` in
+    `identification.diagnosis.search.richer_laws`.
 
     Args:
         simple: The model that is true.
-        rich: The model that contains it.
-        products: Products of all columns over all recordings, the planned one included, ``(u, u)``.
-        recorded: Products of all columns over the present recordings, ``(u, u)``.
+        rich: The model that contains the simpler one.
+        products: Products of all columns over all recordings, including the planned one, ``(u, u)``.
+        recorded: Products of all columns over the existing recordings, ``(u, u)``.
     """
     from scipy.special import gammainc
 
@@ -300,15 +304,15 @@ def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], 
 
 
 def _per_size(model: Model, products: Float[Array, "u u"]) -> Float[Array, " n"]:
-    """Precision of each parameter of the effects about the fit, from a share of the torque that they cause together."""
+    """Prior precision of each effect parameter about the fit: one deviation causes a share of the effects' torque."""
     columns = list(model.columns)
     theta = model.theta[columns]
-    # At least the torque of a single standard deviation.
+    # The torque of all effects together counts as at least one standard deviation of the noise.
     energy = max(float(theta @ products[np.ix_(columns, columns)] @ theta), 1.0)
     own = np.sum(model.basis * (products @ model.basis), axis=0)
     return own / (rules.EXPECTED_SHARE**2 * energy)
 
 
 def _solvable(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """The matrix with small additions to its diagonal, so that it can be solved if no data determine a parameter."""
+    """The matrix with a small ridge on its diagonal, which is needed if no data determine a parameter."""
     return a + np.diag(1e-9 * np.diag(a) + 1e-12 * max(float(np.trace(a)) / max(len(a), 1), 1e-300))
