@@ -1,1 +1,1 @@
-"""The linear equations of a robot, its logs and effects, and their base parameters."""
+"""Linear equations between torque, inertial parameters and effects of a robot, and their base parameters."""

@@ -18,11 +18,11 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 
 RANK_TOLERANCE = 1e-6
-"""A column is independent if its part outside the other columns exceeds this share of the largest column of the same
-unit. Angles in robot files often have nine digits, which causes columns of 1e-9 that no recording excites; real torques
-are known to 1e-3 at best."""
+"""A column counts as independent if its part orthogonal to the columns before it exceeds this share of the largest
+column of the same unit. Angles in robot files are often rounded to nine digits, which causes columns of relative size
+1e-9 that no recording excites. Measured torques are accurate to 1e-3 at best."""
 
-_SHOWN = 1e-8  # smallest term of a regrouping, relative to its column; rounding errors of 1e-16 grow to 1e-10
+_SHOWN = 1e-8  # smaller terms of a regrouping, relative to the column, are rounding errors (at most about 1e-10)
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) 
     """Base parameters of a regressor for its own samples.
 
     Args:
-        regressor: Gives columns, names and units.
-        tolerance: See `RANK_TOLERANCE`.
+        regressor: The regressor.
+        tolerance: Smallest relative part of an independent column, see `RANK_TOLERANCE`.
     """
     factor = regressor.reduction.factor()[:, :-1]
     return base_parameters_of_matrix(factor, regressor.names, regressor.units, tolerance=tolerance)
@@ -120,7 +120,7 @@ def base_parameters_of_matrix(
         W: Rows of torque, shape ``(m, p)``.
         names: Name of each column.
         units: Unit of each column; columns are compared with columns of the same unit. None to compare all columns.
-        tolerance: See `RANK_TOLERANCE`.
+        tolerance: Smallest relative part of an independent column, see `RANK_TOLERANCE`.
 
     Raises:
         ParameterError: If the numbers of names, units and columns differ, or a value is not finite.

@@ -20,7 +20,7 @@ BandedEffect = tuple[list[int], Float[Array, "n _ _"]]
 def touched_columns(
     robot: Robot, effects: Sequence[tuple[Sequence[int], int]], *, rigid_body: bool
 ) -> tuple[tuple[int, ...], ...]:
-    """For each joint, the columns on which its torque can depend: of the bodies that it carries, and of its effects.
+    """For each joint, the columns on which its torque can depend: those of the bodies it carries and of its effects.
 
     Args:
         robot: Gives the bodies.
@@ -53,7 +53,8 @@ def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...
 
     Args:
         log: Gives the band.
-        signatures: Signatures of the effects for the whole motion of the log, as some effects depend on the past.
+        signatures: Columns of the effects, computed for the whole motion of the log, as some effects depend on the
+            past.
     """
     return tuple((list(signature.rows), log.band(signature.columns)) for signature in signatures)
 
@@ -88,7 +89,8 @@ def blocks_of(
     chosen_columns = range(total) if columns is None else columns
     rigid = tuple(column for column in chosen_columns if column < bodies)
     chosen = _some_columns(effects, np.array([column - bodies for column in chosen_columns[len(rigid) :]], dtype=int))
-    # Samples at the ends of a block are computed twice, because the filter of two blocks needs them; they are few.
+    # The filter of a block needs samples of the neighbouring blocks, which are computed twice. They are few, because a
+    # block is at least eight half widths of the filter long.
     size = max(1, max(samples, 8 * band.half) // band.step)
     for first in range(0, len(valid_rows), size):
         last = min(first + size, len(valid_rows))

@@ -1,14 +1,17 @@
-"""Reduces a recording to a small triangular factor per joint, which contains everything for a least-squares fit.
+"""Reduces a recording to a small triangular factor per joint, from which least-squares fits are computed.
 
-Each joint has its own factor of ``[W y]`` (QR decomposition), with the columns on which its torque can depend. So
-joints can be weighted later, and standard deviations account for each joint. Reductions of several recordings can be
-combined (`combined`): a recording is added, removed or weighted without being read again.
+Each joint has its own factor of ``[W y]`` (QR decomposition), with the columns on which its torque can depend. Joints
+can therefore be weighted later. Reductions of several recordings can be combined (`combined`), so that a recording is
+added, removed or weighted without being read again.
 
-Equations are added block by block, with as few columns as possible (`reduce_blocks`). The torque of a joint of a serial
-chain depends only on the bodies after it, and many columns are linear combinations of others for any motion. The first
-rows determine these relations. Then only independent columns are added, and random combinations of the columns test in
-every row that the relations hold. If they do not hold in a row, the factor is extended to all columns with the
-relations that held so far, and this row is added with all columns.
+`reduce_blocks` adds equations block by block. Many columns are linear combinations of others for any motion, and are
+left out to save time:
+
+1. The first rows determine the linear relations between the columns.
+2. Then only the independent columns are added. Random combinations of the columns test whether the relations hold in
+   every row.
+3. If the relations do not hold in a block of rows, the factor is extended to all columns by the relations, and the
+   block is added with all columns.
 """
 
 from __future__ import annotations
@@ -24,15 +27,15 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.random_streams import random_stream
 
 _DEPENDENCE = 1e-10
-"""A column is left out if the others reproduce it up to this share of the largest column of its unit. This is ten
-thousand times smaller than `RANK_TOLERANCE`, and ten thousand times larger than rounding."""
+"""A column is left out if a combination of others equals it up to this share of the largest column of its unit. The
+share is ten thousand times smaller than `RANK_TOLERANCE`, and ten thousand times larger than rounding errors."""
 
 _LARGEST_PROBE = 1e-9
-"""Relations are violated if a random combination of columns that should be zero exceeds this share of a combination
-that should not be zero."""
+"""The relations are violated if a random combination that is zero by the relations exceeds this share of a random
+combination that is not."""
 
-_PROBES = 4  # number of such combinations: all of them miss a violation of 1e-6 with a probability of 1e-12
-_ATTEMPTS = 4  # number of violations after which all columns are added
+_PROBES = 4  # number of combinations that are zero: all of them miss a violation of 1e-6 with a probability of 1e-12
+_ATTEMPTS = 4  # the relations are determined at most this often; after that all columns are added
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Reduction:
             factor.flags.writeable = False
 
     def rows(self, columns: Sequence[int]) -> list[Float[Array, "_ _"]]:
-        """For each joint, rows with the same products as its equations; columns are ``columns``, then the torque.
+        """For each joint, few rows with the same Gram matrix as its equations: the chosen columns, then the torque.
 
         Args:
             columns: Some of the ``p`` columns, in any order.
@@ -81,7 +84,7 @@ class Reduction:
         return triangular(np.concatenate(self.rows(range(len(self.names)))))
 
     def weighted(self, weights: float | Float[Array, " nv"]) -> Reduction:
-        """The same equations times weights.
+        """The equations of each joint, multiplied by a weight.
 
         Args:
             weights: One weight for all joints, or one per joint, such as one over its noise.
@@ -147,14 +150,14 @@ def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Arr
 
 @dataclass(frozen=True)
 class _Relation:
-    """Independent columns, which are kept, and the linear relations between the other columns and these.
+    """The independent columns, which are kept, and the other columns as linear combinations of the kept ones.
 
     Attributes:
-        places: For each joint, the indices of the kept columns among its columns.
+        places: For each joint, the positions of the kept columns among its columns.
         widen: For each joint, the matrix that maps the kept columns and the torque to all columns and the torque.
-        probes: Random combinations of all columns, ``(p, 5)``. While the relations hold, the regressor times all but
-            the last of them is zero.
-        samples: Number of samples from which the relations were found.
+        probes: Coefficients of random combinations of all columns, ``(p, 5)``. The first four combinations are zero
+            where the relations hold; the last one gives the scale.
+        samples: Number of samples from which the relations were determined.
     """
 
     places: tuple[Array, ...]
@@ -170,12 +173,12 @@ def reduce_blocks(
     columns: tuple[tuple[int, ...], ...],
     blocks: Iterable[tuple[Float[Array, "_ nv p"], Float[Array, "_ nv"]]],
 ) -> Reduction:
-    """Triangular factors of equations that are given block by block; no block is kept.
+    """Triangular factors of equations that are given block by block; blocks are not kept in memory.
 
     Args:
         names: Names of the ``p`` columns.
         units: Units of the columns.
-        joint_names: Joint of each row of a sample.
+        joint_names: Name of the joint of each of the ``nv`` rows of a sample.
         columns: For each joint, the columns on which its torque can depend, ascending.
         blocks: Columns ``(n, nv, p)`` and torque ``(n, nv)`` of n samples each.
     """
@@ -219,7 +222,7 @@ def _relation_of(
     units: Sequence[str],
     samples: int,
 ) -> _Relation:
-    """Independent columns and their relations to the others, from the rows that were added with all columns."""
+    """Independent columns and relations of the others to them, from the factors so far (with all columns)."""
     p = len(names)
     stacked = np.zeros((sum(len(factor) for factor in factors), p))
     row = 0
@@ -227,7 +230,7 @@ def _relation_of(
         stacked[row : row + len(factor), columns] = factor[:, :-1]
         row += len(factor)
     kept, dependent, grouping, scale = dependent_columns(triangular(stacked), units, _DEPENDENCE)
-    # Matrix that maps the kept columns to all p columns, and combinations of columns that are zero because of it.
+    # Matrix that maps the kept columns to all p columns, and random combinations of columns that are zero if it holds.
     matrix = np.zeros((p, p))
     matrix[kept, kept] = 1.0
     matrix[np.ix_(kept, dependent)] = grouping

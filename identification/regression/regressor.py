@@ -1,9 +1,9 @@
-"""The linear equations of a robot, its logs and effects, which estimators solve; they are computed block by block.
+"""The linear equations between torque and unknown parameters, which estimators solve; computed block by block.
 
 The unknowns are the standard inertial parameters (absolute values) and the coefficients of each effect. Shape
-parameters of effects are constant, so that the torque is linear in the unknowns. The rows are the torques of every
-joint at every valid sample, in the band of the log. The columns go through the same filter as the torque: filtering the
-torque alone changes the estimated friction by one per cent or more.
+parameters of effects, such as a Stribeck velocity, are constant, so that the torque is linear in the unknowns. The rows
+are the torques of every joint at every valid sample, low-passed to the band of the log. The columns are filtered like
+the torque: filtering the torque alone changes the estimated friction by one per cent or more.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from phantom_dyn.motion import Motion
 EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, Shape | float]
 """An effect, its joint (None for the whole robot) and, if the torque is not linear in all parameters, its shape.
 
-A shape with a single number may be given as a number.
+A shape with a single number may be given as a float.
 """
 
 WHOLE_LIMIT = 20_000_000
-"""Largest number of entries of a ``W`` that is kept (160 MB); a larger one is computed again for each pass."""
+"""Largest number of entries of a regressor that is kept in memory (160 MB); a larger one is recomputed in each pass."""
 
 _EFFECTS_LIMIT = 2_000_000  # largest number of entries in columns of effects that are kept (16 MB)
 
@@ -46,7 +46,7 @@ _BLOCK = 1024  # samples at the full rate per block: 1024 x 6 joints x 80 column
 
 @dataclass(frozen=True)
 class RegressorTerm:
-    """An effect on a joint with a constant shape, which is empty if the effect has none."""
+    """An effect on a joint, with constant shape parameters (empty if the torque is linear in all parameters)."""
 
     effect: Effect
     joint: str | None
@@ -63,7 +63,7 @@ def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> Regress
 
     Args:
         robot: The model.
-        operation: Motion and torque of a recording.
+        operation: Motion and torque of a recording, which limit the possible shapes.
         given: The effect with its joint, and its shape if necessary.
 
     Raises:
@@ -107,12 +107,12 @@ class Regressor:
 
     @cached_property
     def count(self) -> int:
-        """Number of samples ``N`` over all logs: valid ones in the band."""
+        """Number ``N`` of valid samples over all logs, at the reduced rate of the band."""
         return sum(int(log.valid_in_band.sum()) for log in self.logs)
 
     @cached_property
     def starts(self) -> tuple[int, ...]:
-        """Sample at which each log starts, and ``N`` at the end."""
+        """Index of the first sample of each log, and last ``N``."""
         counts = [int(log.valid_in_band.sum()) for log in self.logs]
         return tuple(int(k) for k in np.concatenate([[0], np.cumsum(counts)]))
 
@@ -149,7 +149,7 @@ class Regressor:
 
     @staticmethod
     def in_band(log: Log, values: Float[Array, "M ..."]) -> Float[Array, "n ..."]:
-        """``values`` of a log at its full rate, filtered and decimated, with valid samples only."""
+        """Filter and decimate ``values``, which have the full rate of a log, and keep the valid samples only."""
         return log.band(values)[log.valid_in_band]
 
     @cached_property
@@ -160,7 +160,8 @@ class Regressor:
     def blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
         """Blocks of the regressor in the order of the samples, each ``(n, nv, p)`` and of one log.
 
-        They are slices of `W` if it has been computed, which is faster for many passes; else they are computed again.
+        The blocks are slices of `W` if `W` has been computed, which is faster for many passes. Otherwise they are
+        computed again.
 
         Args:
             columns: Columns to compute, ascending; by default all.
@@ -184,7 +185,7 @@ class Regressor:
             yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK, columns=columns)
 
     def _effects(self) -> Iterable[tuple[BandedEffect, ...]]:
-        """Columns of the effects for each log; they are kept up to a size, and else computed again for each pass."""
+        """Columns of the effects for each log; large ones are not kept in memory, but recomputed in each pass."""
         fits_in_memory = self.count * (len(self.names) - self.first_effect) <= _EFFECTS_LIMIT
         return self._kept_effects if fits_in_memory else map(self._effects_on, self.logs)
 

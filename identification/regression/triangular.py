@@ -1,4 +1,4 @@
-"""Triangular (QR) factors of matrices that come in blocks of rows, and the dependent columns of a factor."""
+"""Triangular (QR) factors of matrices that are given in blocks of rows, and the dependent columns of a factor."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _PANEL = 8  # number of columns in a block of LAPACK's algorithm
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Context with one thread for linear algebra: the order of sums is fixed, and for small matrices it is faster."""
-    # SciPy has its own linear algebra library, which is limited only if it has been loaded before.
+    """Context with one thread for linear algebra, which fixes the order of sums and is faster for small matrices."""
+    # SciPy has its own linear algebra library. Only libraries that are already loaded are limited.
     import scipy.linalg  # noqa: F401
 
     with ThreadpoolController().limit(limits=1, user_api="blas"):
@@ -58,7 +58,7 @@ def triangular(rows: Float[Array, "m p"]) -> Float[Array, "p p"]:
 
 
 def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
-    """Triangular factor ``R`` with ``R^T R = W^T W`` of a regressor ``W`` in blocks, which are not kept.
+    """Triangular factor ``R`` with ``R^T R = W^T W`` of a regressor ``W`` that is given in blocks.
 
     Args:
         blocks: Blocks ``(n, nv, p)``, or rows ``(m, p)``.
