@@ -1,1 +1,1 @@
-"""A diagnosis in figures, tables and files."""
+"""Presents a diagnosis in figures, tables and files."""

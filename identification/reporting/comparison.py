@@ -1,4 +1,4 @@
-"""Differences between diagnoses of one robot: verdict, gap, and each finding with the intervals of its sizes."""
+"""Compares diagnoses of one robot: verdicts, shares of the gap closed, and sizes of findings with their intervals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from phantom_dyn.errors import ParameterError, printable, shortened
 WIDTH = 100  # columns of the terminal
 _NAME_WIDTH = 24  # columns for the name of a diagnosis or joint
 INTERVAL = NormalDist().inv_cdf(0.975)
-"""Half width of a 95 % interval in standard deviations."""
+"""Half the width of a 95 % interval, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class ComparedSize:
 
     Attributes:
         parameter: Name of the parameter.
-        values: One per diagnosis, in their order; None if the finding is missing.
-        changed: True if two of them differ by more than chance explains; None if fewer than two can be compared.
+        values: One value per diagnosis, in their order; None if a diagnosis lacks the finding.
+        changed: True if two values differ significantly; None if fewer than two can be compared.
     """
 
     parameter: str
@@ -52,9 +52,9 @@ class ComparedFinding:
 
     Attributes:
         at: Effect, joint, and the recording in which it acts.
-        findings: One per diagnosis, in their order; None if it is missing.
-        missing: For each diagnosis, what it says in place of the finding; empty if it has the finding.
-        sizes: One per parameter.
+        findings: One finding per diagnosis, in their order; None if a diagnosis lacks the finding.
+        missing: For each diagnosis without the finding, its statement on the effect; empty for the others.
+        sizes: The compared parameters.
     """
 
     at: EffectAt
@@ -64,13 +64,13 @@ class ComparedFinding:
 
     @property
     def changed(self) -> bool:
-        """True if a diagnosis lacks the finding, or if one of its sizes differs by more than chance explains."""
+        """True if a diagnosis lacks the finding, or if one of the finding's parameters differs significantly."""
         return any(self.missing) or any(size.changed for size in self.sizes)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Several diagnoses side by side; ``print`` shows what changed.
+    """Comparison of several diagnoses; ``print`` shows the changes.
 
     Attributes:
         names: Names of the diagnoses, in the given order.
@@ -84,7 +84,7 @@ class Comparison:
 
     @property
     def changed(self) -> tuple[ComparedFinding, ...]:
-        """Findings that are missing in a diagnosis, or differ in size by more than chance explains."""
+        """Findings that a diagnosis lacks, or whose parameters differ significantly."""
         return tuple(finding for finding in self.findings if finding.changed)
 
     def __str__(self) -> str:
@@ -96,17 +96,18 @@ class Comparison:
 
 
 def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
-    """Differences between diagnoses.
+    """Compares diagnoses.
 
-    A size has changed if two diagnoses differ by more than their standard deviations explain, at 5 % over all sizes and
-    pairs that are compared. Deviations are taken as independent, which is cautious if diagnoses share a recording.
+    A parameter counts as changed if its difference between two diagnoses is significant at 5 %, with a Bonferroni
+    correction over all compared parameters and pairs. Errors of the diagnoses are taken as independent; if diagnoses
+    share a recording, fewer changes are found.
 
     Args:
-        diagnoses: Two or more, of the same joints.
+        diagnoses: Two or more diagnoses of the same joints.
         names: Name of each diagnosis.
 
     Raises:
-        ParameterError: If there are fewer than two, or if they are of different joints.
+        ParameterError: If there are fewer than two diagnoses, or if their joints differ.
     """
     if len(diagnoses) < 2:
         raise ParameterError(f"{len(diagnoses)} diagnosis was given, wanted two or more to compare.")
@@ -139,7 +140,10 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
 
 
 def distinct_names(paths: Sequence[str | Path]) -> list[str]:
-    """Short and distinct names of files, without folders or the ``diagnosis.json`` at their end if possible."""
+    """Shortest distinct names of files: the last folder or file name if possible, otherwise the path.
+
+    A ``diagnosis.json`` at the end of a path is left out if possible.
+    """
     folders = [str(Path(path).parent) if Path(path).name == FILE else str(path) for path in paths]
     for names in ([Path(folder).name for folder in folders], folders):
         if all(names) and len(set(names)) == len(names):
@@ -148,7 +152,7 @@ def distinct_names(paths: Sequence[str | Path]) -> list[str]:
 
 
 def comparison_text(found: Comparison) -> str:
-    """The comparison for a terminal: verdicts and gap, then what changed, what did not, and the residuals."""
+    """The text of a comparison for a terminal: verdicts and gap, changed and unchanged findings, and residuals."""
     lines = list(first_lines(found))
     for head, rows in (
         ("Changed, with 95 % intervals:", found.changed),
@@ -165,7 +169,7 @@ def comparison_text(found: Comparison) -> str:
 
 
 def first_lines(found: Comparison) -> tuple[str, ...]:
-    """Sentences on verdicts, gap and the number of findings that changed."""
+    """Sentences on the verdicts, the gap, and the number of findings that changed."""
     verdicts = [diagnosis.verdict.replace("_", " ") for diagnosis in found.diagnoses]
     same = len(set(verdicts)) == 1
     return (
@@ -192,7 +196,7 @@ def _sizes(found: Sequence[Finding | None]) -> dict[str, tuple[Value | None, ...
 
 
 def _pairs(values: Sequence[Value | None]) -> list[tuple[Value, Value]]:
-    """Pairs of values that can be compared: both with known deviations, and lists of equal length."""
+    """Pairs of values that can be compared: both with known standard deviations, and equally many numbers."""
     usable = [value for value in values if value is not None and all(map(math.isfinite, value.stds))]
     return [pair for pair in combinations(usable, 2) if len(pair[0].numbers) == len(pair[1].numbers)]
 
@@ -210,12 +214,12 @@ def _differ(name: str, values: Sequence[Value | None], limit: float) -> bool | N
 
 
 def _difference(name: str, x: float, y: float) -> float:
-    """Difference of two values; for phases the difference within half a turn."""
+    """Difference of two values; of phases [rad] modulo 2 pi, between -pi and pi."""
     return math.remainder(y - x, 2 * math.pi) if name == "phase" else y - x
 
 
 def _statement_without_finding(diagnosis: Diagnosis, at: EffectAt) -> str:
-    """Statement of a diagnosis on an effect that is not one of its findings."""
+    """Statement of a diagnosis on an effect that is none of its findings."""
     if any(finding.effect_at == at for finding in diagnosis.minor):
         return "seen, but too small to matter"
     for finding in diagnosis.findings:
@@ -232,15 +236,17 @@ def _statement_without_finding(diagnosis: Diagnosis, at: EffectAt) -> str:
 
 
 def _row_lines(row: ComparedFinding) -> list[str]:
-    """Lines on one finding: one per parameter, or one that says which diagnoses have it."""
+    """Lines on one finding: one per parameter; without parameters, one that states which diagnoses have the finding."""
     name = capital(effect_at(row.at))
     out = []
     for size in row.sizes:
-        cells = [size_words(value) or gone or "not found" for value, gone in zip(size.values, row.missing, strict=True)]
+        pairs = zip(size.values, row.missing, strict=True)
+        cells = [size_words(value) or statement or "not found" for value, statement in pairs]
         verdict = {True: ", changed", False: ", the same", None: ""}[size.changed]
         out.append(f"  {name}, {parameter_name(size.parameter)}: {' -> '.join(cells)}{verdict}")
     if not row.sizes:
-        cells = ["found" if finding else gone for finding, gone in zip(row.findings, row.missing, strict=True)]
+        pairs = zip(row.findings, row.missing, strict=True)
+        cells = ["found" if finding else statement for finding, statement in pairs]
         out.append(f"  {name}: {' -> '.join(cells)}")
     return out
 
@@ -273,6 +279,7 @@ def _count_words(found: Comparison) -> str:
 
 
 def _joint_table(found: Comparison) -> list[str]:
+    """Table of residuals: one line per joint, one column per diagnosis."""
     names = [shortened(name, _NAME_WIDTH) for name in found.names]
     joints = [shortened(gap.joint, _NAME_WIDTH) for gap in found.diagnoses[0].joints]
     width = max(len("joint"), *map(len, joints))
@@ -287,6 +294,7 @@ def _joint_table(found: Comparison) -> list[str]:
 
 
 def _wrapped(line: str) -> str:
+    """A line broken at the width of the terminal; further lines are indented more."""
     indent = line[: len(line) - len(line.lstrip())]
     text = printable(line)
     if len(text) <= WIDTH:

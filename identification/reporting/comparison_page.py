@@ -1,4 +1,4 @@
-"""HTML page on the differences between diagnoses: a table, and a figure of each size with its 95 % intervals."""
+"""Writes an HTML page that compares diagnoses: a table, and a figure of each parameter with its 95 % intervals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from identification.words.diagnosis_words import capital, effect_at, joined, par
 from identification.words.numbers_and_names import NO_BREAK, number
 
 _SIZE = (4.6, 2.3)  # size of a figure [inch]
-_LETTERS = 42  # letters that fit below the axis of a figure
+_LETTERS = 42  # number of letters that fit below the axis of a figure
 _WIDE = 9.4  # width of the figure of all joints [inch]
 _CHANGED = {True: "changed", False: "the same", None: ""}
 
@@ -62,7 +62,7 @@ def _findings_table(found: Comparison) -> str:
 
 
 def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) -> str:
-    """One size over the diagnoses, one curve for each of its entries."""
+    """Figure of one parameter in all diagnoses, with one curve for each number of the parameter."""
     place = (row.at.effect, row.at.joint, size.parameter)
     unit = next(value.unit for value in size.values if value is not None)
     changed = size.changed or any(row.missing)
@@ -93,7 +93,7 @@ def _hidden_curve(below: list[float]) -> Curve:
 
 
 def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:
-    """One entry of a size over the diagnoses; an unknown standard deviation has no bar."""
+    """Curve of one number of a parameter in all diagnoses; points with unknown standard deviation have no bar."""
     pairs = [_entry(value, entry) for value in size.values]
     y, std = np.array(pairs, dtype=float).T
     half = INTERVAL * np.where(np.isfinite(std), std, 0.0)
@@ -102,13 +102,14 @@ def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:
 
 
 def _entry(value: Value | None, entry: int) -> tuple[float, float]:
+    """One number of a value and its standard deviation; NaN if missing."""
     if value is None or entry >= len(value.numbers):
         return float("nan"), float("nan")
     return float(value.numbers[entry]), float(value.stds[entry])
 
 
 def _residual_figures(found: Comparison) -> list[str]:
-    """Residuals of all joints, one figure per unit with a panel for each diagnosis."""
+    """Figures of the residuals of all joints: one figure per unit, with a panel for each diagnosis."""
     joints = found.diagnoses[0].joints
     return [
         _residual_figure(found, unit, [k for k, gap in enumerate(joints) if gap.unit == unit])

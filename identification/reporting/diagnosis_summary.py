@@ -1,4 +1,4 @@
-"""Summary of a diagnosis for a terminal: plain text without colour, at most 100 columns wide."""
+"""Writes the summary of a diagnosis for a terminal: plain text without colour, at most 100 columns wide."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ NOTES = 5
 MOST_FINDINGS = 20
 """Largest number of findings; the report has all of them."""
 NAME_WIDTH = 36
+"""Largest number of letters of a joint's name."""
 MOST_SIZES = 4
-"""If a finding has more parameters, only those that differ from zero are listed; the report has all of them."""
-_DIFFERS = 2.0  # standard deviations by which a size differs from zero
+"""Largest number of parameters of a finding that are listed; the report has all of them."""
+_DIFFERS = 2.0  # a parameter counts as different from zero above this number of standard deviations
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Verdict, gap before and after, findings with their sizes, a table of joints, and the most important notes."""
+    """The summary: verdict, gap, findings with their sizes, a table of joints, and the most important notes."""
     poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
     diagnosis = with_stated_probabilities(diagnosis.with_torque_verdict)
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
@@ -54,7 +55,7 @@ def summary(diagnosis: Diagnosis) -> str:
 
 
 def next_experiment_lines(diagnosis: Diagnosis) -> list[str]:
-    """The motion to record next, if one is proposed."""
+    """Lines on the motion to record next; empty if the diagnosis proposes none."""
     proposal = (diagnosis.next_experiment or {}).get("say")
     return [_wrapped(f"Next experiment: {proposal}")] if proposal else []
 
@@ -65,11 +66,11 @@ def note_lines(notes: Sequence[Said]) -> list[str]:
 
 
 def written_lines(written: Sequence[Path], out: Path | None) -> list[str]:
-    """Lines that name the written files: those in the folder together, any other on a line of its own.
+    """Lines that name the written files: one line for all files in the folder, one for each other file.
 
     Args:
         written: Paths of the files.
-        out: Folder of the run, if it has one.
+        out: Output folder of the run; None without one.
     """
     inside = [path.name for path in written if path.parent == out]
     lines = [f"wrote {path}" for path in written if path.parent != out]
@@ -77,6 +78,7 @@ def written_lines(written: Sequence[Path], out: Path | None) -> list[str]:
 
 
 def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
+    """Paragraphs on the torques: verdict, gap, findings, and the table of joints."""
     return [
         _wrapped(verdict_sentence(diagnosis)),
         *(_wrapped(line) for line in _gap_line(diagnosis)),
@@ -91,13 +93,13 @@ def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
 
 
 def _law_lines(diagnosis: Diagnosis) -> list[str]:
-    """The law of the residual; not for an explained gap, which leaves little (the report has it)."""
+    """Lines on the law of the residual; empty for an explained gap, whose small residual is only in the report."""
     line = "" if diagnosis.verdict == "explained" else law_line(diagnosis.unexplained)
     return [_wrapped(line)] if line else []
 
 
 def _gap_line(diagnosis: Diagnosis) -> list[str]:
-    """Share of the gap that is closed, and the joint of which most is closed, before and after; empty without a gap."""
+    """Share of the gap that is closed, and the residuals of the joint that contributes most; empty without a gap."""
     gap = diagnosis.gap
     if gap.closed is None or not diagnosis.findings:
         return []
@@ -113,14 +115,14 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
 
 
 def _closed_squares(joint: JointGap) -> float:
-    """Part of the gap that a joint's findings close, in squared noise floors, as in the share of the gap."""
+    """Decrease of a joint's mean square residual by the findings, divided by its squared noise floor."""
     if joint.noise_floor <= 0.0:
         return 0.0
     return (joint.without_findings**2 - joint.rms_after**2) / joint.noise_floor**2
 
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on data and findings; warnings, on which the answer may depend, come first."""
+    """Sentences on data and findings. Warnings come first, as the result may depend on them."""
     out = [f"Warning: {warning}" for warning in note_sentences(diagnosis.data_warnings)]
     if diagnosis.minor:
         names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
@@ -149,7 +151,7 @@ def _finding_line(finding: Finding) -> str:
 
 
 def _sizes(values: Mapping[str, Value]) -> str:
-    """Sizes with their standard deviations; if there are several, each has its name."""
+    """Parameters with their standard deviations; with their names if there are several."""
     if len(values) == 1:
         return value_words(next(iter(values.values())))
     shown = values
@@ -164,7 +166,7 @@ def _sizes(values: Mapping[str, Value]) -> str:
 
 
 def _certainty(size: tuple[str, Value]) -> float:
-    """Number of standard deviations by which a size differs from zero; for a list, that of its largest entry."""
+    """Number of standard deviations by which a parameter differs from zero; the largest number for a list."""
     value = size[1]
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         deviations = np.nan_to_num(np.abs(np.atleast_1d(value.value)) / np.atleast_1d(value.std), posinf=np.inf)
@@ -172,6 +174,7 @@ def _certainty(size: tuple[str, Value]) -> float:
 
 
 def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
+    """Table of residuals and noise floors, one line per joint."""
     names = [shortened(joint.joint, NAME_WIDTH) for joint in joints]
     width = max([len("joint"), *map(len, names)])
     within = any(joint.rms_within_tolerance is not None for joint in joints)
@@ -186,7 +189,7 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
 
 
 def _worse_in_tolerance(joints: tuple[JointGap, ...]) -> list[str]:
-    """Why joints have a larger residual within tolerance than with the given model; empty if no joint has."""
+    """Explains why joints have a larger residual after changes within tolerances; empty if no joint has."""
     worse = [joint.joint for joint in joints if joint.worse_adjusted]
     if not worse:
         return []
@@ -199,9 +202,9 @@ def _worse_in_tolerance(joints: tuple[JointGap, ...]) -> list[str]:
 
 
 def _may_be_noise(diagnosis: Diagnosis) -> list[str]:
-    """Why joints with a residual of several noise floors may have no gap; empty if there are no such joints.
+    """Explains why joints with a residual of several noise floors may have no gap; empty without such joints.
 
-    The joint whose residual has structure is not among them, because noise has none.
+    A joint whose residual has structure is left out, because noise has no structure.
     """
     joints = [joint for joint in diagnosis.joints if joint.joint != diagnosis.unexplained.joint]
     doubtful = [joint for joint in joints if _explained_by_noise(joint)]
@@ -219,12 +222,13 @@ def _may_be_noise(diagnosis: Diagnosis) -> list[str]:
 
 
 def _explained_by_noise(joint: JointGap) -> bool:
-    """True if a joint counts as explained, or as free of a gap, only because its noise may be as large as its limit."""
+    """True if a joint counts as explained, or without a gap, only because its noise may be as large as its limit."""
     floors = contract_levels.FLOORS_LEFT * joint.noise_floor < joint.rms_after <= joint.allowed
     return bool(floors and (joint.closed is None or joint.closed < 1.0 - contract_levels.GAP_LEFT))
 
 
 def _wrapped(text: str, indent: str = "", hanging: str | None = None) -> str:
+    """Text broken at the width of the terminal, with indents of the first line and of further lines."""
     if hanging is None:
         hanging = indent + "   " if indent else ""
     return textwrap.fill(

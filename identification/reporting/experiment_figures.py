@@ -1,4 +1,4 @@
-"""Figures of friction and stiffness tests: friction over speed, and hysteresis loops of a held arm."""
+"""Draws figures of friction and stiffness tests: friction over speed, and hysteresis loops of a held arm."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from identification.experiments.transmission import Loop
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.haptics.figures.canvas import COLORS, key, panels
 
-_POINTS = 2000  # samples of a test that are drawn
-_ABREAST = 3  # panels in a row
+_POINTS = 2000  # about the largest number of samples of a test that are drawn
+_ABREAST = 3  # largest number of panels in a row
 
 
 def friction_figure(tests: Sequence[FrictionTest]) -> Figure:
-    """Friction torque over speed, measured and by the fitted law, one panel per joint.
+    """Draws measured friction torque and the fitted law over speed, one panel per joint.
 
     Args:
-        tests: One test or more.
+        tests: One or several tests.
     """
     joints = list(dict.fromkeys(test.joint for test in tests))
     out, (row,) = panels(1, len(joints), title="Friction at constant speeds", width=1.5 + 4.5 * len(joints), height=3.6)
@@ -42,12 +42,12 @@ def friction_figure(tests: Sequence[FrictionTest]) -> Figure:
 
 
 def stiffness_figure(joint: str, loops: Sequence[Loop], fit: LinearFit) -> Figure:
-    """Motor torque over motor position against a held arm, with the fitted stiffness, one panel per recording.
+    """Draws motor torque over motor position against a held arm, and the fitted stiffness, one panel per recording.
 
     Args:
         joint: Name of the joint.
         loops: Recorded hysteresis loops.
-        fit: Result of `identification.experiments.transmission.fit_transmission`.
+        fit: Fitted stiffness, from `identification.experiments.transmission.fit_transmission`.
     """
     ends = np.array([min(loop.position.min() for loop in loops), max(loop.position.max() for loop in loops)])
     torques = np.array([min(loop.torque.min() for loop in loops), max(loop.torque.max() for loop in loops)])

@@ -1,4 +1,4 @@
-"""A self-contained page without scripts: heading, sections, tables, and figures as SVG elements."""
+"""Writes a self-contained HTML page without scripts: heading, sections, tables and figures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STYLE = (
 
 
 def page(title: str, parts: Sequence[str]) -> str:
-    """The whole page.
+    """The HTML of the whole page.
 
     Args:
         title: Heading, not yet escaped.
@@ -33,7 +33,7 @@ def page(title: str, parts: Sequence[str]) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table.
+    """The HTML of a table.
 
     Args:
         head: Names of the columns, not yet escaped.
@@ -45,12 +45,12 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def listed(sentences: Sequence[str]) -> str:
-    """Sentences, not yet escaped, as a list."""
+    """The HTML of a list of sentences, which are not yet escaped."""
     return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>"
 
 
 def figure(caption: str, svg: str, notes: Sequence[str] = ()) -> str:
-    """A figure with its caption above and sentences below.
+    """The HTML of a figure, with its caption above and sentences below.
 
     Args:
         caption: Caption, not yet escaped; empty for none.

@@ -1,1 +1,1 @@
-"""Draws charts as SVG, and thins long recordings for them."""
+"""Draws charts as SVG, and reduces long recordings to fewer samples for the charts."""

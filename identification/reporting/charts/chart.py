@@ -1,7 +1,6 @@
-"""Charts of reports, written directly as SVG: stacked panels over one axis, with curves, clouds and bands.
+"""Draws the charts of reports directly as SVG: panels above each other with one horizontal axis.
 
-A report has dozens of them, and matplotlib would take long to build and measure every label. Text and axes have the
-page's colour.
+A report has dozens of charts, for which matplotlib would take too long. Text and axes have the text colour of the page.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from identification.reporting.charts.thinning import gap_starts, thinned
 from phantom_dyn.array_types import Array
 
 BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito, distinct for every kind of colour vision
-STRETCH_S = 10.0  # length of the stretch of a recording that is drawn over time [s]
+STRETCH_S = 10.0  # length of the section of a recording that is drawn over time [s]
 
 _POINTS = 72.0  # points per inch
 _RIGHT, _BOTTOM, _TOP = 9.0, 38.0, 21.0  # space around the panels [pt]
@@ -49,15 +48,15 @@ class Panel:
 
     Attributes:
         label: Label of the vertical axis, with its unit.
-        curves: Curves, drawn on top.
-        cloud: Points below the curves.
+        curves: Curves, drawn over everything else.
+        cloud: Points, drawn behind the curves.
         title: Title above the panel.
-        band: Half the height of a grey band about zero; none if it is zero or not finite.
-        rule: Height of a dashed horizontal line.
+        band: Half the height of a grey band about zero, in values of the vertical axis; no band if zero or not finite.
+        rule: Value of the vertical axis at which a dashed horizontal line is drawn; None for no line.
         zero: True draws a thin line at zero.
         least: Values that the vertical range must include.
         height: Height relative to the other panels.
-        ribbons: Areas below everything else.
+        ribbons: Areas, drawn behind everything but the band.
     """
 
     label: str
@@ -82,7 +81,7 @@ def chart(
     x_names: tuple[str, ...] = (),
     logarithmic: bool = False,
 ) -> str:
-    """Panels above each other over one axis, as an SVG element.
+    """Draws panels above each other with one horizontal axis, as an SVG element.
 
     Args:
         panels: Panels, from the top.
@@ -91,7 +90,7 @@ def chart(
         title: What the chart shows, for readers who cannot see it.
         same_scale: True gives all panels the same vertical range.
         x_names: Names in place of numbers, at 0, 1, 2 and so on of the horizontal axis.
-        logarithmic: True makes both axes logarithmic; panels then hold curves alone.
+        logarithmic: True makes both axes logarithmic; panels must then contain only curves.
     """
     if logarithmic:
         panels = tuple(_in_decades(panel) for panel in panels)
@@ -121,7 +120,7 @@ def chart(
 
 
 def short_name(name: str, length: int = 18) -> str:
-    """A name for an axis; a long one loses its middle."""
+    """A name of at most ``length`` letters; the middle of a longer name is left out."""
     if len(name) <= length:
         return name
     kept = length - 1
@@ -129,7 +128,7 @@ def short_name(name: str, length: int = 18) -> str:
 
 
 def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
-    """Abscissae and ordinates of everything that must fit into a panel."""
+    """Abscissas and ordinates of everything that must fit into a panel."""
     points = [(curve.x, curve.y) for curve in panel.curves]
     bars = [(curve, curve.half) for curve in panel.curves if curve.half is not None]
     points += [(curve.x, curve.y + side * half) for curve, half in bars for side in (1.0, -1.0)]
@@ -138,18 +137,21 @@ def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
 
 
 def _shown_at_least(panel: Panel) -> tuple[float, ...]:
+    """Values that the vertical range must include."""
     level = () if panel.rule is None else (panel.rule,)
     band = (-panel.band, panel.band) if panel.band > 0.0 else ()
     return (*panel.least, *level, *band)
 
 
 def _range(parts: list[Array], least: tuple[float, ...] = ()) -> Range:
+    """Smallest and largest finite value of arrays and of ``least``."""
     finite = [part[np.isfinite(part)] for part in (*parts, np.array(least))]
     values = np.concatenate(finite)
     return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
 
 
 def _padded(limits: Range) -> Range:
+    """A range with some space at both ends; an empty range is widened."""
     low, high = limits
     wide = high - low
     if wide <= 1e-12 * max(abs(low), abs(high)) or wide == 0.0:
@@ -164,11 +166,11 @@ def _in_decades(panel: Panel) -> Panel:
 
 
 def curve_over_time(t: Array, y: Array, colour: str, width: float, label: str = "", opacity: float = 1.0) -> Curve:
-    """A thinned curve over time, interrupted between recordings and in their gaps."""
-    # Gaps are found before thinning, which makes steps uneven.
+    """A thinned curve over time, interrupted between recordings and at gaps within recordings."""
+    # Gaps must be found before thinning, which makes time steps uneven.
     begins = np.zeros(len(t), dtype=bool)
     begins[gap_starts(t)] = True
-    # Values that are not finite divide a curve as well.
+    # Values that are not finite interrupt a curve too.
     begins[1:] |= np.isfinite(y[1:]) & ~np.isfinite(y[:-1])
     y = np.asarray(y, dtype=float)
     kept = np.flatnonzero(np.isfinite(y))
@@ -180,6 +182,7 @@ def curve_over_time(t: Array, y: Array, colour: str, width: float, label: str = 
 
 
 def _panel(panel: Panel, frame: Frame, x_label: str, x_names: tuple[str, ...], logarithmic: bool) -> str:
+    """One panel as SVG, from the background to the foreground."""
     (left, right), (bottom, top) = frame.across, frame.upwards
     out = []
     if np.isfinite(panel.band) and panel.band > 0.0:

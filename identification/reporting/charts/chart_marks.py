@@ -1,4 +1,4 @@
-"""Elements of a chart as SVG: curves, intervals, clouds of points, axes with round numbers or names, and legends."""
+"""Draws the elements of a chart as SVG: curves, intervals, clouds of points, axes and legends."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 INK = "currentColor"
 FONT, SMALL, TICK, LEFT = 10.5, 9.5, 3.5, 64.0
-"""Sizes of text, length of a tick, and space to the left of the panels [pt]."""
+"""Sizes of usual and of small text, length of a tick, and space to the left of the panels [pt]."""
 
 _DOT = 5.0  # diameter of a mark [pt]
 _SPACING_X, _SPACING_Y = 62.0, 26.0  # smallest distance between two ticks [pt]
@@ -50,7 +50,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points without a line: abscissa and ordinate ``(n,)``, colour and diameter [pt]."""
+    """Points without a line, with abscissa, ordinate, colour and diameter [pt]."""
 
     x: Float[Array, " n"]
     y: Float[Array, " n"]
@@ -60,7 +60,7 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Ribbon:
-    """Area between two lines: abscissa, lower and upper ordinate, ``(n,)`` each."""
+    """Area between two lines, with abscissa, lower and upper ordinate, and colour."""
 
     x: Float[Array, " n"]
     low: Float[Array, " n"]
@@ -94,12 +94,12 @@ class Frame:
 
 
 def _placed(values: Float[Array, " n"], axis: Range, edges: Range) -> Float[Array, " n"]:
-    """Positions on the page of values on an axis with the given range, between two edges."""
+    """Positions on the page [pt] of values on an axis that extends between two edges."""
     return edges[0] + (np.asarray(values, dtype=float) - axis[0]) * ((edges[1] - edges[0]) / (axis[1] - axis[0]))
 
 
 def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
-    """An area in a pale colour."""
+    """Draws a ribbon in a pale colour."""
     x = np.concatenate([ribbon.x, ribbon.x[::-1]])
     y = np.concatenate([ribbon.low, ribbon.high[::-1]])
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(frame.x(x), frame.y(y), strict=True))
@@ -107,7 +107,7 @@ def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
 
 
 def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
-    """Round numbers within a range, with a step that gives about ``most`` of them or fewer."""
+    """At most about ``most`` round numbers within a range, in equal steps."""
     least_step = (high - low) / max(most, 1)
     power = 10.0 ** np.floor(np.log10(least_step))
     step = power * next(nice for nice in (1.0, 2.0, 2.5, 5.0, 10.0) if nice * power >= least_step * (1 - 1e-9))
@@ -115,7 +115,7 @@ def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
 
 
 def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
-    """Labels of ticks, and the power of ten by which they are to be multiplied, such as ×10⁵; empty if it is one."""
+    """Labels of ticks, and their common factor such as ×10⁵; the factor is empty if it is 1."""
     largest = float(np.abs(values).max(initial=0.0))
     power = int(np.floor(np.log10(largest))) if largest > 0.0 else 0
     power = 0 if -4 < power < 5 else power
@@ -142,10 +142,10 @@ def decade_ticks(low: float, high: float, most: int) -> tuple[Float[Array, " n"]
 
 
 def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = (), logarithmic: bool = False) -> str:
-    """Both axes of a panel, with ticks at round numbers.
+    """Draws both axes of a panel, with ticks at round numbers.
 
     Args:
-        frame: The panel.
+        frame: Position and ranges of the panel.
         numbered: False to leave out the labels of the horizontal axis.
         names: Labels of the horizontal axis at 0, 1, 2 and so on, instead of numbers.
         logarithmic: True if the ranges are decimal logarithms.
@@ -181,14 +181,14 @@ def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = (), logarithm
 
 
 def _named_places(names: tuple[str, ...], width: float) -> tuple[Float[Array, " n"], list[str]]:
-    """Names at regular steps, as many as fit on an axis, and their places."""
+    """Positions on the axis and names: every name if all fit on the axis, otherwise every n-th."""
     name_width = 0.55 * SMALL * max(map(len, names)) + 8.0
     step = max(1, int(np.ceil(len(names) * name_width / width)))
     return np.arange(0.0, len(names), step), list(names[::step])
 
 
 def curve_svg(curve: Curve, frame: Frame) -> str:
-    """A curve as one path, followed by its intervals and marks."""
+    """Draws a curve as one path, followed by its intervals and marks."""
     x, y = frame.x(curve.x), frame.y(curve.y)
     finite = np.isfinite(x) & np.isfinite(y)
     begins = finite & ~np.concatenate([[False], finite[:-1]])
@@ -210,7 +210,7 @@ def curve_svg(curve: Curve, frame: Frame) -> str:
 
 
 def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], finite: Bool[Array, " n"]) -> str:
-    """Marks of a curve at its finite points: one path, or one path per point if they have tooltips."""
+    """Draws the marks of a curve: one path for all points, or one path per point if the points have tooltips."""
     places = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[finite].tolist(), y[finite].tolist(), strict=True)]
     more = ' stroke-linecap="round"'
     if not curve.tips:
@@ -223,7 +223,7 @@ def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], finite: Bo
 
 
 def cloud_svg(cloud: Cloud, frame: Frame) -> str:
-    """A cloud as one path of relative steps in units of 0.5 pt; points that fall on the same place are drawn once."""
+    """Draws a cloud as one path. Positions are rounded to 0.5 pt; points at the same position are drawn once."""
     places = np.column_stack([frame.x(cloud.x), frame.y(cloud.y)])
     places = places[np.isfinite(places).all(axis=1)]
     if not len(places):
@@ -235,7 +235,7 @@ def cloud_svg(cloud: Cloud, frame: Frame) -> str:
 
 
 def legend_svg(curves: list[Curve]) -> str:
-    """A short line or a mark for each curve, with its label, in one row above the panels."""
+    """Draws the legend in one row above the panels: a short line or a mark for each curve, and its label."""
     out, left = [], LEFT
     for curve in curves:
         more = f' opacity="{curve.opacity:g}"' + (f' stroke-dasharray="{curve.dashes}"' if curve.dashes else "")
@@ -246,12 +246,12 @@ def legend_svg(curves: list[Curve]) -> str:
 
 
 def line(path: str, colour: str, width: float, more: str = "") -> str:
-    """A path that is stroked and not filled; ``more`` holds further SVG attributes."""
+    """Draws a path as a line; ``more`` contains further SVG attributes."""
     return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width:g}"{more}/>'
 
 
 def text(x: float, y: float, words: str, anchor: str = "start", size: float = FONT) -> str:
-    """Words at a position on the page [pt]."""
+    """Writes words at a position on the page [pt]."""
     more = "" if anchor == "start" else f' text-anchor="{anchor}"'
     more += "" if size == FONT else f' font-size="{size:g}"'
     return f'<text x="{x:.1f}" y="{y:.1f}"{more}>{escape(words)}</text>'

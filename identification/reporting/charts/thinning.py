@@ -1,4 +1,4 @@
-"""Fewer samples for figures: thinned curves and clouds, stretches with large residuals, medians in bins."""
+"""Chooses samples for figures: thinned curves and clouds, sections with large residuals, medians in bins."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from phantom_dyn.random_streams import random_stream
 
 CURVE_POINTS = 500  # samples of a thinned curve
 CLOUD_POINTS = 3000  # samples of a cloud
-BINS = 48  # bins of a median
-LEAST_BINS = 8
-PER_BIN = 12  # least mean number of samples in a bin, so that few bins are too empty for a median
-LEAST_IN_BIN = 5  # least number of samples for a median
+BINS = 48  # largest number of bins of a binned median
+LEAST_BINS = 8  # smallest number of bins of a binned median
+PER_BIN = 12  # smallest mean number of samples per bin, so that few bins have too few samples for a median
+LEAST_IN_BIN = 5  # smallest number of samples for a median
 
 
 def thinned(y: Float[Array, " N"], most: int = CURVE_POINTS) -> Int[Array, " n"]:
-    """Indices of at most `most` samples that include the extremes of every stretch, so that no spike is lost.
+    """Indices of at most `most` samples of a curve: the smallest and largest sample of every section.
+
+    No spike of the curve is lost.
 
     Args:
         y: Samples of a curve, shape ``(N,)``.
@@ -39,7 +41,7 @@ def thinned(y: Float[Array, " N"], most: int = CURVE_POINTS) -> Int[Array, " n"]
 
 
 def gap_starts(t: Float[Array, " N"]) -> Int[Array, " g"]:
-    """Indices of samples before which time jumps, as another recording begins or a stretch was left out."""
+    """Indices of samples before which time jumps, because another recording begins or samples were left out."""
     step = np.diff(t)
     if not len(step):
         return np.zeros(0, dtype=int)
@@ -47,17 +49,17 @@ def gap_starts(t: Float[Array, " N"]) -> Int[Array, " g"]:
 
 
 def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], seconds: float) -> slice:
-    """The stretch of one recording, at most `seconds` long, with the largest mean square of the residual.
+    """The section of one recording, at most `seconds` long, with the largest mean square of the residual.
 
-    A stretch of full length is preferred: a shorter recording is chosen only if none lasts `seconds`.
+    A recording shorter than `seconds` is chosen only if all recordings are shorter.
 
     Args:
         t: Time [s], shape ``(N,)``.
         residual: Residual of one joint, shape ``(N,)``.
-        seconds: Length of the stretch [s].
+        seconds: Length of the section [s].
 
     Returns:
-        Rows of the stretch.
+        Indices of the section's samples.
     """
     bounds = [0, *gap_starts(t).tolist(), len(t)]
     best, best_rank = slice(0, len(t)), (-1.0, -1.0)
@@ -86,14 +88,14 @@ def scatter_choice(finite: Bool[Array, " N"]) -> Int[Array, " n"]:
 
 
 def binned_median(x: Float[Array, " N"], y: Float[Array, " N"]) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
-    """Median of `y` in equal bins of `x`; zero is an edge, so that no bin mixes both directions of motion.
+    """Median of `y` in equal bins of `x`. Zero is an edge of bins, so that no bin has both directions of motion.
 
     Args:
         x: Abscissa, shape ``(N,)``, finite.
         y: Ordinate, shape ``(N,)``, finite.
 
     Returns:
-        Centres and medians, shape ``(b,)`` each; bins with fewer than five samples are left out.
+        Centres of the bins and medians, shape ``(b,)`` each; bins with fewer than five samples are left out.
     """
     span = float(np.ptp(x)) if len(x) else 0.0
     if span == 0.0:

@@ -1,1 +1,1 @@
-"""The report: one HTML page of a diagnosis, section by section."""
+"""Writes the report: one HTML page on a diagnosis, with one module per section."""

@@ -1,4 +1,4 @@
-"""The report: one self-contained page on what differs between robot and model, how certain it is, and what to do."""
+"""Writes the report of a diagnosis as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -57,24 +57,24 @@ VERDICTS = {
     "no_gap": "No gap",
     "not_testable": "Not testable",
 }
-# Figures take time and space: if a robot has many joints, those with the largest gap are drawn.
-_FIGURES = 20  # findings with a figure
-_CURVES = 12  # joints drawn over time
-_CLOUDS = 6  # joints drawn over velocity and position
-_SOME = 0.02  # least share of the gap for which a joint's residual is drawn over velocity and position
-_OPEN_JOINTS = 2  # joints with the largest gap whose figures are unfolded
+# Figures take time and space. If a robot has many joints, only those with the largest gap are drawn.
+_FIGURES = 20  # largest number of findings with a figure
+_CURVES = 12  # largest number of joints that are drawn over time
+_CLOUDS = 6  # largest number of joints whose residual is drawn over velocity and position
+_SOME = 0.02  # a joint's residual is drawn over velocity and position from this share of the gap
+_OPEN_JOINTS = 2  # number of joints whose figures are unfolded: those with the largest gap
 
 View = dict[str, Any]
-"""Values of one part of the page, by their names in the template."""
+"""Values for one part of the page, by their names in the template."""
 
 
 def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_files: tuple[str, ...] = ()) -> str:
-    """The whole page as text. It is self-contained, and every name is escaped.
+    """The whole page as text. Names of joints, files and effects are escaped.
 
     Args:
         diagnosis: The diagnosis.
         robot: If given, the robot is drawn in three dimensions.
-        linked_files: Names of files in the folder of the page, which the page links to.
+        linked_files: Names of files in the folder of the page to which the page has links.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -163,7 +163,7 @@ def _closed(diagnosis: Diagnosis) -> str:
 
 
 def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> View:
-    """One finding: its name, its share of the gap, sentences, sizes, and a figure, which is empty without samples."""
+    """Values for one finding: name, share of the gap, sentences, sizes, and figure (empty without samples)."""
     finding = diagnosis.findings[index]
     return {
         "name": _title(finding),
@@ -180,7 +180,7 @@ def _title(finding: Finding) -> str:
 
 
 def _joint_views(diagnosis: Diagnosis) -> list[View]:
-    """One entry per joint: its share of the gap, figures of its residual over time and over its motion, and regimes.
+    """Values for each joint: share of the gap, figures over time, velocity and position, and regimes.
 
     ``has_gap`` is False for a joint whose residual shows noise and tolerances only.
     """
@@ -203,7 +203,7 @@ def _joint_views(diagnosis: Diagnosis) -> list[View]:
 
 
 def _motion_views(diagnosis: Diagnosis) -> list[View]:
-    """Joints whose simulated motion is drawn, beginning with the largest gap."""
+    """Values for each joint whose simulated motion is drawn, beginning with the largest gap."""
     if diagnosis.evidence.followed is None:
         return []
     ranked = np.argsort(-shares_of(diagnosis), kind="stable").tolist()[:_CURVES]
@@ -238,7 +238,10 @@ def _unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -
 
 
 def _scene(robot: Robot, diagnosis: Diagnosis) -> View:
-    """The robot in three dimensions: script, solids as JSON, and name, share of the gap and colour of each joint."""
+    """Values for the robot in three dimensions: script, solids as JSON, and a legend of joints.
+
+    The legend has name, share of the gap and colour of each joint.
+    """
     scene = robot_scene(robot, diagnosis)
     shares = shares_of(diagnosis)
     return {
@@ -259,5 +262,5 @@ def _script(name: str) -> Markup:
 
 
 def _inside_script(json_text: str) -> Markup:
-    """JSON made safe for a script element, whatever names it contains."""
+    """JSON with escaped characters, so that no name can end the script element."""
     return Markup(json_text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))

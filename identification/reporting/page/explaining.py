@@ -1,6 +1,7 @@
-"""Choice of the variable over which a residual is drawn: the one that explains most of it.
+"""Chooses the variable over which a residual is drawn: the variable that explains most of the residual.
 
-The motion of joints is that of the diagnosis. The motion of passive joints of a closed chain is computed by the robot.
+The diagnosis contains the motion of driven joints. The motion of passive joints of a closed chain is computed with the
+robot model.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from phantom_dyn.effects.described import ANY_VARIABLE
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_CLEARLY = 0.03  # share of the residual's variance by which a later candidate must be better
-_PRESLIDING_WIDTHS = 8.0  # range of a displacement that is drawn to either side, in breakaway displacements
+_CLEARLY = 0.03  # a later candidate must explain more of the residual's variance by at least this share
+_PRESLIDING_WIDTHS = 8.0  # displacements since reversal are drawn up to this multiple of the breakaway displacement
 _MIDDLE = (0.5, 99.5)  # percentiles between which a derivative is drawn
-_LEAST_PERIODS = 1.5  # number of periods in the motion from which positions are drawn modulo one period
+_LEAST_PERIODS = 1.5  # positions are drawn modulo one period if the motion covers more than this number of periods
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Variable:
         unit: Unit of the variable.
         x: Samples, shape ``(N,)``; not finite where the variable has no value.
         by_direction: True if the residual has two branches, one for each direction of motion.
-        reach: Half of the range that is drawn; None for all of it.
+        reach: Largest absolute value that is drawn; None to draw all values.
     """
 
     name: str
@@ -47,10 +48,10 @@ class Variable:
 
 
 def joint_of(diagnosis: Diagnosis, joint: str | None) -> int:
-    """Index of the joint whose residual shows a finding: its own joint, else the joint whose residual decreased most.
+    """Index of the joint whose residual shows a finding.
 
-    For a coupling that is one of its two joints. Findings on the whole robot and on passive joints have no residual of
-    their own.
+    This is the finding's joint if this joint is driven. For a coupling it is that one of the two joints whose residual
+    decreased most; for the whole robot or a passive joint, the joint of the robot whose residual decreased most.
     """
     rows = {gap.joint: k for k, gap in enumerate(diagnosis.joints)}
     if joint in rows:
@@ -66,7 +67,7 @@ def explaining_variable(
     """The variable of the finding's law that explains most of a residual.
 
     Args:
-        diagnosis: Gives the samples.
+        diagnosis: The diagnosis, with its samples.
         motions: Motion of each joint by name.
         finding: The finding that explains the residual.
         residual: Residual of the joint that shows the finding, shape ``(N,)``.
@@ -86,16 +87,19 @@ def strongest_variable(
 
 
 def explained_share(x: Float[Array, " N"], y: Float[Array, " N"], forward: Bool[Array, " N"] | None = None) -> float:
-    """Share of the variance of `y` that its means in bins of `x` explain; with `forward`, in bins of each direction."""
+    """Share of the variance of `y` that its means in bins of `x` explain.
+
+    With `forward`, each direction of motion has its own bins.
+    """
     finite = np.isfinite(x) & np.isfinite(y)
     if np.count_nonzero(finite) < 2 or np.var(y[finite]) == 0:
         return 0.0
-    # Without clipping, a few extreme values would put all others into one bin.
+    # Without clipping, a few extreme values would widen the bins, and most samples would be in one bin.
     bins = bin_numbers(np.clip(x[finite], *np.percentile(x[finite], _MIDDLE)))
     groups = np.unique(bins if forward is None else 2 * bins + forward[finite], return_inverse=True)[1]
     counts = np.bincount(groups)
     means = np.bincount(groups, y[finite]) / counts
-    # A mean of few samples contains noise. Its expected share is subtracted.
+    # The means also follow noise. The expected share of noise is subtracted.
     spread = np.sum(counts * (means - y[finite].mean()) ** 2) - (len(counts) - 1) * np.var(y[finite])
     return float(np.clip(spread / (len(groups) * np.var(y[finite])), 0.0, 1.0))
 
@@ -103,9 +107,9 @@ def explained_share(x: Float[Array, " N"], y: Float[Array, " N"], forward: Bool[
 def displacement_by_recording(
     t: Float[Array, " N"], q: Float[Array, " N"], v: Float[Array, " N"]
 ) -> Float[Array, " N"]:
-    """Displacement of a joint since its velocity last changed sign; NaN before the first reversal of a recording.
+    """Displacement of a joint since its last reversal; NaN before the first reversal of a recording.
 
-    A joint that stops and goes on in the same direction has not reversed.
+    A stop between two motions in the same direction is no reversal.
     """
     out = np.full(len(t), np.nan)
     starts = np.concatenate([[0], gap_starts(t), [len(t)]]) if len(t) else np.zeros(0, dtype=int)
@@ -120,12 +124,14 @@ def displacement_by_recording(
 
 
 def _gain(diagnosis: Diagnosis, row: int) -> float:
+    """Decrease of a joint's mean square residual, divided by its squared noise floor."""
     gap = diagnosis.joints[row]
     floor = gap.noise_floor if gap.noise_floor > 0 else 1.0
     return float(np.nan_to_num((gap.rms_before**2 - gap.rms_after**2) / floor**2))
 
 
 def _best(variables: list[Variable], residual: Float[Array, " N"], forward: Bool[Array, " N"]) -> Variable:
+    """The variable that explains most of a residual; an earlier one unless a later one is clearly better."""
     best, share = variables[0], -1.0
     for variable in variables if len(variables) > 1 else ():
         explained = explained_share(variable.x, residual, forward if variable.by_direction else None)
@@ -135,12 +141,13 @@ def _best(variables: list[Variable], residual: Float[Array, " N"], forward: Bool
 
 
 def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], finding: Finding) -> Variable:
+    """The samples of a variable, by its name in the catalogue of effects."""
     evidence, row = diagnosis.evidence, joint_of(diagnosis, finding.joint)
     gap = diagnosis.joints[row]
     linear = gap.unit in ("N", "m")
-    load = "N" if linear else "N m"  # at rest gaps are positions, but loads are still torques
+    load = "N" if linear else "N m"  # not the gap's unit, which is that of a position if the robot was at rest
     torque, length = ("force" if linear else "torque"), ("m" if linear else "rad")
-    # The friction of a passive joint follows its own motion and shows on the joint that drives it.
+    # The friction of a passive joint depends on the passive joint's motion, but acts on the driven joint's torque.
     motion = motions.get(finding.joint or "", motions[gap.joint])
     after = f" of {finding.joint}" if finding.joint in motions and finding.joint != gap.joint else ""
     if name == "velocity":
@@ -174,7 +181,7 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
 
 
 def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
-    """Position within one period of the strongest order, if the motion covers more than one period."""
+    """Position modulo the period of the strongest order if the motion covers several periods, otherwise position."""
     orders, sizes = _all(finding, "order") or [1.0], _all(finding, "amplitude")
     order = orders[int(np.argmax(np.abs(sizes)))] if len(sizes) == len(orders) else orders[0]
     period = 2 * np.pi / abs(order) if order else np.inf
@@ -186,6 +193,7 @@ def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
 
 
 def _coupled(finding: Finding, motions: dict[str, JointMotion], motion: JointMotion, length: str) -> Variable:
+    """Velocity of a coupling: first joint's velocity plus ratio times second joint's velocity."""
     pair = [name for name in (finding.joint or "").split("+") if name in motions]
     ratio = _first(finding, "ratio")
     if len(pair) != 2 or ratio is None:
@@ -195,12 +203,13 @@ def _coupled(finding: Finding, motions: dict[str, JointMotion], motion: JointMot
 
 
 def _transmitted(evidence: Evidence, row: int) -> Float[Array, " N"]:
+    """Torque through the transmission of a joint; the modelled drive torque if the diagnosis lacks the former."""
     given = evidence.tau_transmitted
     return evidence.tau_before[:, row] if given is None else given[:, row]
 
 
 def _slope(t: Float[Array, " N"], x: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Derivative in time; NaN at the ends of recordings."""
+    """Time derivative; NaN at the ends of recordings."""
     if len(t) < 3:
         return np.full(len(t), np.nan)
     out = np.gradient(x, t)
@@ -210,24 +219,26 @@ def _slope(t: Float[Array, " N"], x: Float[Array, " N"]) -> Float[Array, " N"]:
 
 
 def _almost_largest(x: Float[Array, " N"]) -> float | None:
-    """Absolute value that almost all values stay below."""
+    """Absolute value that only 0.5 % of the samples exceed; None without samples."""
     finite = np.abs(x[np.isfinite(x)])
     return float(np.percentile(finite, _MIDDLE[1])) if len(finite) else None
 
 
 def _first(finding: Finding, name: str) -> float | None:
+    """First number of a finding's parameter; None without the parameter."""
     values = _all(finding, name)
     return values[0] if values else None
 
 
 def _all(finding: Finding, name: str) -> list[float]:
+    """Numbers of a finding's parameter; empty without the parameter."""
     value = finding.parameters.get(name)
     return [] if value is None else value.numbers
 
 
 @dataclass(frozen=True)
 class JointMotion:
-    """``N`` samples of one joint: position [rad or m], velocity, acceleration, each of shape ``(N,)``."""
+    """Samples of position [rad or m], velocity and acceleration of one joint."""
 
     q: Float[Array, " N"]
     v: Float[Array, " N"]
@@ -235,7 +246,7 @@ class JointMotion:
 
 
 def joint_motions(robot: Robot | None, diagnosis: Diagnosis) -> dict[str, JointMotion]:
-    """Motion of each joint by name; passive joints are included if the robot is given and a finding names one."""
+    """Motion of each joint by name; with passive joints if the robot is given and a finding is on a passive joint."""
     evidence = diagnosis.evidence
     out = {
         gap.joint: JointMotion(evidence.q[:, k], evidence.v[:, k], evidence.a[:, k])

@@ -1,4 +1,4 @@
-"""First screen of the report: the gap of each joint before and after, and the findings in groups."""
+"""Prepares the first screen of the report: bars of each joint's gap before and after, and groups of findings."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from identification.words.numbers_and_names import NO_BREAK, number, percent_sho
 from identification.words.verdict_words import group_name, grouped
 
 MOST_BARS = 8
-"""Largest number of joints on the first screen; if there are more, those with the largest gap are shown."""
+"""Largest number of joints on the first screen; of more joints, those with the largest gap are shown."""
 _MOST_SIZES = 4
-"""Largest number of parameters of a finding on the first screen; its card has a table of all."""
+"""Parameters of a finding are shown on the first screen only if the finding has at most this number of them."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """Residual of one joint before and after and its noise floor, as widths of bars [%] and in words.
+    """Residuals of one joint before and after correction, and its noise floor, as widths of bars [%] and as text.
 
-    The widths are proportional to residuals in noise floors. So the mark of the noise floor is at the same place for
-    all joints, and the largest gap has the longest bar.
+    Widths are proportional to the residual divided by the joint's noise floor. The mark of the noise floor is therefore
+    at the same position for all joints, and the largest ratio has the longest bar.
     """
 
     joint: str
@@ -41,11 +41,11 @@ class Group:
 
     Attributes:
         findings: All findings of the group.
-        name: Effects and places.
-        size: Sizes of a single finding; the range of sizes of several with one parameter; else empty.
-        share: Share of the gap that the group closes; empty if it is not known.
+        name: Names of the effects and of their joints.
+        size: Parameters of a single finding; the range of the parameter for several findings with one; else empty.
+        share: Share of the gap that the group closes, as text; empty if unknown.
         width: The share as the width of a bar [%].
-        sure: Certainty of the least certain finding.
+        sure: Certainty of the least certain finding, in words.
     """
 
     findings: tuple[Finding, ...]
@@ -57,7 +57,7 @@ class Group:
 
 
 def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
-    """A bar for each joint in the robot's order, at most eight, and the number of joints that are left out."""
+    """Bars of at most eight joints, in the robot's order, and the number of joints that are left out."""
     gaps = diagnosis.joints
     sizes = np.array([_floors(gap, gap.without_findings) for gap in gaps])
     kept = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
@@ -66,16 +66,16 @@ def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
 
 
 def _floors(gap: JointGap, size: float) -> float:
-    """A residual in noise floors; zero if that is not finite."""
+    """A residual divided by the joint's noise floor; zero if the ratio is not finite."""
     ratio = size / gap.noise_floor if gap.noise_floor else 0.0
     return ratio if np.isfinite(ratio) else 0.0
 
 
 def _bar(gap: JointGap, largest: float) -> Bar:
+    """The bar of one joint; ``largest`` is the ratio of residual to noise floor with a width of 100 %."""
     sizes = (gap.without_findings, gap.rms_after, gap.noise_floor)
     before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
     text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
-    # A correction below the noise floor is no part of the gap.
     closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
     if gap.only_given_fits or (closed is None and gap.tolerated <= gap.allowed):
         closed = "may be a gap" if may_hide_gap(gap) else "no gap"
@@ -87,22 +87,22 @@ def _bar(gap: JointGap, largest: float) -> Bar:
 
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:
-    """The findings in groups, see `grouped`."""
+    """The findings in the groups that `grouped` forms."""
     return [_group(kinds, diagnosis) for kinds in grouped(diagnosis)]
 
 
 def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
     findings = tuple(finding for found in kinds for finding in found)
-    # A single finding without a share has the gap that returns without it instead.
+    # If a single finding has no share, its share is the part of the gap that it closes.
     shares = [one.gap_closed if one.share is None and len(diagnosis.findings) == 1 else one.share for one in findings]
     known = [share for share in shares if share is not None]
-    # A correction below the noise floor is no part of the gap.
+    # Corrections below the noise floor can make the sum exceed the gap.
     share = min(sum(known), 1.0) if len(known) == len(shares) else None
     return Group(
         findings,
         words.capital(group_name(kinds, diagnosis)),
         _size(findings) if len(kinds) == 1 else "",
-        # A share is a mean over orders and may be negative, if other findings explain the same better.
+        # A Shapley value can be negative if other findings explain the same residual better.
         "" if share is None or share < 0.0 else percent_short_of_all(share),
         0.0 if share is None else 100 * max(share, 0.0),
         words.sureness(min(finding.probability for finding in findings)),
@@ -110,6 +110,7 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
 
 
 def _size(findings: tuple[Finding, ...]) -> str:
+    """Parameters of findings of one effect as text, as `Group.size`."""
     if len(findings) == 1:
         values = words.shown_parameters(findings[0])
         if len(values) > _MOST_SIZES:
@@ -129,12 +130,12 @@ def _size(findings: tuple[Finding, ...]) -> str:
 
 
 def _unbroken(value: Value) -> str:
-    """An estimate that stays on one line with its deviation and unit."""
+    """A value with standard deviation and unit as text that does not break across lines."""
     return value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
 
 
 def share_curve(diagnosis: Diagnosis) -> str:
-    """Share of the gap that the largest findings close together, over their number; empty for fewer than two findings.
+    """Draws the share of the gap that the n largest findings close together over n; empty for less than two findings.
 
     Shares are Shapley values, so the curve ends at the share that all findings close together.
     """
@@ -143,7 +144,7 @@ def share_curve(diagnosis: Diagnosis) -> str:
     if len(known) < 2 or len(known) < len(shares):
         return ""
     ranked = np.sort(known)[::-1]
-    # A correction below the noise floor is no part of the gap.
+    # Corrections below the noise floor can make the sum exceed the gap.
     together = 100 * np.minimum(np.concatenate([[0.0], np.cumsum(ranked)]), 1.0)
     curve = Curve(np.arange(len(together)), together, AFTER, 1.5, marked=True)
     panel = Panel("gap closed [%]", (curve,), rule=100.0, least=(0.0,))

@@ -1,6 +1,6 @@
-"""Figures of the report as inline SVG, and the samples of curves into which the reader can zoom.
+"""Draws the figures of the report as inline SVG, and prepares the samples of curves that can be zoomed.
 
-Text and axes have the colour of the page, so that dark pages work as well.
+Text and axes have the text colour of the page, so that they are also visible on dark pages.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 # Groups of samples for which a median is drawn, each with the dashes of its line.
 Groups = tuple[tuple[Bool[Array, " N"], str], ...]
 
-_WINDOWS = 12  # number of windows of simulated motion that are shown at first, if they are short
-_SWINGS = 6  # the same for swings of a leg, with the stances between them
-FEW_POINTS = 600  # number of points of a cloud below which they are drawn larger
-FINER_FROM = 3.0  # ratio of the residuals above which the corrected model's panel has its own scale
+_WINDOWS = 12  # largest number of windows of simulated motion that are shown at first
+_SWINGS = 6  # largest number of swings of a leg that are shown at first, with the stances between them
+FEW_POINTS = 600  # up to this number of points, the points of a cloud are drawn larger
+FINER_FROM = 3.0  # the panels have different scales if the residuals differ by more than this factor
 
 
 def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
-    """Measured and modelled torque over a stretch with a large residual, and the residuals below."""
+    """Draws measured and modelled torque over a section with a large residual, and the residuals below."""
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     rows = shown_stretch(evidence, joint)
     t = evidence.t[rows]
@@ -53,18 +53,18 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
         curve_over_time(t, evidence.tau_before[rows, joint], BEFORE, 1.1, "given model"),
         curve_over_time(t, evidence.tau_after[rows, joint], AFTER, 1.1, "corrected model"),
     )
-    left = [
+    residuals = [
         curve_over_time(t, residual(values, evidence, joint)[rows], colour, 0.9)
         for values, colour in ((evidence.tau_before, BEFORE), (evidence.tau_after, AFTER))
     ]
     top = Panel(torque_label(diagnosis, joint), tau, height=3.0)
-    bottom = Panel(f"residual [{gap.unit}]", tuple(left), height=2.0, band=2 * gap.noise_floor, zero=True)
+    bottom = Panel(f"residual [{gap.unit}]", tuple(residuals), height=2.0, band=2 * gap.noise_floor, zero=True)
     title = f"Measured and modelled torque of joint {gap.joint} over time"
     return chart((top, bottom), "time [s]", (11.5, 4.2), title)
 
 
 def position_figure(diagnosis: Diagnosis, joint: int) -> str:
-    """Position measured, and simulated by both models from recorded states, and the errors of both below."""
+    """Draws the measured position, the positions that both models simulate from recorded states, and their errors."""
     evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
     if followed is None:
         return ""
@@ -72,20 +72,23 @@ def position_figure(diagnosis: Diagnosis, joint: int) -> str:
     t, read, given, corrected = (
         x[rows] for x in (evidence.t, evidence.q[:, joint], followed.before[:, joint], followed.after[:, joint])
     )
-    places = (
+    positions = (
         curve_over_time(t, read, INK, 1.8, "measured", 0.55),
         curve_over_time(t, given, BEFORE, 1.3, "given model"),
         curve_over_time(t, corrected, AFTER, 1.3, "corrected model"),
     )
-    left = tuple(curve_over_time(t, read - q, colour, 1.1) for q, colour in ((given, BEFORE), (corrected, AFTER)))
+    errors = tuple(curve_over_time(t, read - q, colour, 1.1) for q, colour in ((given, BEFORE), (corrected, AFTER)))
     name, unit = diagnosis.joints[joint].joint, position_unit(diagnosis, joint)
-    top = Panel(f"position [{unit}]", places, height=3.0)
-    bottom = Panel(f"error [{unit}]", left, height=2.0, zero=True)
+    top = Panel(f"position [{unit}]", positions, height=3.0)
+    bottom = Panel(f"error [{unit}]", errors, height=2.0, zero=True)
     return chart((top, bottom), "time [s]", (11.5, 4.2), f"Measured and simulated position of joint {name} over time")
 
 
 def shown_motion(evidence: Evidence, joint: int) -> slice:
-    """Rows of the stretch shown at first, where the given model errs most: ten seconds, or a dozen short windows."""
+    """Samples of the section shown at first: the one with the largest position error of the given model.
+
+    The section is at most ten seconds or a dozen windows long, whichever is shorter.
+    """
     followed = evidence.followed
     if followed is None:
         return slice(0, len(evidence.t))
@@ -100,26 +103,26 @@ def position_unit(diagnosis: Diagnosis, joint: int) -> str:
 
 
 def shown_stretch(evidence: Evidence, joint: int) -> slice:
-    """Rows of the stretch shown at first: the ten seconds with the largest residual of the given model."""
+    """Samples of the section shown at first: the ten seconds with the largest residual of the given model."""
     return eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
 
 
 def torque_label(diagnosis: Diagnosis, joint: int) -> str:
-    """Label of the axis of torque: force for a linear joint, position error if the joint is judged at rest."""
+    """Label of the torque axis: torque, force for a linear joint, or position error if the joint is judged at rest."""
     unit = diagnosis.joints[joint].unit
     return f"{'error' if diagnosis.at_rest else 'force' if unit == 'N' else 'torque'} [{unit}]"
 
 
 def residual_over_velocity(diagnosis: Diagnosis, joint: int) -> str:
-    """Residual over the joint's own velocity, given model above and corrected model below."""
+    """Draws the residual over the joint's velocity, with the given model above and the corrected model below."""
     unit = "m/s" if diagnosis.joints[joint].unit == "N" else "rad/s"
     return _before_after(diagnosis, joint, Variable("velocity", unit, diagnosis.evidence.v[:, joint]))
 
 
 def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
-    """Residual over the joint's own position, given model above and corrected model below, medians by direction.
+    """Draws the residual over the joint's position, with the given model above and the corrected model below.
 
-    One median over both directions would jump between the two branches that friction causes.
+    Each direction of motion has its own median, because friction causes two branches.
     """
     unit = position_unit(diagnosis, joint)
     q = diagnosis.evidence.q[:, joint]
@@ -127,7 +130,7 @@ def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
 
 
 def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> str:
-    """Residual over the variable that explains a finding: without the finding above, with all findings below."""
+    """Draws the residual over the variable that explains a finding: above without the finding, below with all."""
     evidence, finding = diagnosis.evidence, diagnosis.findings[index]
     row = joint_of(diagnosis, finding.joint)
     alone = bool(evidence.tau_without)
@@ -139,7 +142,7 @@ def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index:
 
 
 def unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str) -> str:
-    """Residual that no effect of the catalogue explains, over the variable that explains most of it."""
+    """Draws the residual that no effect of the catalogue explains, over the variable that explains most of it."""
     evidence, row = diagnosis.evidence, joint_of(diagnosis, joint)
     after = residual(evidence.tau_after, evidence, row)
     variable = strongest_variable(diagnosis, motions, diagnosis.joints[row].joint, after)
@@ -152,6 +155,7 @@ def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float
 
 
 def _before_after(diagnosis: Diagnosis, joint: int, variable: Variable) -> str:
+    """Draws the residuals of the given and of the corrected model over a variable."""
     evidence = diagnosis.evidence
     both = (residual(evidence.tau_before, evidence, joint), residual(evidence.tau_after, evidence, joint))
     return _residual_figure(diagnosis, joint, variable, both, ("given model", "corrected model"))
@@ -164,13 +168,14 @@ def _residual_figure(
     residuals: tuple[Float[Array, " N"], Float[Array, " N"]],
     titles: tuple[str, str],
 ) -> str:
+    """Draws two residuals of a joint over a variable, one above the other, with medians."""
     gap, v = diagnosis.joints[joint], diagnosis.evidence.v[:, joint]
     within = np.isfinite(variable.x)
     if variable.reach:
         within &= np.abs(variable.x) <= variable.reach
     groups: Groups = ((v > 0, ""), (v < 0, "5.4 2.7")) if variable.by_direction else ((within, ""),)
     reach = [max(_reach(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
-    # On the scale of a large gap the residual of the corrected model would be a flat line.
+    # On the scale of a large gap, the residual of the corrected model would look like a flat line.
     finer = reach[0] > FINER_FROM * reach[1]
 
     colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))
@@ -191,40 +196,43 @@ def _residual_figure(
 
 
 def _cloud(x: Array, y: Array, colour: str) -> Cloud:
+    """A cloud of some of the points, with larger points if there are few."""
     chosen = scatter_choice(np.isfinite(x) & np.isfinite(y))
     return Cloud(x[chosen], y[chosen], colour, 1.8 if len(chosen) > FEW_POINTS else 3.0)
 
 
 def _medians(x: Array, y: Array, groups: Groups, colour: str) -> tuple[Curve, ...]:
+    """Curves of the binned median of each group of samples."""
     finite = np.isfinite(x) & np.isfinite(y)
     inside = [(finite & members, dashes) for members, dashes in groups]
     return tuple(Curve(*binned_median(x[rows], y[rows]), colour, 1.8, dashes=dashes) for rows, dashes in inside)
 
 
 def _reach(residual: Float[Array, " N"]) -> float:
+    """Largest absolute value of a residual."""
     finite = residual[np.isfinite(residual)]
     return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
 
 SAMPLES = 30_000
-"""Samples of all joints together, ten bytes each, so that the page stays small."""
+"""Number of samples of all joints together. Each takes ten bytes, so that the page stays small."""
 _MOST_OF_A_JOINT = 6_000
-"""Largest number of samples of one joint: several times the points of a screen."""
+"""Largest number of samples of one joint: several times the pixels in a row of a screen."""
 _STEPS = 32_767
-"""Steps of a curve from zero to its largest value: finer than a screen shows, even after zooming in."""
+"""A curve is rounded to its largest value divided by this number: finer than a screen shows, even after zooming in."""
 
 
 def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
-    """Torque that was measured and the residuals of both models over time, as JSON for ``curve_viewer.js``.
+    """Measured torque and the residuals of both models over time, as JSON for ``curve_viewer.js``.
 
-    If motion was simulated, positions come first. For legs the times of stance are included.
+    If motion was simulated, entries with positions come first. Entries of legs include the times of stance.
 
     Args:
-        diagnosis: Gives the samples.
+        diagnosis: The diagnosis, with its samples.
         joints: Indices of the joints.
 
     Returns:
-        A list with one entry per joint: its place on the page, axis labels, noise band, the stretch that is shown at
+        A list with one entry per figure: identifier on the page, axis labels, noise band, the section that is shown at
         first, and the curves as little-endian numbers in base64.
     """
     most = min(_MOST_OF_A_JOINT, SAMPLES // max(len(joints), 1))
@@ -235,9 +243,9 @@ def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
 
 
 def _position_curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
-    """Position that was measured and its errors in simulation by both models; the stretch with the largest error.
+    """Entry with a joint's measured position and the position errors of both models in simulation.
 
-    Nothing is simulated between windows, where the curves of the models have gaps.
+    Only windows are simulated, so the curves of the errors have gaps between windows.
     """
     evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
     assert followed is not None
@@ -249,11 +257,12 @@ def _position_curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, A
 
 
 def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
+    """Entry with a joint's measured torque and the residuals of both models."""
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     before, after = (residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after))
     measured = np.where(np.isfinite(before), evidence.tau_measured[:, joint], np.nan)
     rows = _kept_rows((measured, before, after), (), most)
-    # At rest there are few samples, far apart: all of them are shown.
+    # At rest there are only a few samples, with large time steps, so all of them are shown.
     stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
     labels = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
     floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
@@ -262,7 +271,7 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
 
 
 def _stance_times(evidence: Evidence, joint: int) -> list[list[float]]:
-    """First and last time of every stretch in which a joint is not judged because its leg stands."""
+    """First and last time of each stance phase, in which the leg's joint is not judged."""
     if evidence.touched is None:
         return []
     t, stance = evidence.t, evidence.touched[:, joint]
@@ -273,7 +282,7 @@ def _stance_times(evidence: Evidence, joint: int) -> list[list[float]]:
 def _numbers(
     t: Float[Array, " N"], stretch: Float[Array, " s"], rows: Int[Array, " n"], curves: tuple[Array, Array, Array]
 ) -> dict[str, Any]:
-    """The kept samples of a measured curve and of two errors, and the stretch that is shown at first."""
+    """Numbers of an entry: kept samples of a measured curve and of two errors, and the section shown at first."""
     view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
     kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
     return {"view": view, "t": packed(t[rows], "<f4"), "starts": _curve_starts(t, rows, curves[0]), **kept}
@@ -283,9 +292,9 @@ def _kept_rows(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) ->
     """Indices of about ``most`` samples, with the extremes of every curve and the ends of curves with gaps.
 
     Args:
-        whole: Curves; samples at which one of them is not finite are left out.
+        whole: Curves without gaps; samples at which one of them is not finite are left out.
         parts: Curves that may have gaps.
-        most: Number of samples that is aimed at.
+        most: Approximate number of samples.
     """
     finite = np.flatnonzero(np.isfinite(np.column_stack(whole)).all(axis=1))
     if len(finite) <= most:
@@ -295,7 +304,7 @@ def _kept_rows(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) ->
     finite_parts = [np.isfinite(part[finite]).astype(int) for part in parts]
     ends = [np.flatnonzero(np.diff(one))[:, None] + np.array([0, 1]) for one in finite_parts]
     within = [np.flatnonzero(one) for one in finite_parts]
-    # If little was simulated, as in a few short swings, all of it is drawn.
+    # If a curve has only few finite samples (a few short swings), all of them are kept.
     ends += [one for one in within if len(one) <= most // len(curves)]
     return finite[np.unique(np.concatenate([*chosen, *(one.ravel() for one in ends)]))]
 
@@ -303,7 +312,7 @@ def _kept_rows(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) ->
 def _curve_starts(t: Float[Array, " N"], rows: Int[Array, " n"], measured: Float[Array, " N"]) -> list[int]:
     """Indices of the kept samples that follow a gap.
 
-    Gaps are searched for among all samples, because kept samples are unevenly spaced and seem to have gaps everywhere.
+    Gaps are detected in all samples, because kept samples are unevenly spaced.
     """
     known = np.isfinite(measured)
     begins = [gap_starts(t), np.flatnonzero(known[1:] & ~known[:-1]) + 1]
@@ -311,7 +320,7 @@ def _curve_starts(t: Float[Array, " N"], rows: Int[Array, " n"], measured: Float
 
 
 def _scaled(values: Float[Array, " n"]) -> dict[str, Any]:
-    """A curve as whole numbers of steps, half the size of single precision; the lowest number marks a missing value."""
+    """A curve as 16-bit integers and the size of one step; the lowest integer marks a missing value."""
     known = np.isfinite(values)
     step = float(np.abs(values[known]).max(initial=0.0)) / _STEPS or 1.0
     return {"step": step, "values": packed(np.where(known, np.round(values / step), -_STEPS - 1), "<i2")}

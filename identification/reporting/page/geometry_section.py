@@ -1,4 +1,4 @@
-"""Section of the report on measured poses: sentences, a table of findings, and a chart of the errors of poses."""
+"""Prepares the report's section on measured poses: sentences, tables, and a chart of the errors of poses."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
 
 Row = tuple[str, ...]
-_MOST_POSES = 400  # of a curve: more enlarge the page and do not make the curve clearer
+_MOST_POSES = 400  # largest number of poses in a curve; more would only enlarge the page
 
 
 def poses_view(found: GeometryResult) -> dict[str, Any]:
-    """Values of the section on measured poses, by their names in the template.
+    """Values of the section, by their names in the template.
 
-    ``findings`` has cause, size, share, certainty and rivals of each finding. ``fitted`` has the poses that were fitted
-    because no recording states them. ``bounds`` are sizes that would have been found. ``not_testable`` has the
-    parameters that these poses do not determine, with the reason.
+    ``findings`` contains effect, size, share, certainty and rivals of each finding; ``fitted`` the poses of base and
+    targets that are not given and were fitted; ``bounds`` the sizes of effects that would have been found;
+    ``not_testable`` the parameters that these poses do not determine, with the reason.
     """
     return {
         "sentences": words.sentences(found),
@@ -80,7 +80,10 @@ def _not_testable(found: GeometryResult) -> list[Row]:
 
 
 def _chart(evidence: PoseEvidence, frames: tuple[FrameGap, ...]) -> str:
-    """Errors of poses before and after, one panel per frame: over time for a motion, else over the pose number."""
+    """Draws the errors of poses before and after correction, one panel per frame.
+
+    The horizontal axis is time if all poses are of a motion, otherwise the index of the pose.
+    """
     moving = bool(evidence.moving.all())
     panels = []
     for number, name in enumerate(evidence.frames):

@@ -1,4 +1,4 @@
-"""Section of the report on the law of the residual: its inputs, curves over them, and its formula."""
+"""Prepares the report's section on the law of the residual: its inputs, its formula, and curves over each input."""
 
 from __future__ import annotations
 
@@ -18,26 +18,27 @@ from identification.words.numbers_and_names import number, percent
 if TYPE_CHECKING:
     from identification.diagnosis.residual_law import Dependence, FrequencyResponse, InputGain, Law
 
-_ROWS = 8  # inputs and pairs that are shown
+_ROWS = 8  # number of inputs and pairs of inputs in the table
 
 
-def law_view(left: Unexplained) -> dict[str, Any] | None:
-    """Values of the section on the residual, by their names in the template; None if no law was looked for.
+def law_view(residual: Unexplained) -> dict[str, Any] | None:
+    """Values of the section, by their names in the template; None if no law was searched.
 
-    ``terms`` has text, coefficient, interval and unit of each term, and how often it is chosen. ``gains`` has inputs,
-    the share that they predict, its interval, and whether that is beyond chance. ``chance`` is the share that chance
-    predicts. ``figures`` are curves over each input; for a frequency they are gain and phase over it.
+    ``terms`` contains text, coefficient, interval and unit of each term, and the share of resampled fits that choose
+    the term. ``gains`` contains inputs, the share of the residual that they predict, its interval, and whether this
+    share exceeds chance. ``chance`` is the share that can be predicted by chance. ``figures`` are curves over each
+    input, and gain and phase over frequency for inputs with a frequency response.
     """
-    found = left.dependence
+    found = residual.dependence
     if found is None:
         return None
     others = found.gains[_ROWS:]
     shown = [*found.gains[:_ROWS], *(gain for gain in others if set(gain.inputs) == set(found.inputs))]
     return {
         "joint": found.joint,
-        "sentences": dependence_sentences(found, left.law),
-        "formula": "" if left.law is None else f"{left.law.formula} [{found.unit}]",
-        "terms": _terms(found, left.law),
+        "sentences": dependence_sentences(found, residual.law),
+        "formula": "" if residual.law is None else f"{residual.law.formula} [{found.unit}]",
+        "terms": _terms(found, residual.law),
         "gains": [_gain(gain, found.joint) for gain in shown],
         "chance": percent(max((gain.chance for gain in found.gains), default=0.0)),
         "figures": [
@@ -48,6 +49,7 @@ def law_view(left: Unexplained) -> dict[str, Any] | None:
 
 
 def _terms(found: Dependence, law: Law | None) -> list[tuple[str, ...]]:
+    """Rows of the table of terms; none without a law."""
     if law is None:
         return []
     return [
@@ -63,6 +65,7 @@ def _terms(found: Dependence, law: Law | None) -> list[tuple[str, ...]]:
 
 
 def _gain(gain: InputGain, joint: str) -> tuple[str, ...]:
+    """Row of the table of inputs."""
     sure = gain.gain > gain.chance and gain.interval[0] > 0.0
     return (
         capital(inputs_words(gain.inputs, joint)),
@@ -73,6 +76,7 @@ def _gain(gain: InputGain, joint: str) -> tuple[str, ...]:
 
 
 def _figure(found: Dependence, name: str) -> str:
+    """Draws the torque over one input, with one curve for each direction of motion if there are two."""
     curves = [curve for curve in found.curves if curve.input == name]
     lines, ribbons = [], []
     for curve, colour in zip(curves, (BEFORE, AFTER), strict=False):
@@ -86,6 +90,7 @@ def _figure(found: Dependence, name: str) -> str:
 
 
 def _response_figure(found: Dependence, response: FrequencyResponse) -> str:
+    """Draws gain and phase of a frequency response."""
     x = np.array(response.hz)
     gain = f"gain [{response.unit}]" if response.unit else "gain"
     panels = [

@@ -1,4 +1,4 @@
-"""Rows of the tables of the report; every cell is text that is not yet escaped."""
+"""Prepares the rows of the report's tables; every cell is text that is not yet escaped."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from identification.words.numbers_and_names import NO_BREAK, number, percent, wi
 
 Row = tuple[str, ...]
 
-_STANDS_OUT = 1.5  # a regime stands out if its share of the energy is this many times its share of the time
-_STANDS_OUT_ALONE = 0.25  # the same as a share of the energy, if the time is not known
-_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # by chance, the stronger of two halves has about half the energy
-_LEAST = 0.1  # a regime with a smaller share of the energy never stands out
+_STANDS_OUT = 1.5  # a regime is emphasised if its share of the energy is at least this multiple of its share of time
+_STANDS_OUT_ALONE = 0.25  # without a share of time, a regime is emphasised from this share of the energy
+_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # regimes that are half of a motion, with half the energy by chance
+_LEAST = 0.1  # a regime with a smaller share of the energy is never emphasised
 NOT_SHOWN = "not shown by this motion"
-"""Text in place of a number that the recordings do not determine."""
+"""Text that replaces a number that the recordings do not determine."""
 
 
 @dataclass(frozen=True)
 class RegimeShare:
-    """Share of a joint's residual energy in one regime, as text, and as the width of a bar [%]."""
+    """Row of the table of regimes: shares of residual energy and of time as text, and the width of a bar [%]."""
 
     regime: str
     share: str
@@ -40,7 +40,7 @@ class RegimeShare:
 
 @dataclass(frozen=True)
 class DetectableSize:
-    """Size above which one parameter of an effect would have been seen: as a range, and for each place."""
+    """Size above which an effect's parameter would have been seen: ``short`` is a range, ``places`` has each joint."""
 
     effect: str
     parameter: str
@@ -49,7 +49,7 @@ class DetectableSize:
 
 
 def parameter_rows(finding: Finding) -> list[Row]:
-    """Name, value with standard deviation and unit, and meaning of each parameter."""
+    """Rows with name, value (standard deviation, unit) and meaning of each parameter of a finding."""
     return [
         (words.parameter_name(name), value_cell(value) if value.shown else NOT_SHOWN, meaning_of(finding, name))
         for name, value in finding.parameters.items()
@@ -57,12 +57,12 @@ def parameter_rows(finding: Finding) -> list[Row]:
 
 
 def gap_row(joint: JointGap, samples: int) -> Row:
-    """Joint, residuals of the given, tolerated and corrected model, noise floor, unit, held-out samples."""
+    """Row of a joint: residuals of the given, tolerated and corrected model, noise floor, unit, held-out samples."""
     within = "–" if joint.rms_within_tolerance is None else number(joint.rms_within_tolerance)
     after, floor = number(joint.rms_after), number(joint.noise_floor)
     if joint.noise_floor_interval is not None:
         low, high = (number(end) for end in joint.noise_floor_interval)
-        # The cell is as wide as this interval, which must not break inside, also not at the minus of 8.6e-05.
+        # The interval must not break across lines, also not at the minus sign of a number such as 8.6e-05.
         interval = f"({low} to {high})".replace(" ", NO_BREAK).replace("-", "\N{NON-BREAKING HYPHEN}")
         floor = f"{floor} {interval}"
     held = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
@@ -70,7 +70,7 @@ def gap_row(joint: JointGap, samples: int) -> Row:
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
-    """Regimes of one joint that contain a part of the given model's residual energy, the largest share first."""
+    """Rows of the regimes that contain residual energy of the given model on a joint, the largest share first."""
     evidence = diagnosis.evidence
     shares = evidence.regime_shares[joint] if joint < len(evidence.regime_shares) else {}
     times = evidence.regime_times[joint] if joint < len(evidence.regime_times) else {}
@@ -86,7 +86,10 @@ def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
 
 
 def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
-    """Errors of simulated motion before and after for each joint, over all recordings and then for each of several."""
+    """Rows with the errors of simulated motion before and after correction, for each joint.
+
+    Rows over all recordings come first, followed by rows of each recording if there are several.
+    """
     rollout = diagnosis.rollout or {}
     units = {joint.joint: "m" if joint.unit == "N" else "rad" for joint in diagnosis.joints}
     rows = []
@@ -101,7 +104,7 @@ def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
 
 
 def detectable_sizes(bounds: tuple[Bound, ...]) -> list[DetectableSize]:
-    """Bounds grouped by effect and parameter, in the order of a report."""
+    """Detection limits grouped by effect and parameter, in the report's order of effects."""
     groups: dict[tuple[str, str], list[Bound]] = {}
     for bound in sorted(bounds, key=lambda bound: report_order(bound.effect)):
         groups.setdefault((bound.effect, bound.parameter), []).append(bound)
@@ -117,7 +120,7 @@ def detectable_sizes(bounds: tuple[Bound, ...]) -> list[DetectableSize]:
 
 
 def untestable_rows(entries: tuple[NotTestable, ...], joints: tuple[JointGap, ...]) -> list[Row]:
-    """Effects, places and reason, one row for effects with the same reason at the same places."""
+    """Rows with effects, joints and reason; effects with the same reason on the same joints share a row."""
     places: dict[tuple[str, str], list[NotTestable]] = {}
     for entry in sorted(entries, key=lambda entry: report_order(entry.effect)):
         places.setdefault((entry.effect, entry.why), []).append(entry)
@@ -131,6 +134,7 @@ def untestable_rows(entries: tuple[NotTestable, ...], joints: tuple[JointGap, ..
 
 
 def _places(effect: str, at: list[str | None], joints: tuple[JointGap, ...]) -> Row:
+    """Names of joints or pairs of joints; "all joints" if an effect is on every joint."""
     names = [joint.joint for joint in joints]
     if len(names) > 2 and set(names) <= set(at):
         return ("all joints", *(_bare(effect, joint) for joint in at if joint not in names))
@@ -138,7 +142,7 @@ def _places(effect: str, at: list[str | None], joints: tuple[JointGap, ...]) -> 
 
 
 def _range(bounds: list[Bound]) -> str:
-    """A range of sizes, as ``0.002 to 0.01 rad (7 joints)``."""
+    """A range of sizes, such as ``0.002 to 0.01 rad (7 joints)``."""
     sizes = [bound.below for bound in bounds]
     low, high = number(min(sizes)), number(max(sizes))
     size = with_unit(low if low == high else f"{low} to {high}", bounds[0].unit)
@@ -152,7 +156,7 @@ def _range(bounds: list[Bound]) -> str:
 
 
 def _bare(effect: str, joint: str | None) -> str:
-    """A place for a list, without the word joint."""
+    """Name of a joint, pair of joints or the whole robot, without the word joint."""
     return words.place(effect, joint).removeprefix("joints ").removeprefix("joint ")
 
 

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""3D scene of the report: the robot in postures of the recording, each joint coloured by its share of the gap.
+"""Prepares the 3D scene of the report: the robot, with each joint coloured by its share of the gap.
 
-The picture shows one posture at first; a slider shows the others.
+The scene first shows a posture from the middle of the recording; a slider shows other recorded postures.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shape
 
 EYE = (0.9, -1.09, 0.56)
 """Direction from which the robot is seen at first."""
-LIGHT = np.array([0.53, -0.8, 0.27])  # direction of the light, from a point next to the camera
-_LINK_TINT = 0.4  # a link is paler than its joint
-_ASPECT = 1.3  # least ratio of width to height of the viewer
-_LABELLED = 0.05  # least share of the gap for which a joint has a label
+LIGHT = np.array([0.53, -0.8, 0.27])  # direction towards the light, which is near the camera
+_LINK_TINT = 0.4  # strength of a link's colour relative to its joint's
+_ASPECT = 1.3  # smallest ratio of width to height of the viewer
+_LABELLED = 0.05  # a joint has a label from this share of the gap
 
 Colour = Float[Array, "3"]
 
@@ -36,11 +36,11 @@ NO_SHARE_COLOUR, FULL_SHARE_COLOUR = (
     np.array([0xD3, 0xDA, 0xE3], dtype=float),
     np.array([0xE8, 0x66, 0x00], dtype=float),
 )
-_GAMMA = 0.7  # makes a tenth of the largest share still visible
-_NO_GAP_SHOWN = ("no_gap", "not_testable")  # verdicts under which all that is left may be noise
+_GAMMA = 0.7  # exponent of the colour scale, at which a tenth of the largest share is still visible
+_NO_GAP_SHOWN = ("no_gap", "not_testable")  # verdicts for which the whole residual may be noise
 SHOWN = 41
-"""Number of postures of the slider, the middle one included: 15 kB of the page for a robot with seven joints."""
-_SOLVED_SAMPLES = 2000  # samples at which loops are closed: so many that neighbouring solutions are on one branch
+"""Number of postures of the slider, which take 15 kB of the page for a robot with seven joints."""
+_SOLVED_SAMPLES = 2000  # number of samples at which loops are solved; with less, a solution may jump to another branch
 
 
 @dataclass(frozen=True)
@@ -57,14 +57,13 @@ class Scene:
 
 
 def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
-    """The robot in a posture from the middle of the recording, and its motion to other postures.
+    """Builds the scene: solids in a posture from the middle of the recording, and their motion to other postures.
+
+    Links and joints have the colour of the joint's share of the gap. A passive joint has the colour of no share.
 
     Args:
         robot: The robot of the diagnosis.
-        diagnosis: Gives the gap of each joint and the recorded positions.
-
-    Returns:
-        Links and joints in the colour of their share; a passive joint has the colour of no share.
+        diagnosis: The diagnosis, with the gap of each joint and the recorded positions.
     """
     model = robot.model
     recorded = postures(robot, diagnosis)
@@ -78,7 +77,7 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
     share_values = shares_of(diagnosis)
     shares = dict(zip((gap.joint for gap in diagnosis.joints), share_values.tolist(), strict=True))
     strengths = dict(zip(shares, relative(share_values).tolist(), strict=True))
-    # A rail moves with the body that carries its joint.
+    # A rail belongs to the parent body of its joint.
     fixed = [(0, links[0]), *((int(model.parents[joint]), mesh) for joint, mesh in rails.items())]
     solids = [_solid(body, mesh, "", share_colour(0.0)) for body, mesh in fixed if len(mesh.faces)]
     for k, (name, link, joint) in enumerate(zip(list(model.names)[1:], links[1:], joints, strict=True), start=1):
@@ -100,7 +99,7 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
 
 
 def _visible_cube(recorded: Postures, bodies: list[tuple[int, Mesh]]) -> tuple[Float[Array, " 3"], float]:
-    """Centre of the space that the robot occupies in all postures, and half the side of the cube that shows it [m]."""
+    """Centre of the box around the robot in all postures, and half the side of the cube that the viewer shows [m]."""
     rotation, shift = recorded.moved_from_the_middle()
     middle_points = joined([mesh for _, mesh in bodies]).points
     all_points = [
@@ -114,7 +113,7 @@ def _visible_cube(recorded: Postures, bodies: list[tuple[int, Mesh]]) -> tuple[F
 
 
 def _motion_json(recorded: Postures, middle: Float[Array, " 3"], half_side: float) -> dict | None:
-    """Rotation (row by row) and shift of each body at each instant, in the viewer's cube; None for a single posture."""
+    """Rotation (row by row) and shift of each body in each posture, in units of the cube; None for a single posture."""
     if len(recorded.t) < 2:
         return None
     rotation, shift = recorded.moved_from_the_middle()
@@ -135,7 +134,7 @@ def extent(points: Float[Array, "P 3"]) -> float:
 
 
 def _rails(robot: Robot, diagnosis: Diagnosis, recorded: Postures) -> dict[int, Mesh]:
-    """For each linear joint, by its index, a thin rod along its recorded travel, in the middle posture."""
+    """A thin rod along the recorded travel of each linear joint, in the middle posture, by index of the joint."""
     rails = {}
     for joint, row in zip([robot.model.getJointId(name) for name in robot.joint_names], range(robot.nv), strict=True):
         axis, linear = joint_axis(robot.model, joint)
@@ -149,7 +148,7 @@ def _rails(robot: Robot, diagnosis: Diagnosis, recorded: Postures) -> dict[int, 
 
 
 def _solid(body: int, mesh: Mesh, text: str, colour: Colour) -> dict[str, str | int]:
-    """One solid for the page: little-endian numbers in base64, three per point and face, and a colour per face."""
+    """One solid for the page: points, faces (three points each) and a colour per face, as base64."""
     return {
         "body": body,
         "text": text,
@@ -160,14 +159,14 @@ def _solid(body: int, mesh: Mesh, text: str, colour: Colour) -> dict[str, str | 
 
 
 def packed(values: Array, kind: str) -> str:
-    """Numbers of one type, encoded as base64 for the page."""
+    """Numbers, converted to the type ``kind`` and encoded as base64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 
 def shaded(mesh: Mesh, colour: Colour) -> Float[Array, "F 3"]:
-    """Colour of each face from 0 to 255, shape ``(F, 3)``, under a light that treats both sides of a face alike.
+    """Colour of each face from 0 to 255, shape ``(F, 3)``; both sides of a face are equally bright.
 
-    Visual meshes do not agree on which side of a face is outside; other lighting would leave black patches.
+    Meshes differ in which side of a face is the outside; with one-sided light, some would have black patches.
     """
     a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -177,7 +176,7 @@ def shaded(mesh: Mesh, colour: Colour) -> Float[Array, "F 3"]:
 
 
 def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, float]) -> list[dict]:
-    """Names next to the joints with a part of the gap; next to all joints if none has one and there are few."""
+    """Labels of the joints with a share of the gap; of all joints if none has a share and there are at most eight."""
     names = list(model.names)[1:]
     shown = [name for name in names if shares.get(name, 0.0) >= _LABELLED] or (names if len(names) <= 8 else [])
     return [
@@ -188,6 +187,7 @@ def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, fl
 
 
 def _hover(name: str, share: float | None, diagnosis: Diagnosis) -> str:
+    """Tooltip of a joint: its name, its share of the gap, and its findings."""
     found = [finding_name(f) for f in diagnosis.findings if f.joint is not None and name in f.joint.split("+")]
     what = "passive joint" if share is None else f"{percent_short_of_all(share)} of the gap"
     if diagnosis.verdict in _NO_GAP_SHOWN:
@@ -202,9 +202,10 @@ def shares_of(diagnosis: Diagnosis) -> Float[Array, " nv"]:
 
 
 def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
-    """Share of each joint in the squared residual beyond its noise floor, both in noise floors, shape ``(nv,)``.
+    """Share of each joint in the gap, shape ``(nv,)``.
 
-    A joint whose residual may be noise, by the floor's interval and the errors of a sound model, has none.
+    A joint's gap is its mean square residual, divided by its squared noise floor, minus one. It is zero if the residual
+    is within the limit that noise and the errors of a sound model can reach.
     """
     before = np.array([joint.without_findings for joint in joints])
     floor, allowed = (np.array([getattr(joint, name) for joint in joints]) for name in ("noise_floor", "allowed"))
@@ -215,12 +216,12 @@ def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
 
 
 def share_colour(share: float, tint: float = 1.0) -> Colour:
-    """Red, green and blue, from grey for no share to orange for a share of 1; paler for a small tint."""
+    """Colour from grey for a share of 0 to orange for a share of 1; a ``tint`` below 1 is paler."""
     return NO_SHARE_COLOUR + (FULL_SHARE_COLOUR - NO_SHARE_COLOUR) * tint * np.clip(share, 0.0, 1.0) ** _GAMMA
 
 
 def relative(shares: Float[Array, " nv"]) -> Float[Array, " nv"]:
-    """Shares relative to the largest, so that one joint always stands out; zero without a gap."""
+    """Shares divided by the largest share; zero without a gap."""
     return shares / shares.max() if shares.size and shares.max() > 0 else shares
 
 
@@ -232,14 +233,14 @@ def joint_colours(shares: Float[Array, " nv"]) -> list[str]:
 
 @dataclass(frozen=True)
 class Postures:
-    """Places of the joints at some instants of a recording.
+    """Placements of the joints' frames at ``K`` instants of a recording.
 
     Attributes:
         t: Instants [s], shape ``(K,)``; several recordings follow each other.
         rotation: Rotation of each joint's frame in the world, shape ``(K, njoints, 3, 3)``.
         place: Origin of each joint's frame in the world [m], shape ``(K, njoints, 3)``.
         middle: Index of the instant in the middle of the recording.
-        q: Positions of the joints at that instant [rad or m], shape ``(nv,)``; NaN without samples.
+        q: Positions of the joints at the instant ``middle`` [rad or m], shape ``(nv,)``; NaN without samples.
     """
 
     t: Float[Array, " K"]
@@ -249,16 +250,16 @@ class Postures:
     q: Float[Array, " nv"]
 
     def moved_from_the_middle(self) -> tuple[Float[Array, "K n 3 3"], Float[Array, "K n 3"]]:
-        """Rotation and shift that move the body of each joint from the middle posture to the others."""
+        """Rotation and shift that move each body from its placement in the middle posture to its other placements."""
         rotation = self.rotation @ np.swapaxes(self.rotation[self.middle], 1, 2)
         return rotation, self.place - np.einsum("knij,nj->kni", rotation, self.place[self.middle])
 
 
 def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
-    """Postures at even steps through the recording.
+    """Postures at equal steps through the recording.
 
-    It is the neutral posture alone if there are no samples, and the middle one alone if loops do not close along the
-    recording.
+    Without samples, only the neutral posture is returned. If the loops of the robot cannot be solved along the
+    recording, only the posture in its middle is returned.
     """
     q, t = diagnosis.evidence.q, diagnosis.evidence.t
     finite = np.flatnonzero(np.isfinite(q).all(axis=1)) if q.size else np.zeros(0, dtype=int)
@@ -281,6 +282,7 @@ def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
 def _postures_of(
     robot: Robot, t: Float[Array, " K"], configurations: Float[Array, "K nq"], middle: int, q: Float[Array, " nv"]
 ) -> Postures:
+    """Computes the placements of the joints for given configurations."""
     model = robot.model
     data = model.createData()
     rotation, place = np.zeros((len(t), model.njoints, 3, 3)), np.zeros((len(t), model.njoints, 3))

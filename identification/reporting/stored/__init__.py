@@ -1,1 +1,1 @@
-"""Files of a diagnosis: written together, described by a schema, and read again."""
+"""Writes the files of a diagnosis together, and reads a diagnosis from its file."""

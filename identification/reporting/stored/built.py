@@ -1,4 +1,7 @@
-"""Objects of annotated types from the plain data of a JSON file; the message on other data says where it is."""
+"""Builds dataclasses and other annotated types from the plain data of a JSON file.
+
+The message of an error states the position of the wrong data in the file.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +13,19 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 _LARGEST = 1e150
-"""Largest number that a file may hold: intervals need the square of a number."""
+"""Largest number that is accepted, so that its square, which intervals need, is still finite."""
 
 
 def built(kind: Any, data: Any, at: str = "$") -> Any:
-    """An object of a type from plain JSON data; null in the place of a number becomes NaN.
+    """Builds an object of a type from plain JSON data; null for a float becomes NaN.
 
     Args:
-        kind: A dataclass, number, text, truth value, tuple, list, mapping, literal, or an alternative of these.
-        data: Plain data; an object of a dataclass is returned as it is.
-        at: Place of the data in the file, for the message.
+        kind: Type: a dataclass, number, str, bool, tuple, list, mapping or literal, or a union of these.
+        data: Plain data; an object that already is of the dataclass is returned unchanged.
+        at: Position of the data in the file, for the message.
 
     Raises:
-        ValueError: If the data is of another kind, or a key is missing or unknown. The message says where.
+        ValueError: If the data is of another type, or a key is missing or unknown.
     """
     plain, parts = get_origin(kind) or kind, get_args(kind)
     if kind is float:
@@ -38,11 +41,12 @@ def built(kind: Any, data: Any, at: str = "$") -> Any:
     if issubclass(plain, Mapping):
         pairs = data.items() if isinstance(data, dict) else _refuse("object", data, at)
         return {key: built(parts[1], value, f"{at}.{key}") if parts else value for key, value in pairs}
-    # Not isinstance: true and false would count as integers.
+    # ``isinstance`` would accept true and false as integers.
     return data if type(data) is plain else _refuse(plain.__name__, data, at)
 
 
 def _number(data: Any, at: str) -> float:
+    """A float; NaN for null."""
     if data is None:
         return math.nan
     if type(data) not in (int, float):
@@ -53,7 +57,7 @@ def _number(data: Any, at: str) -> float:
 
 
 def _one_of(kinds: tuple[Any, ...], data: Any, at: str) -> Any:
-    """An object of the first of several types that the data fits."""
+    """An object of the first type in a union that fits the data."""
     if data is None and NoneType in kinds:
         return None
     *others, last = (kind for kind in kinds if kind is not NoneType)
@@ -66,7 +70,7 @@ def _one_of(kinds: tuple[Any, ...], data: Any, at: str) -> Any:
 
 
 def _object(kind: Any, parameters: tuple[Any, ...], data: Any, at: str) -> Any:
-    """A dataclass, whose type variables stand for ``parameters``."""
+    """An object of a dataclass; ``parameters`` are the types for its type variables."""
     known = fields(kind)
     if not isinstance(data, dict):
         _refuse("object", data, at)
@@ -83,7 +87,11 @@ def _object(kind: Any, parameters: tuple[Any, ...], data: Any, at: str) -> Any:
 
 
 def _entries(parts: tuple[Any, ...], data: Any, at: str) -> list[Any]:
-    """Entries of a list of any length (``float, ...`` or ``float``), or of one with a type for each entry."""
+    """Entries of a list or tuple.
+
+    With ``parts`` of ``float`` or ``float, ...`` all entries have one type and their number is free. Otherwise
+    ``parts`` has one type for each entry.
+    """
     if not isinstance(data, list | tuple):
         _refuse("array", data, at)
     kinds = parts if len(parts) > 1 and parts[-1] is not Ellipsis else parts[:1] * len(data)

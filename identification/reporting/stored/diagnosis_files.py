@@ -1,6 +1,6 @@
-"""The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/3``), report, models and proposed motion.
+"""Writes the files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/3``), report, models, proposed motion.
 
-If one of them cannot be written, none is.
+If one file cannot be written, no file is written.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 
 INDEX, REPORT, NEXT = "diagnosis.json", "report.html", "next.csv"
 MODELS = (*ALWAYS, *OPTIONAL)
-"""Names of the files of models and laws."""
+"""Names of the files with models and laws."""
 DEPENDENCE_KEYS = {"predicted_share": "rest_closed", "responses": "answers"}
-"""Keys in the file of the fields of a `Dependence` that have another name in the code."""
+"""Keys in the file for fields of `Dependence` whose name differs from the key."""
 _NAMELESS = frozenset(structure.name for structure in STRUCTURES)
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
-    """The content of ``diagnosis.json``: plain types, nothing rounded, null for numbers that are not finite."""
+    """The content of ``diagnosis.json`` as plain types, with all digits, and null for numbers that are not finite."""
     frames, in_poses, geometry = ({}, [], {}) if diagnosis.geometry is None else _of_poses(diagnosis.geometry)
     return {
         "schema": SCHEMA,
@@ -94,7 +94,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
 
 
 def _of_poses(found: GeometryResult) -> tuple[dict[str, Json], list[Json], dict[str, Json]]:
-    """Parts for poses: the gap of each frame, findings (with shares of that gap), and everything else."""
+    """Parts of the file on poses: the entry ``frames``, the findings, and the entry ``geometry``."""
     from identification.reporting.stored.geometry_json import findings_json, frames_json, geometry_json
 
     findings = [_plain(one) for one in findings_json(found.findings)]
@@ -107,7 +107,7 @@ def json_text(diagnosis: Diagnosis) -> str:
 
 
 def _finding(finding: Finding) -> Json:
-    # The name of a user's own effect is in the user's file, which a reader of the JSON may not have.
+    # The name of an effect defined by a user is stored, as readers of the JSON may not have the user's file.
     named = {} if finding.words is None else {"name": finding_name(finding)}
     law = {} if finding.law is None else {"law": finding.law}
     in_one = {} if finding.recording is None else {"recording": finding.recording}
@@ -132,12 +132,12 @@ def _finding(finding: Finding) -> Json:
 
 
 def _file(file: WrittenFile) -> Json:
-    """A model file with its errors; one that was not written has the reason."""
+    """A model file with its errors, or with the reason if it was not written."""
     return _plain_without("refused", file) | ({"refused": file.refused} if file.refused else {})
 
 
 def _plain_without(left_out: str, entry: Adjusted | Bound | NotTestable | WrittenFile) -> dict[str, Json]:
-    """All fields of an entry but one, as plain JSON types."""
+    """All fields of an entry except ``left_out``, as plain JSON types."""
     return {name: _plain(value) for name, value in vars(entry).items() if name != left_out}
 
 
@@ -150,7 +150,7 @@ def _claim(claim: Claim[EffectAt]) -> Json:
         "effects": [_effect_at(at) for at in claim.effects],
         "gates": [_plain(asdict(result)) for result in claim.gates],
         "outcome": claim.outcome,
-        # Fits of structure that has no name in the catalogue are left out.
+        # Structures without a name in the catalogue are left out.
         "instead": [_effect_at(at) for at in claim.instead if at.effect not in _NAMELESS],
         "figures": _plain(claim.figures),
         "judged_by": claim.judged_by,
@@ -167,7 +167,7 @@ def _unexplained(unexplained: Unexplained) -> Json:
 
 
 def _dependence(found: Dependence) -> Json:
-    """The inputs of the residual, without the model that has its own file."""
+    """The dependence of the residual on inputs, without the model, which has its own file."""
     apart = ("gains", "curves", "responses", "terms", "model")
     out = {DEPENDENCE_KEYS.get(name, name): _plain(value) for name, value in vars(found).items() if name not in apart}
     curves = [
@@ -183,14 +183,14 @@ def _dependence(found: Dependence) -> Json:
 
 
 def _joint(joint: JointGap) -> Json:
-    """The gap of a joint. What is left by regime is in ``corrected.yaml``, for the next diagnosis."""
+    """The gap of a joint, without the residuals by regime, which ``corrected.yaml`` has for the next diagnosis."""
     content = asdict(joint)
     del content["left"]
     return _plain(content)
 
 
 def _plain(value: object) -> Json:
-    """Plain JSON types; a number that is not finite becomes null, as JSON cannot express it."""
+    """Converts a value to plain JSON types; a number that is not finite becomes null, as JSON cannot express it."""
     if value is None or isinstance(value, str):
         return value
     if isinstance(value, bool | np.bool_):
@@ -207,15 +207,15 @@ def _plain(value: object) -> Json:
 
 
 def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str | Path | None] = ()) -> None:
-    """Refuse targets that cannot be written, or that are input files, before any work is done.
+    """Check before the diagnosis that all output files can be written and overwrite no file of the user.
 
     Args:
-        out: Folder of the files; None for no folder.
-        json_file: Further file for the JSON; None for none.
+        out: Output folder; None for no folder.
+        json_file: Additional file for the JSON; None for none.
         read: Input files.
 
     Raises:
-        UsageError: If a target is of the wrong kind, an input file or a file of the user, or cannot be written to.
+        UsageError: If an output file is an input file, a file of the user, of the wrong kind, or cannot be written.
     """
     names = (INDEX, REPORT, NEXT, *MODELS)
     if out is not None:
@@ -244,7 +244,7 @@ def write_outputs(
     tell: Callable[[str], None] | None = None,
     completed: Callable[[Diagnosis], Diagnosis] = lambda diagnosis: diagnosis,
 ) -> tuple[Path, ...]:
-    """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
+    """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to another file.
 
     A proposed motion is written as ``next.csv``. The corrected model as URDF and MJCF, ranges for training and a
     feedforward law are written if possible. Files of an earlier run that this run cannot write are removed, so that
@@ -252,20 +252,21 @@ def write_outputs(
 
     Args:
         diagnosis: The diagnosis.
-        robot: The given robot; its source and hash go into ``corrected.yaml``, its shape into the report.
-        out: The folder, which is made if it is missing; other files in it are kept. None: no folder.
-        json_file: Further file for the JSON. None: none.
-        known: Effects that are part of the given model already.
-        config: The ``robot.yaml`` that was given; None for the one beside the robot's file.
-        tell: Called with a sentence on each file that was not written, and on findings that model files cannot contain.
-        completed: Adds the proposed experiment, after the models are made; by default nothing.
+        robot: The given robot, for ``corrected.yaml`` (source and hash) and the report (shape).
+        out: The folder, which is created if it is missing; its other files are kept. None for no folder.
+        json_file: Additional file for the JSON; None for none.
+        known: Effects that the given model already contains.
+        config: The ``robot.yaml`` that was given; None for the one in the folder of the robot's file.
+        tell: Called with a sentence for each file that was not written, and for findings that model files cannot
+            contain.
+        completed: Called with the diagnosis after the models are made; adds the proposed experiment.
 
     Returns:
         Paths of the written files.
 
     Raises:
-        UsageError: If a target cannot be written; then nothing is.
-        ParameterError: If a finding has a parameter that is not finite; then nothing is written.
+        UsageError: If a file cannot be written; no file is written then.
+        ParameterError: If a finding has a parameter that is not finite; no file is written then.
     """
     check_targets(out, json_file)
     texts: dict[str, str] = {}
@@ -291,9 +292,20 @@ def write_outputs(
 
 
 def write_diagnosis_alone(diagnosis: Diagnosis, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
-    """Write only ``diagnosis.json`` into a folder, and the JSON to a file; other files of an earlier run are removed.
+    """Write only ``diagnosis.json`` into a folder, and the JSON to another file.
 
-    Arguments, result and errors are those of `write_outputs`.
+    Other files of an earlier run in the folder are removed.
+
+    Args:
+        diagnosis: The diagnosis.
+        out: The folder, which is created if it is missing; None for no folder.
+        json_file: Additional file for the JSON; None for none.
+
+    Returns:
+        Paths of the written files.
+
+    Raises:
+        UsageError: If a file cannot be written; no file is written then.
     """
     check_targets(out, json_file)
     text = json_text(diagnosis)
@@ -301,7 +313,7 @@ def write_diagnosis_alone(diagnosis: Diagnosis, *, out: Path | None, json_file: 
 
 
 def _written(texts: dict[str, str], out: Path | None, json_file: Path | None, json_content: str) -> tuple[Path, ...]:
-    """Write files into a folder and JSON to a file, all or none; returns their paths."""
+    """Writes files into a folder, and JSON to another file, all or none; returns their paths."""
     with ExitStack() as renamed:
         if json_file is not None:
             renamed.enter_context(temporary_beside(json_file)).write_text(json_content, encoding="utf-8")
@@ -312,7 +324,7 @@ def _written(texts: dict[str, str], out: Path | None, json_file: Path | None, js
 
 
 def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
-    """The diagnosis with the SHA-256 of the proposed motion, because its file has no place for the id of the run."""
+    """The diagnosis with the SHA-256 of the proposed motion, whose file cannot contain the id of the run."""
     if diagnosis.next_experiment is None:
         return diagnosis
     digest = hashlib.sha256(reference.encode()).hexdigest()

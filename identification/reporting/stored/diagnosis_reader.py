@@ -1,4 +1,4 @@
-"""A diagnosis read back from its ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``), without its samples."""
+"""Reads a diagnosis from its ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``), which has no samples."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 
 FILE = INDEX
 OLDER = ("gap-diagnosis/2",)
-"""Schemas of earlier versions that can be read as well."""
+"""Schemas of earlier versions that can be read too."""
 
 
 @dataclass(frozen=True)
 class _Document:
-    """Fields of a diagnosis that its file holds."""
+    """Fields of a diagnosis that its file contains."""
 
     schema: str
     verdict: str
@@ -65,16 +65,16 @@ class _Document:
 
 
 def read_diagnosis(path: str | Path) -> Diagnosis:
-    """The diagnosis in a file; numbers that were not finite are NaN.
+    """Reads the diagnosis in a file; numbers that were not finite are NaN.
 
-    The file does not contain samples, names of recordings, notes or the proposed motion, and files of earlier versions
-    not the name of the robot. These are empty.
+    Samples, names of recordings, notes and the proposed motion are not in the file and remain empty. In files of
+    earlier versions this also applies to the name of the robot.
 
     Args:
         path: ``diagnosis.json``, or the folder that contains it.
 
     Raises:
-        LogError: If there is no such file, or if it is no diagnosis of this schema. The message says what to do.
+        LogError: If the file does not exist or is no diagnosis of a known schema.
     """
     path = Path(path)
     path = path / FILE if path.is_dir() else path
@@ -85,7 +85,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         raise LogError(
             f"{path} cannot be read ({error.strerror}): give a {FILE}, or the folder that diagnose --out wrote."
         ) from error
-    except (ValueError, RecursionError) as error:  # RecursionError: lists nested without end
+    except (ValueError, RecursionError) as error:  # RecursionError: lists that are nested too deeply
         raise LogError(f"{path} is no JSON ({error}): give a {FILE} that phantom-dyn diagnose wrote.") from error
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema not in (SCHEMA, *OLDER):
@@ -99,32 +99,33 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
 
 
 def _fields_of(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a file, rearranged where a diagnosis has another layout."""
-    left = dict(content["unexplained"])
-    left |= left.pop("where")
-    dependence = left.get("dependence")
+    """The content of a file, rearranged into the fields of a diagnosis."""
+    residual = dict(content["unexplained"])
+    residual |= residual.pop("where")
+    dependence = residual.get("dependence")
     if dependence is not None:
         curves = [
             {"middle" if key == "torque" else key: part for key, part in one.items()} for one in dependence["curves"]
         ]
         fields = {key: name for name, key in DEPENDENCE_KEYS.items()}
-        left["dependence"] = {**{fields.get(key, key): part for key, part in dependence.items()}, "curves": curves}
+        residual["dependence"] = {**{fields.get(key, key): part for key, part in dependence.items()}, "curves": curves}
     own = {key: value for key, value in content.items() if key not in ("frames", "geometry")}
     return own | {
         "findings": [_with_words(one) for one in content["findings"] if not is_of_poses(one)],
         "minor": [_with_words(one) for one in content["minor"]],
-        "unexplained": left,
+        "unexplained": residual,
         "geometry": geometry_of(content),
     }
 
 
 def _with_words(finding: Mapping[str, Any]) -> dict[str, Any]:
-    """A finding with words for the name of a user's own effect, which the file states."""
+    """A finding with words for the name of an effect defined by a user; the name is in the file."""
     words = None if (name := finding.get("name")) is None else shown_as(str(name))
     return {key: value for key, value in finding.items() if key != "name"} | {"words": words}
 
 
 def _diagnosis(found: _Document) -> Diagnosis:
+    """The diagnosis with the content of a file, after a check that values and standard deviations match."""
     for finding in (*found.findings, *found.minor):
         for name, value in finding.parameters.items():
             if _length(value.value) != _length(value.std):

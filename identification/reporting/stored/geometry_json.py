@@ -1,6 +1,7 @@
-"""Result of measured poses as plain data for ``diagnosis.json``, and the way back.
+"""Converts the result on measured poses to plain data for ``diagnosis.json``, and back.
 
-Frames and findings of poses are in the same lists as those of torques (docs/files.md); ``geometry`` holds the rest.
+Findings in poses are in the same list as findings in torques. The entry ``frames`` has the gaps of frames, and the
+entry ``geometry`` has the rest (docs/files.md).
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ _STORED_ELSEWHERE = ("frames", "findings", "evidence", "warnings", "claims")
 
 
 def frames_json(found: GeometryResult) -> list[dict[str, Any]]:
-    """Gaps of the frames, with the keys of the gaps of joints."""
+    """Gaps of the frames, with the same keys as gaps of joints."""
     return [asdict(frame) | {"rms_torque": None, "rms_within_tolerance": frame.rms_before} for frame in found.frames]
 
 
 def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
-    """Findings with the same keys as findings of torques; ``measured`` is ``poses``."""
+    """Findings in poses with the same keys as findings in torques, and ``measured: poses``."""
     return [
         {
             "effect": one.effect,
@@ -45,7 +46,7 @@ def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
 
 
 def geometry_json(found: GeometryResult) -> dict[str, Any]:
-    """The entry ``geometry``: everything but frames and findings, which are listed with those of torques."""
+    """The entry ``geometry``: everything except frames and findings."""
     rest = {name: value for name, value in vars(found).items() if name not in _STORED_ELSEWHERE}
     lists = ("bounds", "not_testable", "fitted", "delays")
     return (
@@ -59,7 +60,7 @@ def geometry_json(found: GeometryResult) -> dict[str, Any]:
 
 
 def geometry_of(content: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Fields of the `GeometryResult` in a ``diagnosis.json``, as plain data; None if it has none."""
+    """Fields of the `GeometryResult` in the content of a ``diagnosis.json``, as plain data; None without one."""
     rest = content.get("geometry")
     if rest is None:
         return None
@@ -74,12 +75,12 @@ def geometry_of(content: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def is_of_poses(finding: Mapping[str, Any]) -> bool:
-    """True for a finding in measured poses."""
+    """True if an entry of ``findings`` is a finding in measured poses."""
     return finding.get("measured") == "poses"
 
 
 def _finding_fields(finding: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a `PoseFinding`, without those that the file has for readers of findings in torque."""
+    """Fields of a `PoseFinding`, without keys that exist only for uniformity with findings in torques."""
     rivals = [{"places": one["effects"], "probability": one["probability"]} for one in finding["rivals"]]
     torque_keys = ("regime", "verdict", "measured")
     return {key: value for key, value in finding.items() if key not in torque_keys} | {"rivals": rivals}
