@@ -1,1 +1,1 @@
-"""Multiple shooting: simulations of the given and the corrected model from many states of the recordings."""
+"""Multiple shooting: simulates given and corrected model from many recorded states, and compares the motions."""

@@ -1,6 +1,6 @@
-"""Simulation errors of the given and the corrected model, both started from the same recorded states of many windows.
+"""Computes the simulation errors of the given and the corrected model, started from the recorded states of windows.
 
-The prediction horizon is the longest over which the noise of the starting state is small compared with the errors.
+The prediction horizon is the longest time over which the noise of the starting state causes only small errors.
 """
 
 from __future__ import annotations
@@ -20,24 +20,26 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 HORIZONS = (0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04)  # [s], the longest first
-# Largest error by noise of the starting state: as a share of the given model's error, or of the travel of the joints.
+# Largest allowed error by noise of the starting state: this share of the given model's error, or of the joints' travel.
 _SHARE_OF_ERROR, _SHARE_OF_TRAVEL = 0.33, 0.05
-# Simulated readings of one window by one model, with the start shifted by (position, velocity).
+# Function that simulates one window with one model and returns the simulated encoder readings. The third argument is
+# added to position and velocity at the start.
 Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"]]
-# Returns a window with the estimated hidden states of a model (such as a bent spring) at its start.
+# Function that returns a window with estimated hidden states of a model (such as the deflection of a spring) at its
+# start.
 HiddenStates = Callable[[Shot, Model], Shot]
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Simulated minus recorded positions by window, each ``(n, nv)``, NaN for joints that a window does not compare.
+    """Simulated minus recorded positions of each window, each ``(n, nv)``; NaN for joints that a window leaves out.
 
     Attributes:
-        t: Times since the start of each window [s].
+        t: Time since the start of each window [s], ``(n,)``.
         before: Errors of the given model.
         after: Errors of the corrected model.
-        noise: Change of the corrected model's motion by noise of its start.
-        travel: Recorded positions minus that at the start.
+        noise: Change of the corrected model's motion by noise of the starting state.
+        travel: Recorded positions minus the position at the start.
     """
 
     t: tuple[Float[Array, " _"], ...]
@@ -52,7 +54,7 @@ class Errors:
         return Errors(*(tuple(one[k] for k in windows) for one in series))
 
     def rms(self, series: tuple[Float[Array, "_ nv"], ...], horizon: float) -> Float[Array, " nv"]:
-        """Root mean square over all windows from the start to a time; zero for joints that no window compares."""
+        """Root mean square of a series over all windows up to the horizon; zero for joints that no window compares."""
         kept = np.concatenate([x[1:][t[1:] <= horizon + 1e-9] for t, x in zip(self.t, series, strict=True)])
         count = np.count_nonzero(~np.isnan(kept), axis=0)
         return np.sqrt(np.nansum(kept**2, axis=0) / np.maximum(count, 1))
@@ -71,7 +73,7 @@ def possible_horizons(errors: Errors, horizons: tuple[float, ...]) -> tuple[floa
 
 
 def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
-    """The longest horizon over which the noise of the start stays small on every joint; else the shortest.
+    """The longest horizon over which errors by noise of the starting state are small on every joint, or the shortest.
 
     Args:
         errors: Errors over the longest horizon.
@@ -89,7 +91,7 @@ def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
 
 @dataclass(frozen=True)
 class WindowMotion:
-    """Readings [rad or m] of both models in one window, ``(n, nv)`` each; NaN for joints that it does not compare."""
+    """Simulated encoder readings [rad or m] of both models in one window; NaN for joints that the window leaves out."""
 
     window: Window
     given: Float[Array, "n nv"]
@@ -104,14 +106,14 @@ class Rollout:
         horizon_s: Time over which each window is compared [s]; None if no motion could be simulated.
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Error of the corrected model.
-        noise: Standard deviation of the readings of each joint [rad or m], below which no model's error can fall.
-        deviations: Joints of a model without findings whose error exceeds the 99 % noise band, with the ratio of the
+        noise: Standard deviation of the encoder readings of each joint [rad or m], the smallest error that is possible.
+        deviations: If there are no findings, joints whose error exceeds the 99 % noise band, with the ratio of the
             error to the upper end of the band.
-        recordings: Errors of each recording, if there are several.
+        recordings: Errors of given and corrected model for each recording, if there are several.
         engaged: Joint limits that simulated motion passes.
         warnings: Notes on joint limits.
-        notes: Notes on a shortened horizon, or on why there is none.
-        motions: Simulated motion of both models in each window, over its whole length.
+        notes: Notes on a shortened horizon, or on why no motion was simulated.
+        motions: Simulated motion of both models in each window, over the whole window.
         controlled: True if controllers moved the joints instead of the recorded torque.
     """
 
@@ -157,16 +159,17 @@ def compare_models(
     *,
     controlled: bool,
 ) -> Rollout:
-    """Errors of both models over the longest horizon that the noise of the starts allows.
+    """Errors of both models over the longest horizon that the noise of the starting states allows.
 
     Args:
         robot: The robot with joints and their limits.
-        models: Given and corrected model of a window; the corrected one is fitted without that window.
+        models: Function from a window to the given and the corrected model; the corrected one is fitted without the
+            window.
         shots: At least one window, as long as the longest horizon.
-        shoot: Simulates a window.
-        horizons: Candidates [s], the longest first.
+        shoot: Function that simulates a window.
+        horizons: Candidate horizons [s], the longest first.
         controlled: True if controllers move the joints instead of the recorded torque.
-        hidden_states: Adds the hidden states of the corrected model; the given model starts from the smoothed readings.
+        hidden_states: Function that estimates the hidden states of the corrected model at the start of a window.
 
     Raises:
         ParameterError: If a simulated motion diverges.
@@ -218,7 +221,7 @@ def _nan_unless_compared(window: Window, nv: int) -> Float[Array, " nv"]:
 
 
 def _sizes(robot: Robot, errors: Errors, horizon: float) -> tuple[dict[str, float], dict[str, float]]:
-    """Error of the given and of the corrected model by joint."""
+    """RMS error of the given and of the corrected model by joint."""
     names = [joint for joint, own in zip(robot.joint_names, errors.is_compared, strict=True) if own]
     before, after = (errors.rms(x, horizon)[errors.is_compared].tolist() for x in (errors.before, errors.after))
     return dict(zip(names, before, strict=True)), dict(zip(names, after, strict=True))

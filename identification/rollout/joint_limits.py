@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Modelled joint limits that simulated motion passes where a stop may have held the robot."""
+"""Finds joint limits of the model that simulated motion passes while a stop may have held the real robot."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-# Tolerance at a limit, as a share of the range, because stops are elastic and encoders have offsets.
+# Positions count as at a limit within this share of the joint's range, because stops are elastic and encoders have
+# offsets.
 _LIMIT_TOLERANCE = 0.005
 
 
 @dataclass(frozen=True)
 class EngagedLimit:
-    """A limit that simulated motion passes where the recorded motion reaches it and stays.
+    """A limit that simulated motion passes and recorded motion only reaches.
 
     Attributes:
-        model: ``given`` or ``corrected``.
+        model: ``given`` or ``corrected``: the model that passes the limit.
         joint: Name of the joint.
         recording: Name of the recording.
-        t: First time, in the recording's time [s].
+        t: First time at which the limit is passed, in the recording's time [s].
         limit: The limit [rad or m].
-        windows: Number of the recording's simulated windows in which it does so.
+        windows: Number of the recording's simulated windows in which the limit is passed.
         of: Number of all simulated windows of the recording.
     """
 
@@ -48,8 +49,8 @@ class Simulated:
         recording: Name of the recording.
         t: Times in the recording [s], ``(n,)``.
         read: Recorded positions, ``(n, nv)``.
-        given: Positions of the given model.
-        corrected: Positions of the corrected model.
+        given: Simulated positions of the given model, ``(n, nv)``.
+        corrected: Simulated positions of the corrected model, ``(n, nv)``.
     """
 
     recording: str
@@ -60,7 +61,7 @@ class Simulated:
 
 
 def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[EngagedLimit, ...]:
-    """Limits that a model passes and the recording stays at, one entry for each model, joint and recording.
+    """Limits that a model passes and the recording only reaches, one entry for each model, joint and recording.
 
     Args:
         robot: The robot with its limits; continuous joints have none.
@@ -79,9 +80,9 @@ def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engage
 
 
 def limit_notes(robot: Robot, engaged: tuple[EngagedLimit, ...]) -> tuple[Note, ...]:
-    """One note per recording on limits that the corrected model passes, or only the given one.
+    """One note per recording on limits that the corrected model passes, and one on those that only the given passes.
 
-    Joints share a note, because one note each would hide all other notes.
+    All joints share a note, because many similar notes would hide the other notes.
     """
     corrected = {(one.joint, one.recording) for one in engaged if one.model == "corrected"}
     shown = [one for one in engaged if one.model == "corrected" or (one.joint, one.recording) not in corrected]
@@ -100,7 +101,7 @@ def limit_notes(robot: Robot, engaged: tuple[EngagedLimit, ...]) -> tuple[Note, 
 
 
 def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[Note, ...]:
-    """One note on each joint whose recorded positions are past the model's limits.
+    """One note on each joint whose recorded positions are beyond the model's limits.
 
     Args:
         robot: The robot with its limits.
@@ -123,9 +124,9 @@ def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[Note, ...]:
 
 
 def _passed(window: Simulated, model: str, j: int, limits: Float[Array, " 2"]) -> tuple[float, float] | None:
-    """Time [s] at which a model first passes a limit of a joint, and the limit; None without such a time.
+    """Time [s] at which a model first passes a limit of a joint, and the limit; None if it passes none.
 
-    The recorded motion has to be at that limit: a diverging simulation also passes limits that the robot never reached.
+    Only limits that the recorded motion reaches are considered: a diverging simulation passes other limits, too.
     """
     simulated = (window.given if model == "given" else window.corrected)[:, j]
     for limit, side in ((limits[0], -1.0), (limits[1], 1.0)):
@@ -137,12 +138,13 @@ def _passed(window: Simulated, model: str, j: int, limits: Float[Array, " 2"]) -
 
 
 def _margin(limits: Float[Array, " 2"]) -> float:
+    """Tolerance at the limits of a joint [rad or m]."""
     width = float(limits[1] - limits[0])
     return _LIMIT_TOLERANCE * (width if np.isfinite(width) else 1.0)
 
 
 def _limits(robot: Robot) -> Float[Array, "nv 2"]:
-    """Limits of the joints; infinite for those whose configuration is no single number."""
+    """Limits of the joints; infinite for joints without limits, or whose configuration is no single number."""
     model = robot.model
     out = np.tile([-np.inf, np.inf], (robot.nv, 1))
     for j, row in enumerate(robot.tree_rows):

@@ -1,9 +1,11 @@
-"""Errors of simulated motion of the given and the corrected model, started from many recorded states.
+"""Simulates the given and the corrected model from many recorded states, and tests whether the errors are only noise.
 
-Errors are compared with those of a right model, which noise alone causes. Besides noise of the recorded states with
-which the simulation is compared, noise acts in three ways: in the initial state, as torque during the simulation, and
-through the fit of the model's parameters within their tolerances. Each of these is simulated once in every window. A
-share of a joint's travel is added for errors of the filters and of the integration.
+The noise band of a joint is the error of a right model. Its causes are:
+
+- noise of the initial state, noise of the torque, and errors of the fitted tolerance parameters: each of these is
+  simulated once in every window,
+- noise of the recorded states with which the simulation is compared,
+- errors of filters and integration: a share of the joint's travel.
 """
 
 from __future__ import annotations
@@ -42,8 +44,8 @@ from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, Runa
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-# Probability that a right model leaves its noise band on some joint. Torques and motion together may give 5 % of false
-# alarms, of which torques have the other 4 %.
+# Probability that a right model leaves its noise band on some joint. Tests of torques and motion together may give 5 %
+# false alarms: 4 % by torques, 1 % by motion.
 _LEVEL = 0.01
 
 
@@ -59,8 +61,8 @@ def motion_deviations(
 
     Args:
         shots: Windows with their initial states.
-        models: Gives the model for a window, from the fit without a fold.
-        torque: Gives the torque of a model's drives over the whole recording of a window.
+        models: Function from a window and a fold to the model of the fit without the fold.
+        torque: Function that returns the torque of a model's drives over the whole recording of a window.
         noise: Torque that counts as noise, for each recording.
         folds: Folds that were held out, at least two.
         horizon: Time over which windows are compared [s].
@@ -79,14 +81,14 @@ def motion_deviations(
         drive = torque(shot, model)
         simulated = under_torque(shot, model, drive)
         start_shift = rng.choice([-1.0, 1.0], simulated.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
-        # Noise from another time has the same size and spectrum, and is independent of that in this window.
+        # Noise from another time has the same size and spectrum as the noise in this window, but is independent of it.
         torque_noise = np.roll(noise[window.log], len(drive) // 2, axis=0)
         unknown = turning_torque(model.robot, shot.states.v)
         unknown *= rng.choice([-1.0, 1.0], unknown.shape)
-        # Factor from the difference of two leave-one-fold-out fits to the error of a fit (jackknife).
+        # Ratio of the error of a fit to the difference of two leave-one-fold-out fits (jackknife).
         jackknife = np.sqrt(0.5 * (len(folds) - 1))
         parts = (
-            simulated - shot.read,  # the error; all others are what a right model may have
+            simulated - shot.read,  # the error; all following parts are possible errors of a right model
             under_torque(shot, model, drive, start_shift) - simulated,  # noise of the initial state
             under_torque(shot, model, drive + torque_noise + unknown) - simulated,  # noise as torque
             jackknife * (under_torque(shot, other, drive) - simulated),  # noise through the fit
@@ -101,40 +103,40 @@ def motion_deviations(
 
 
 def turning_torque(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Torque that a recording does not show where a joint turns about between two rows, one deviation.
+    """Standard deviation of the torque error by interpolation between two samples where a joint reverses.
 
-    A torque that moves the joint as recorded jumps there by twice the Coulomb torque. It is read at the rows, and drawn
-    straight from one to the next, so that its impulse is wrong by up to half the jump for the whole time between them.
-    A torque that a drive holds from row to row does not jump.
+    At a reversal the drive torque jumps by twice the Coulomb torque, at an unknown instant between two samples.
+    Interpolation replaces the jump by a straight line, so that the mean torque between the samples is wrong by up to
+    half the jump. A torque that the drive holds from sample to sample does not jump.
 
     Args:
         robot: The model with its friction.
-        v: Velocities at the rows.
+        v: Velocities at the samples.
     """
     out = np.zeros_like(v)
     if robot.torque_hold != "zoh":
-        # The deviation of an instant that is anywhere between two rows; the torque of one row acts for as long as that.
+        # The instant of the jump is uniformly distributed between two samples: a deviation of 1 / sqrt(12) of the jump.
         out[:-1] = np.where(v[:-1] * v[1:] < 0.0, 2.0 * robot.coulomb_friction / np.sqrt(12.0), 0.0)
     return out
 
 
 def _fold_and_another(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
-    """The fold of a window and another one of ``folds``: the next one, or the first if the fold is not among them."""
+    """The fold of a window, and a second one: the next in ``folds``, or the first if ``fold`` is not among them."""
     if fold not in folds:
         return fold, folds[0]
     return fold, folds[(folds.index(fold) + 1) % len(folds)]
 
 
 def unknown_if_motion_deviates(judgement: Judgement, rollout: Rollout) -> Judgement:
-    """The judgement, with ``unknown`` instead of ``no_gap`` if simulated motion is far outside its noise band."""
+    """The judgement; ``no_gap`` becomes ``unknown`` if simulated motion is far outside its noise band."""
     if judgement.verdict != "no_gap" or max(rollout.deviations.values(), default=0.0) < rules.STRAYS_FAR:
         return judgement
     joint = max(rollout.deviations, key=lambda name: rollout.deviations[name])
     return replace(judgement, verdict="unknown", unexplained=replace(judgement.unexplained, joint=joint))
 
 
-_MOST, _FEWEST = 36, 6  # numbers of windows
-_STEPS = 60_000  # largest number of joint steps of one model over all windows: about a third of a second, compiled
+_MOST, _FEWEST = 36, 6  # largest and smallest number of windows
+_STEPS = 60_000  # largest number of integration steps times joints over all windows: about a third of a second
 _HIDDEN_SIMULATIONS = 400  # largest number of short simulations for hidden states over all windows: about a second
 _CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # horizons [s] under controllers, which keep errors from growing
 
@@ -146,7 +148,7 @@ class Explained:
     Attributes:
         problem: Columns and session of the fits.
         terms: Effects that were found.
-        found: Fit of these effects, and for each fold the fit without it.
+        found: Fit of these effects to all blocks, and once without each fold.
         floor: Noise floor of each joint, ``(nv,)``.
     """
 
@@ -166,15 +168,15 @@ class Explained:
         return any(recording.controlled for recording in self.session.recordings)
 
     def theta(self, fold: int) -> Float[Array, " K"]:
-        """Coefficients of the fit without a fold; of the full fit for -1, the blocks that no fit uses."""
+        """Coefficients of the fit without a fold; for fold -1 (blocks in no fit) those of the fit to all blocks."""
         return self.found.theta if fold < 0 else self.found.fold_theta[fold]
 
 
 def rollout_of(explained: Explained) -> Rollout:
-    """Rollouts from smoothed states, on windows that were held out of the fit that is used there.
+    """Simulations from smoothed recorded states; each window is simulated with a fit that has not seen it.
 
-    The models move under the recorded torque. Where controllers and references are known, a note states the error of
-    the closed loop as well; where no torque was recorded, only the closed loop is simulated.
+    The models move under the recorded torque. If controllers and references are known, a note states the error of the
+    simulated closed loop, too. If no torque was recorded, only the closed loop is simulated.
 
     Args:
         explained: Fits of the diagnosis.
@@ -200,7 +202,7 @@ def rollout_of(explained: Explained) -> Rollout:
         return under_torque(shot, model, torque(shot, model), start_shift)
 
     out = _longest_rollout(explained, shoot, HORIZONS, hidden_states, by_control=False)
-    # The noise band does not include noise of the base's sensors, so legs are not tested.
+    # Robots with a floating base are not tested, because the noise band does not include noise of the base's sensors.
     if not explained.terms and out.horizon_s is not None and not robot.floating:
         out = replace(out, deviations=_deviations(explained, out.horizon_s))
     return replace(
@@ -209,7 +211,7 @@ def rollout_of(explained: Explained) -> Rollout:
 
 
 def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
-    """`motion_deviations` of the joints that leave their noise bands, for a model without findings."""
+    """Results of `motion_deviations` for the joints that leave their noise bands, if there are no findings."""
     problem, session = explained.problem, explained.session
     operations, torque = problem.columns.operations, _torques()
     made: dict[tuple[int, int, int], Model] = {}
@@ -222,9 +224,11 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
             made[key] = corrected_model(session.robot, session.known, (), explained.theta(fold), operation)
         return made[key]
 
-    left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))
+    residuals = session.in_judged_band(
+        residual_after(problem, held_out_torque(problem, explained.terms, explained.found))
+    )
     # A fit also explains a part of the noise: its residual is scaled up to the noise floor.
-    size = np.maximum(explained.floor / np.maximum(residual_sums(problem, left).rms(), 1e-300), 1.0)
+    size = np.maximum(explained.floor / np.maximum(residual_sums(problem, residuals).rms(), 1e-300), 1.0)
     noise = tuple(
         size
         * np.column_stack(
@@ -233,7 +237,7 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
                 for part, use in zip(residual.T, usable.T, strict=True)
             ]
         )
-        for log, residual, usable in zip(session.logs, left, problem.columns.usable, strict=True)
+        for log, residual, usable in zip(session.logs, residuals, problem.columns.usable, strict=True)
     )
     shots = _shots(explained, horizon, STEP, 0)
     folds = tuple(sorted({int(fold) for fold in problem.grams.fold} - {-1}))
@@ -243,14 +247,15 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
         ratios = motion_deviations(shots, model, torque, noise, folds, horizon)
     except (PhantomDynError, np.linalg.LinAlgError):
         return {}
-    # A brake may hold a joint that never moves. If it moves in the simulation, errors of the other joints mean nothing.
+    # A brake may hold a joint that never moves in the recording. If this joint moves in the simulation, the errors of
+    # the other joints mean nothing.
     if np.any(ratios[~moving(session.logs).any(axis=0)] > 1.0):
         return {}
     return {joint: float(x) for joint, x in zip(session.robot.joint_names, ratios, strict=True) if x > 1.0}
 
 
 def _without_gaps(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:
-    """Noise at all samples: samples that are not used, as at standstill, get the noise of used samples."""
+    """Noise at all samples: unused samples, such as those at standstill, get the noise of used samples."""
     out = np.where(use, noise, 0.0)
     if use.any():
         out[~use] = np.resize(noise[use], np.count_nonzero(~use))
@@ -258,7 +263,7 @@ def _without_gaps(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Ar
 
 
 def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
-    """Function that gives the torque of a model's drives plus that of measured forces, over a window's recording."""
+    """Function that returns the torque of drives and measured forces over a window's recording; results are cached."""
     computed: dict[tuple[Model, int], Array] = {}
 
     def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
@@ -271,7 +276,7 @@ def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
 
 
 def _controlled_rollout(explained: Explained, at_start: HiddenStates) -> Rollout | None:
-    """Rollout under the controllers and references of the judged recordings; None if any of these is unknown."""
+    """Rollout under the controllers and references of the judged recordings; None if one of these is unknown."""
     problem = explained.problem
     judged = {problem.blocks[k].log for k in judged_blocks(problem)}
     operations = problem.columns.operations
@@ -353,7 +358,15 @@ def _at_mean_temperature(window: Window, operation: Operation) -> Operation:
 
 
 def _shots(explained: Explained, seconds: float, step: float, simulations: int) -> tuple[Shot, ...]:
-    """Windows to simulate; the more short ``simulations`` each needs for its hidden states, the fewer they are."""
+    """Windows to simulate.
+
+    Args:
+        explained: Fits of the diagnosis.
+        seconds: Length of a window [s].
+        step: Integration step [s].
+        simulations: Number of short simulations that each window needs for its hidden states. The larger this number,
+            the fewer windows are returned.
+    """
     problem, logs = explained.problem, explained.session.logs
     # Each sample needs at least one step.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))

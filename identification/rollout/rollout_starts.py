@@ -1,8 +1,8 @@
-"""Windows and initial states of rollouts (multiple shooting), and simulation of a model from such a state.
+"""Windows and initial states of rollouts (multiple shooting), and simulations of a model from an initial state.
 
 Windows are stretches of the judged samples. States are smoothed over neighbouring samples; their standard deviations
-are those of the remaining encoder noise. A simulation from such a state runs freely, or follows the recording by
-feedback.
+are those of the remaining encoder noise. A simulation moves freely under a torque, or follows the recording by
+additional feedback.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, Given, Simulation, simulate
 
 _WINDOW = 50  # number of samples over which scatter is estimated
-_LEAST = 1e-9  # smallest deviation of a state [rad or m]: rounding of the readings in files
-_READING_STEP = 1e-4  # step of finite differences of a reading [rad or m]
-_ITERATIONS = 6  # steps that invert a reading, whose slope is close to one
+_LEAST = 1e-9  # smallest standard deviation of a state [rad or m]: rounding of the readings in files
+_READING_STEP = 1e-4  # step of finite differences of an encoder's reading by the position [rad or m]
+_ITERATIONS = 6  # number of fixed-point steps from a reading to the position; the slope of a reading is close to one
 _LEAST_ROWS = 3  # smallest number of samples of a window
-_SHORTEST_SWING = 0.08  # [s]: a shorter one is a flickering contact
+_SHORTEST_SWING = 0.08  # [s]: a shorter swing of a leg is a flickering contact
 
 
 @dataclass(frozen=True)
 class States:
-    """Smoothed readings of one log.
+    """Smoothed encoder readings of one log.
 
     Attributes:
         q: Positions [rad or m], ``(N, nv)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
-        raw: Raw readings of the positions.
-        q_std: Standard deviation of each joint's ``q``, ``(nv,)``.
-        v_std: Standard deviation of ``v``.
-        read_std: Standard deviation of ``raw``: of the part that the smoothing removes.
-        scatter: The same in the quietest fifth of short stretches, without stops and impacts.
+        raw: Raw readings of the positions, ``(N, nv)``.
+        q_std: Standard deviation of the noise of each joint's ``q``, ``(nv,)``.
+        v_std: Standard deviation of the noise of each joint's ``v``, ``(nv,)``.
+        read_std: Standard deviation of the part of ``raw`` that smoothing removes, ``(nv,)``.
+        scatter: Like ``read_std``, but in the quietest fifth of short stretches, without stops and impacts.
         base: Motion of the base; None for a fixed one.
     """
 
@@ -63,13 +63,13 @@ class States:
 
 
 def states_of(log: Log, cutoff_hz: float) -> States:
-    """States of a log from its positions, low-passed without delay above the judged band.
+    """States of a log: its positions after a low pass without delay, whose edge is above the judged band.
 
-    The part of the readings above the low-pass counts as white noise, which gives the level of the noise below it.
+    The part of the readings that the low pass removes counts as white noise. Its density gives the noise that remains.
 
     Args:
         log: A recording.
-        cutoff_hz: Edge of the judged band.
+        cutoff_hz: Edge of the judged band [Hz].
     """
     rate = log.band.rate_hz
     raw = log.motion.q if log.raw_q is None else log.raw_q
@@ -92,13 +92,13 @@ def _quiet(rough: Float[Array, "N nv"]) -> Float[Array, " nv"]:
 
 @dataclass(frozen=True)
 class Start:
-    """A state of links and motors, ``(nv,)`` each; both are equal where a motor is rigidly coupled to its link.
+    """A state of links and motors, ``(nv,)`` each; both are equal if a motor is rigidly coupled to its link.
 
     Attributes:
         q: Positions of the links [rad or m].
-        v: Their velocities.
-        motor_q: Positions of the motors.
-        motor_v: Their velocities.
+        v: Velocities of the links.
+        motor_q: Positions of the motors, on the joint side [rad or m].
+        motor_v: Velocities of the motors.
     """
 
     q: Float[Array, " nv"]
@@ -110,16 +110,16 @@ class Start:
 def true_state(
     model: Model, states: States, at: int, dt: float, start_shift: Float[Array, "2 nv"] | None = None
 ) -> Start:
-    """State of a model for which its encoders would give the recorded readings.
+    """State of a model for which its encoders return the recorded readings.
 
-    The deflection of a spring or backlash between link and motor follows from the torque that the link needs.
+    The deflection of a spring or of backlash between link and motor follows from the torque that moves the link.
 
     Args:
         model: The model; without effects on readings or transmissions, the state is the recorded one.
         states: Recorded states.
         at: Index of the sample.
         dt: Sampling time [s].
-        start_shift: Shift of position and velocity.
+        start_shift: Shift that is added to position and velocity.
     """
     readings = [part.reading for part in model.simulated_causes if part.reading is not None]
     shift = np.zeros((2, model.robot.nv)) if start_shift is None else start_shift
@@ -130,41 +130,43 @@ def true_state(
             x = reading(x)
         return x
 
-    true, speed = np.array(q), np.array(v)
+    true_q, true_v = np.array(q), np.array(v)
     for _ in range(_ITERATIONS if readings else 0):
-        true = true + q - read(true)
+        true_q = true_q + q - read(true_q)
     if readings:
-        speed = v / np.maximum((read(true + _READING_STEP) - read(true - _READING_STEP)) / (2.0 * _READING_STEP), 0.5)
-    start = Start(true, speed, np.array(true), np.array(speed))
+        slope = (read(true_q + _READING_STEP) - read(true_q - _READING_STEP)) / (2.0 * _READING_STEP)
+        true_v = v / np.maximum(slope, 0.5)
+    start = Start(true_q, true_v, np.array(true_q), np.array(true_v))
     if model.transmissions:
         near = np.clip([at - 1, at, at + 1], 0, len(states.q) - 1)
         base = None if states.base is None else states.base.at(near)
-        near_by = Motion(dt * near, states.q[near], states.v[near], states.a[near], base=base)
-        load = link_torque(model.robot, near_by)
+        nearby_motion = Motion(dt * near, states.q[near], states.v[near], states.a[near], base=base)
+        load = link_torque(model.robot, nearby_motion)
         rate = (load[2] - load[0]) / (dt * max(near[2] - near[0], 1))
         for part in model.transmissions:
             row = row_of(model.robot, part.joint)
             # Without a rotor the spring has no stiffness; the simulation then raises an error.
             if part.stiffness > 0:
+                # The side without the encoder is shifted: a link lags its motor, a motor leads its link.
                 read_on_motor = model.robot.actuators[row].encoder_side == "motor"
-                place, pace = (start.q, start.v) if read_on_motor else (start.motor_q, start.motor_v)
-                behind = -1.0 if read_on_motor else 1.0
-                place[row] += behind * (load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row]))
-                pace[row] += behind * rate[row] / part.stiffness
+                position, speed = (start.q, start.v) if read_on_motor else (start.motor_q, start.motor_v)
+                sign = -1.0 if read_on_motor else 1.0
+                position[row] += sign * (load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row]))
+                speed[row] += sign * rate[row] / part.stiffness
     return start
 
 
 @dataclass(frozen=True)
 class Window:
-    """Full-rate samples ``start`` to ``stop`` (one after the last) of a log, and the fold that has not seen them.
+    """A stretch of samples of a log that is simulated.
 
     Attributes:
         log: Index of the log.
-        start: First sample.
-        stop: One after the last.
-        fold: The fold that these samples belong to; -1 where no fit has seen them.
+        start: Index of the first sample, at the full rate.
+        stop: Index after the last sample.
+        fold: Fold that these samples belong to; -1 if they are in no fit.
         lead: Number of valid samples before the start that may be used to estimate hidden states.
-        joints: Joints that are compared, as those of a swinging leg; None for all.
+        joints: Joints that are compared, such as those of a swinging leg; None for all.
     """
 
     log: int
@@ -184,15 +186,15 @@ def windows_in(
     seconds: float,
     lead: float,
 ) -> tuple[Window, ...]:
-    """As many windows as fit without overlap, each inside a judged block; for legs inside the swings of each leg.
+    """As many windows as fit into the judged blocks without overlap; for legged robots inside the swings of each leg.
 
     Args:
         logs: Recordings.
         blocks: Stretches of samples that are held out together.
         folds: Fold of each block.
         judged: Indices of the judged blocks.
-        seconds: Length of a window [s]; a shorter block or swing is taken whole.
-        lead: Time before a window [s] wanted for the estimate of hidden states.
+        seconds: Length of a window [s]; a shorter block or swing is one window.
+        lead: Time before a window that the estimate of hidden states needs [s].
     """
     out = []
     for k in judged:
@@ -203,7 +205,7 @@ def windows_in(
             length = min(max(_LEAST_ROWS, round(seconds * rate) + 1), stop - first)
             if length < _LEAST_ROWS:
                 continue
-            # As many as fit without overlap, in the middle of the stretch.
+            # The windows are centred in the stretch.
             fit = max(1, (stop - first) // length)
             margin = (stop - first - fit * length) // 2
             for i in range(fit):
@@ -213,9 +215,9 @@ def windows_in(
 
 
 def _free_stretches(log: Log, first: int, stop: int) -> list[tuple[tuple[int, ...] | None, int, int]]:
-    """Joints of each leg, first sample of each of its swings, and the sample after the last, within a range.
+    """Stretches of a range of samples in which a leg swings: joints of the leg, first sample, sample after the last.
 
-    A robot without contacts has one stretch with all joints.
+    A robot without contacts has one stretch, with None for all joints.
     """
     if log.touched is None or not log.touched[first:stop].any():
         return [(None, first, stop)]
@@ -240,7 +242,7 @@ def spread(windows: tuple[Window, ...], count: int) -> tuple[Window, ...]:
 
 
 def window_at(logs: tuple[Log, ...], window: Window, lead: float) -> Window | None:
-    """A window with a lead of up to ``lead`` seconds; None if one of its samples must not be used."""
+    """The window with the number of usable samples before it, at most ``lead`` seconds; None if a sample is invalid."""
     log, start = logs[window.log], window.start
     if not log.valid[start : window.stop].all():
         return None
@@ -257,17 +259,17 @@ SHORTEST = 2e-5  # shortest step [s]: with shorter ones a rollout would take too
 STEP = 1e-3  # longest step [s]: the midpoint rule follows a 20 Hz motion with a phase error of 0.2 %
 # Natural frequency [rad/s] of the critically damped feedback by which a model follows the recording.
 _FEEDBACK_FREQUENCY = 2.0 * np.pi * 15.0
-# The same for a motor behind a spring or backlash: higher, as its inertia alone is small.
+# Natural frequency [rad/s] for a motor behind a spring or backlash: it is higher, because the motor's inertia is small.
 _MOTOR_FEEDBACK_FREQUENCY = 2.0 * np.pi * 60.0
 
 
 def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Torque [N m or N] of the drives when ``tau`` is commanded at uniform times.
+    """Torque [N m or N] of the drives if ``tau`` is commanded.
 
     Args:
         model: The model, with the effects of its drives and the timing of the log.
-        t: Times [s].
-        tau: Recorded torque.
+        t: Times [s], in equal steps.
+        tau: Commanded torque.
     """
     out = np.array(tau, dtype=float)
     if model.late:
@@ -306,13 +308,13 @@ def simulated(
     *,
     max_step: float = STEP,
 ) -> Simulation:
-    """A simulation from a start, at the times of its law.
+    """A simulation from an initial state, at the times of the drives' law.
 
     Args:
         robot: The robot.
-        causes: Effects in addition to its rigid-body model.
-        law: Torque of its drives.
-        start: State of links and motors.
+        causes: Effects in addition to the rigid-body model.
+        law: Torque law of the drives, with its times.
+        start: Initial state of links and motors.
         base: Motion of the base; None for a fixed one.
         max_step: Longest step [s].
 
@@ -324,14 +326,15 @@ def simulated(
 
 
 def simulated_with_torque(model: Model, law: Tracking, start: Start, base: BaseMotion | None) -> Simulation:
-    """A simulation of a model in which the law gives the torque that the drives exert."""
+    """A simulation of a model whose drives exert exactly the torque of the law."""
     return simulated(model.torque_driven, model.causes, law, start, base)
 
 
 def feedback_gains(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
-    """Gains of position and velocity of the feedback that keeps readings on the recording.
+    """Position and velocity gains of the feedback by which a simulation follows the recording.
 
-    They are zero where the encoder is on the link behind a spring or backlash: feedback through the motor is unstable.
+    They are zero if the encoder is on a link behind a spring or backlash, because feedback through the motor would be
+    unstable.
     """
     inertia = np.diag(mass_matrix(model.robot, q[None])[0]).copy()
     speed = np.full(model.robot.nv, _FEEDBACK_FREQUENCY)
@@ -350,6 +353,6 @@ def feedback_law(
     gains: Float[Array, "2 nv"],
     where: Bool[Array, "n nv"],
 ) -> Tracking:
-    """The recorded torque, with feedback towards ``q`` and ``v`` at some samples of each joint."""
+    """Torque law: the given torque, plus feedback towards ``q`` and ``v`` where the mask ``where`` is True."""
     tables = gains[:, None] * where
     return Tracking(t, torque, q, v, tables[0], tables[1], np.zeros_like(q), np.full(q.shape[1], np.inf))

@@ -1,10 +1,13 @@
 """Simulation of one window: under the recorded torque, or under the recorded references and their controllers.
 
-No encoder reads the state of a link within backlash, or of a motor whose encoder is on the link. This hidden state is
-estimated in two steps. First a simulation with feedback follows the recording before the window, so that links and
-motors move as this motion requires. Then a simulation under the recorded torque alone is fitted to the last readings
-before the window. The fit estimates all states at its start, including those that encoders read, because smoothed
-readings are wrong shortly after an impact. Samples inside the window are used only to smooth its first sample.
+Some states are not read by any encoder: the position of a link within backlash, or of a motor whose encoder is on the
+link. These hidden states are estimated in two steps:
+
+1. A simulation with feedback follows the recording before the window.
+2. A simulation under the recorded torque alone is fitted to the last readings before the window. The unknowns are all
+   states at its start, including those that encoders read, because smoothed readings are wrong shortly after an impact.
+
+Samples inside the window are used only to smooth its first sample.
 """
 
 from __future__ import annotations
@@ -37,24 +40,24 @@ from phantom_dyn.simulation.control import Tracking, torque_over_time, with_late
 from phantom_dyn.simulation.simulate import Cause, Simulation
 
 # Time [s] over which a simulation under the recorded torque is fitted to readings, and the smallest number of readings.
-# Over a longer time errors of the model matter more, over a shorter time the noise of the readings.
+# With a longer time, errors of the model would matter more; with a shorter time, noise of the readings.
 _FITTED_S, _FEWEST = 0.1, 8
 _ROUNDS, _ENOUGH = 4, 0.02  # iterations of least squares, and relative decrease of the cost at which they end
-_BAD_FIT = 4.0  # mean square of the residual above which a fit is bad, in variances of the readings
+_BAD_FIT = 4.0  # a fit is bad if the mean square of its residual is larger, in variances of the readings
 _DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a state's uncertainty
-_TRIED_SHIFTS = (-1.0, -0.5, 0.5, 1.0)  # shifts of the hidden side within backlash that are tried, in widths of the gap
+_TRIED_SHIFTS = (-1.0, -0.5, 0.5, 1.0)  # starts of the fit: shifts of the hidden side, in widths of the backlash
 _SPEED_ERROR = 0.2  # error of smoothed speeds shortly after an impact, as a share of the standard deviation of speeds
-_SPEED_ERROR_TIME_S = 0.005  # time [s] for which an error of the speed lasts; their product is an error of the position
+_SPEED_ERROR_TIME_S = 0.005  # duration [s] of an error of the speed; duration times speed error is a position error
 
 
 @dataclass(frozen=True, eq=False)
 class HiddenStart:
-    """A model and all its states at a sample, some samples before a window or at its start.
+    """The states of a model at a sample before the start of a window, or at the start.
 
     Attributes:
         model: The model.
         at: Index of the sample in the log.
-        start: States of links and motors there.
+        start: States of links and motors at this sample.
     """
 
     model: Model
@@ -68,7 +71,7 @@ def has_hidden_states(model: Model) -> bool:
 
 
 def lead_for_hidden_states(rate_hz: float) -> float:
-    """Length [s] of the recording before a window that the estimate of hidden states needs."""
+    """Duration [s] of the recording before a window that the estimate of hidden states needs."""
     return LEAD + max(_FITTED_S, _FEWEST / rate_hz)
 
 
@@ -78,14 +81,14 @@ def simulation_count(model: Model) -> int:
 
 
 def hidden_start(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
-    """States of a model before a window; the smoothed states at its start if too few samples precede it.
+    """Estimated states of a model before a window; smoothed states at its start if too few samples precede the window.
 
     Args:
         log: The recording.
-        states: Its smoothed states.
+        states: Smoothed states of the recording.
         window: The window, with the number of samples before it that may be used.
-        model: A model with transmissions.
-        torque: Torque of its drives, over the whole log.
+        model: A model with transmissions that are not rigid.
+        torque: Torque of the drives, over the whole log.
 
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
@@ -112,9 +115,9 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
 
 
 def _after_feedback(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
-    """State at a sample after feedback over the ``lead`` samples before it.
+    """State at a sample after a simulation with feedback over the ``lead`` samples before it.
 
-    It is `true_state` where an encoder is on a link behind a spring or backlash, as feedback through these is unstable.
+    If an encoder is on a link behind a spring or backlash, feedback would be unstable: the result is then `true_state`.
     """
     if lead < 2 or not all(_on_motor(model, row) for row in _hidden(model)):
         return true_state(model, states, at, 1.0 / log.band.rate_hz)
@@ -133,7 +136,7 @@ def _on_motor(model: Model, row: int) -> bool:
 
 
 def _hidden(model: Model) -> list[int]:
-    """Indices of the joints with backlash or a spring: either their link or their motor has no encoder."""
+    """Indices of the joints with backlash or a spring, which have an encoder on the link or on the motor only."""
     return sorted({row_of(model.robot, part.joint) for part in model.transmissions})
 
 
@@ -180,7 +183,7 @@ def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n
 
 
 def _guesses(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
-    """Starts of the fit of the shifts, in units of ``spread``: zero, and hidden sides shifted within their backlash."""
+    """Initial shifts of the fit, in units of ``spread``: zero, and hidden sides shifted within their backlash."""
     out, nv = [np.zeros(len(spread))], model.robot.nv
     for k, row in enumerate(_hidden(model)):
         gap = _gap(model, row)
@@ -192,7 +195,7 @@ def _guesses(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"
 
 
 def _best_fitted(residuals: Callable[[Array], Array], guesses: list[Float[Array, " n"]]) -> Float[Array, " n"]:
-    """Least squares fit from the best guess; if that fit is bad, the better of it and one from the next best guess."""
+    """Least-squares fit from the best guess; if this fit is bad, the better of the fits from the two best guesses."""
 
     def mean_square(shifts: Array) -> float:
         return float(np.mean(residuals(shifts) ** 2))
@@ -209,13 +212,13 @@ def _fitted(residuals: Callable[[Array], Array], guess: Float[Array, " n"]) -> F
     from scipy.optimize import least_squares
 
     def slopes(at: Array) -> Array:
-        # The steps are longer than rounding requires, as backlash makes the residuals rough.
+        # Backlash makes the residuals rough: the steps are longer than rounding errors require.
         here = residuals(at)
         return np.column_stack(
             [(residuals(at + _DIFFERENCE_STEP * unit) - here) / _DIFFERENCE_STEP for unit in np.eye(len(at))]
         )
 
-    # SciPy's documented callable: pyright reads the type of `jac` off its default, a string.
+    # A callable `jac` is documented by SciPy, but pyright infers the type of its default, a string.
     return least_squares(residuals, guess, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x  # pyright: ignore[reportArgumentType]
 
 
@@ -225,8 +228,8 @@ class Shot:
 
     Attributes:
         log: The recording.
-        states: Its smoothed states.
-        window: The samples.
+        states: Smoothed states of the recording.
+        window: The samples of the window.
         hidden_start: Estimated hidden states of the model before the window; None if they have not been estimated.
     """
 
@@ -251,7 +254,7 @@ class Shot:
         return replace(self, hidden_start=hidden_start(self.log, self.states, self.window, model, torque))
 
     def with_start_by_feedback(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
-        """The window with hidden states of a model by feedback alone: less accurate, but one simulation is enough."""
+        """The window with hidden states estimated by feedback alone: less accurate, but by only one simulation."""
         window, lead = self.window, min(round(LEAD * self.log.band.rate_hz), self.window.lead)
         start = _after_feedback(self.log, self.states, model, torque, window.start, lead)
         return replace(self, hidden_start=HiddenStart(model, window.start, start))
@@ -289,12 +292,12 @@ def under_torque(
 
 
 def _settling_lead(shot: Shot, model: Model) -> int:
-    """Number of samples before a window over which hidden states of a model settle, as far as the window has them."""
+    """Number of samples before a window in which hidden states of a model settle, limited to the available samples."""
     return min(shot.window.lead, int(np.ceil(model.settling_time * shot.log.band.rate_hz)))
 
 
 def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
-    """True where joints carry an unmeasured contact force, so that feedback keeps them on the recording."""
+    """True where joints carry an unmeasured contact force; feedback makes these joints follow the recording."""
     shape = log.motion.q[rows].shape
     return np.zeros(shape, dtype=bool) if log.touched is None else np.array(log.touched[rows])
 
@@ -314,7 +317,7 @@ def _from_hidden_start(
 
 
 def _with_start_shift(start: Start, start_shift: Float[Array, "2 nv"] | None) -> Start:
-    """A start whose links and motors have the same shift of position and velocity."""
+    """A start with a shift of position and velocity, the same for links and motors."""
     if start_shift is None:
         return start
     q, v = start_shift
@@ -328,12 +331,12 @@ def under_control(
 
     Args:
         shot: The window with its initial states.
-        model: The model; its actuators hold the controllers.
+        model: The model with its controllers.
         start_shift: Shift of position and velocity at the start.
         max_step: Longest integration step [s].
 
     Raises:
-        LogError: If there are no references.
+        LogError: If the log has no references.
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
     window, states, robot = shot.window, shot.states, model.robot
@@ -356,7 +359,7 @@ def under_control(
 
 
 def _with_contact_feedback(law: Tracking, shot: Shot, model: Model, rows: slice) -> Tracking:
-    """The controllers, replaced by feedback along the recording while a joint carries an unmeasured contact force."""
+    """The control law, replaced by feedback to the recording where joints carry an unmeasured contact force."""
     touched, states = _touched(shot.log, rows), shot.states
     if not touched.any():
         return law

@@ -1,4 +1,4 @@
-"""The given and the corrected model, with all their effects in the form that simulations need."""
+"""Builds the given and the corrected model, with their effects in the form that simulations need."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.simulate import Cause
 from phantom_dyn.simulation.stepping import longest_step, machine_of
 
-_LARGEST = 1e12  # largest parameter: a larger one comes from a division by rounding errors
-# Times [s] for which a model follows a recording until its hidden states no longer depend on their initial values: in
-# general, and if only springs have hidden states.
+_LARGEST = 1e12  # a larger parameter comes from a division by rounding errors
+# Times [s] for which a model has to follow a recording until its hidden states do not depend on their initial values:
+# in general, and if only springs have hidden states.
 LEAD, _SPRING_SETTLING_S = 0.15, 0.03
 
 
@@ -35,13 +35,13 @@ class Model:
 
     Attributes:
         robot: The robot, including all effects that only change its parameters (friction, inertias, gravity).
-        commands: Effects that change the command of a controller into the torque of its drive.
+        commands: Effects between the command of a controller and the torque of its drive.
         causes: All other effects.
         late: Delay of the recorded torque relative to the motion of the log [samples].
-        late_references: Delay of the references of each joint's controller [s], ``(nv,)``; None without any.
+        late_references: Delay of the references of each joint's controller [s], ``(nv,)``; None if there is none.
         soft: Joints whose modelled dry friction changes sign gradually, each with its share of the full softness.
-        arrivals: For joints whose references arrive at an unknown time within the controller's period: that time,
-            counted from half a period before a reading, as a share of the period.
+        arrivals: Joints whose references arrive at an unknown time within the controller's period, each with this time
+            as a share of the period, counted from half a period before a reading.
         base: Name and size of each sensor error of a floating base.
     """
 
@@ -84,16 +84,16 @@ class Model:
     def torque_driven(self) -> Robot:
         """The robot for simulations with a given drive torque.
 
-        It is made once, because simulations cache results by this object.
+        It is built once, because simulations cache results by this object.
         """
         return replace(self.robot, torque_hold="instant", torque_source="command")
 
     @property
     def settling_time(self) -> float:
-        """Time [s] of following a recording after which hidden states no longer depend on their initial values.
+        """Time [s] for which the model has to follow a recording until hidden states do not depend on initial values.
 
-        It is short if only springs have hidden states: the load gives their deflection, and the feedback that follows
-        the recording would make them oscillate.
+        The time is short if only springs have hidden states: their initial deflection follows from the load, and
+        feedback to the recording makes them oscillate.
         """
         if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.simulated_causes):
             return LEAD
@@ -101,15 +101,15 @@ class Model:
 
 
 def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:
-    """The model of a robot with effects, except those that only add noise to readings and do not change the motion.
+    """The model of a robot with effects. Effects that only add noise to readings are left out.
 
     Args:
         robot: The robot without the effects.
-        causes: The effects; those of drives are applied in this order, from the controller to the joint.
+        causes: The effects. Effects of drives are applied in the given order, from the controller to the joint.
         late: Delay of the recorded torque relative to the motion of the log [samples].
 
     Raises:
-        RobotError: If a link would have no mass or less.
+        RobotError: If the mass of a link would not be positive.
     """
     changed, commands, others = robot, [], []
     late_references: Array | None = None
@@ -134,13 +134,13 @@ def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, .
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
-    """Effects with the coefficients of one fit, without loads (see `with_load`) and structures outside the catalogue.
+    """Effects with the coefficients of one fit, without loads (see `with_load`) and terms that are no catalogue effect.
 
     Args:
         robot: The given model.
         terms: Effects in the fit.
         theta: Coefficients of all columns.
-        recording: Index of the recording; effects that act only in others are left out.
+        recording: Index of the recording; effects that act only in other recordings are left out.
 
     Raises:
         ParameterError: If a parameter is not finite.
@@ -159,13 +159,13 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
 
 
 def with_load(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> Robot:
-    """The robot with the load that one fit has in a recording, given by the ten inertial parameters of the fit.
+    """The robot with the load of one recording, given by its ten fitted inertial parameters.
 
-    All ten are used because the fit of a point mass is linearised: if the motion shows the inertia but not the mass,
-    the fitted mass and inertia need not be those of one point mass.
+    All ten parameters are used because the fit of a point mass is linearised: if the motion determines the inertia but
+    not the mass, the fitted mass and inertia need not be those of one point mass.
 
     Raises:
-        RobotError: If a link would have no mass or less.
+        RobotError: If the mass of a link would not be positive.
     """
     for term in terms:
         elsewhere = isinstance(term.effect, OwnEffect) and term.effect.recording != recording
@@ -193,7 +193,7 @@ def corrected_model(
         operation: Motion of the recording; its robot may carry a known load.
 
     Raises:
-        RobotError: If a link would have no mass or less.
+        RobotError: If the mass of a link would not be positive.
         ParameterError: If a parameter is not finite.
     """
     parameters = tolerance_parameters(given)
@@ -209,5 +209,5 @@ def corrected_model(
 
 
 def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:
-    """The causes during one recording: parameters that change slowly, as with temperature, have their mean over it."""
+    """The causes during one recording: parameters that change slowly, as with temperature, have their mean values."""
     return tuple(replace(one, theta=one.effect.at_work(operation, one.joint, one.theta)) for one in causes)

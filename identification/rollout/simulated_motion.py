@@ -28,13 +28,13 @@ def with_simulated_motion(evidence: Evidence, rollout: Rollout, logs: Sequence[L
     seconds = 0.0
     for motion in rollout.motions:
         window, rows = motion.window, rows_of[motion.window.log]
-        # The first sample, which is the recorded one, is left out, so that adjoining windows are separate curves.
+        # The first sample equals the recorded one. It is left out, so that adjoining windows are separate curves.
         inside = np.flatnonzero((rows > window.start) & (rows < window.stop))
         at = firsts[window.log] + inside
         for out, q in ((before, motion.given), (after, motion.corrected)):
             here = q[rows[inside] - window.start]
-            # A window simulates one swinging leg of a legged robot, and its other joints are NaN. Windows of several
-            # legs may overlap.
+            # For a legged robot a window contains one swinging leg, and all other joints are NaN. As windows of
+            # different legs may overlap, NaN must not overwrite other values.
             out[at] = np.where(np.isnan(here), out[at], here)
         t = logs[window.log].motion.t
         seconds = max(seconds, float(t[window.stop - 1] - t[window.start]))
