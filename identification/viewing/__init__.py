@@ -1,1 +1,1 @@
-"""Replay of a recording: measured motion beside that of the given and of the corrected model, shown in a browser."""
+"""Replays a recording in a browser: the measured motion next to the motions of the given and the corrected model."""

@@ -1,4 +1,4 @@
-"""Shows a replay in the browser with viser: the copies of the robot, controls of time, and curves."""
+"""Shows a replay in the browser with viser: copies of the robot, controls of time, and curves."""
 
 from __future__ import annotations
 
@@ -28,31 +28,32 @@ FIRST_PORT = 8080
 FRAMES_PER_S = 25.0
 """Frames of the page per second."""
 _CHARTS_PER_S, _TABLES_PER_S = 12.0, 4.0
-_LINK_TINT = 0.4  # a link is paler than its joint, as in the report
-_SHADES = 32  # number of shades of a colour: with more of them, a colour would be sent at nearly every frame
-_GHOST = 0.4  # opacity of simulated copies that are shown at the place of the measured one
+_LINK_TINT = 0.4  # strength of a link's colour relative to its joint's, as in the report
+_SHADES = 32  # number of shades of a colour; with more shades, nearly every frame would send a new colour
+_GHOST = 0.4  # opacity of simulated copies that are shown in the place of the measured copy
 _SPEEDS = ("0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x")
 _WINDOWS = {"2 s": 2.0, "5 s": 5.0, "20 s": 20.0, "whole recording": np.inf}
 _APART, _TOGETHER = "side by side", "in one place"
 _PANEL, _CHART, _FREE, _FIRST_WIDTH, _LEAST_WIDTH = 384, 132, 12, 900, 320
-"""Width of the controls, height of a chart, space around the charts, and their first and smallest width [px]."""
+"""Width of the controls, height of a chart, space around the charts, and first and smallest width of charts [px]."""
 _FITTED_AFTER_S = 0.7
-"""Time [s] between two readings of the window's width; two equal ones mean that its layout is finished."""
+"""Time [s] between two readings of the window's width; two equal readings mean that the layout is finished."""
 _EYES = ((0.4, -1.0, 0.5), (1.0, -0.4, 0.5))
 """Direction from which the first view looks, for copies side by side along x and along y."""
 _FOV, _FAR, _BELOW = 0.7, 1.3, 0.5
-"""Angle of view [rad]; distance, relative to the one at which all copies just fit into the window; and distance of the
-view's centre below the middle of the copies, relative to their size, as charts cover the lower part of the window."""
+"""Angle of view [rad]; distance of the camera, relative to the distance at which all copies just fit into the window;
+and distance of the view's centre below the middle of the copies, relative to their size. The view is centred below the
+copies because charts cover the lower part of the window."""
 
 
 class _Body:
     """One copy of the robot in the scene.
 
     Attributes:
-        root: The parent of all nodes.
-        label: Name of the copy, above it.
+        root: The parent of all nodes of the copy.
+        label: Name of the copy, shown above the copy.
         places: The frame of each joint.
-        drums: The solid that shows each joint, None for the root.
+        drums: The solid that shows each joint; None for the root.
     """
 
     def __init__(self, server: viser.ViserServer, copy: Copy, replay: Replay, solids: Solids):
@@ -69,7 +70,7 @@ class _Body:
         self._joints = [names.index(joint) for joint in replay.robot.joint_names]
 
     def place(self, frame: int) -> None:
-        """Move the links and colour the joints as at a frame; the copy is hidden if its pose is unknown."""
+        """Show the pose and colours of a frame; the copy is hidden if its pose is unknown."""
         pose = self._copy.poses[frame]
         known = bool(np.isfinite(pose).all())
         if self.root.visible != known:
@@ -98,7 +99,7 @@ class Page:
 
     Attributes:
         url: Address of the page.
-        slider: The control of time.
+        slider: The slider for the time.
         bodies: The copies of the robot.
     """
 
@@ -116,7 +117,7 @@ class Page:
         self.step(0.0)
 
     def run(self) -> None:
-        """Play until interrupted."""
+        """Update the page until the process is interrupted."""
         last = time.monotonic()
         while True:
             time.sleep(1.0 / FRAMES_PER_S)
@@ -125,7 +126,7 @@ class Page:
             last = now
 
     def toggle(self) -> None:
-        """Play, or pause; from the end, play from the beginning."""
+        """Switch between playing and pause; at the end of the recording, play from the beginning."""
         self._playing = not self._playing
         if self._playing and self.time >= self._replay.t[-1]:
             self._show_moment(float(self._replay.t[0]))
@@ -133,19 +134,19 @@ class Page:
 
     @property
     def time(self) -> float:
-        """Time in the recording [s] that is shown: that of the slider if the user has moved it."""
+        """Time in the recording [s] that is shown. If the user has moved the slider, its time is taken over first."""
         if self.slider.value != self._shown_moment:
             self._show_moment(float(self.slider.value))
         return self._moment
 
     def _show_moment(self, moment: float) -> None:
-        """Set the slider to a time; the exact time is kept, as the slider is rounded to hundredths of a second."""
+        """Set the shown time; the slider only has its value rounded to hundredths of a second."""
         self._moment, self._shown_moment = moment, round(moment, 2)
         if self.slider.value != self._shown_moment:
             self.slider.value = self._shown_moment
 
     def step(self, seconds: float) -> None:
-        """Advance by a time [s] if the replay is playing, and draw what has changed."""
+        """Advance the replay by a time [s] if it is playing, and update the page."""
         if self._playing:
             moment = self.time + seconds * float(self._speed.value.split()[0])
             self._show_moment(float(min(moment, self._replay.t[-1])))
@@ -162,7 +163,7 @@ class Page:
         self._drawn = wanted
 
     def _draw_charts(self, moment: float, frame: int, wanted: tuple[object, ...]) -> None:
-        """Draw charts and table, less often than the robots while the replay is playing."""
+        """Draw charts and table; while the replay is playing, less often than the robots."""
         now = time.monotonic()
         if wanted != self._drawn:
             self._stale_chart = self._stale_table = True
@@ -176,7 +177,7 @@ class Page:
             self._table.content = now_table(self._replay, moment, frame)
 
     def _build_scene(self) -> Solids:
-        """All copies of the robot on a floor."""
+        """Add all copies of the robot and a floor to the scene."""
         replay = self._replay
         solids = robot_solids(replay)
         self._offsets = solids.offsets(len(replay.copies))
@@ -198,6 +199,7 @@ class Page:
         return solids
 
     def _choose_by_click(self, body: _Body, joint: str) -> None:
+        """Show the curves of a joint after a click on its solid."""
         drum = body.drums[list(self._replay.robot.model.names).index(joint)]
 
         @drum.on_click
@@ -225,7 +227,7 @@ class Page:
         gui.main_panel.set_width(_PANEL)
 
     def _arrange(self, together: bool) -> None:
-        """Show all copies side by side, or in one place with the simulated ones half transparent."""
+        """Show all copies side by side, or all in one place with half-transparent simulated copies."""
         for k, body in enumerate(self.bodies):
             body.root.position = self._offsets.mean(axis=0) if together else self._offsets[k]
             body.label.visible = not together
@@ -245,7 +247,7 @@ class Page:
         self._panel, self._panel_width, self._seen_width, self._next_fit = panel, _FIRST_WIDTH, _FIRST_WIDTH, 0.0
 
     def _fit_panel(self) -> None:
-        """Fit the width of the charts to the browser's window beside the controls, once that width is constant."""
+        """Fit the width of the charts to the free width of the browser's window, once this width is constant."""
         if time.monotonic() < self._next_fit:
             return
         self._next_fit = time.monotonic() + _FITTED_AFTER_S
@@ -257,7 +259,7 @@ class Page:
         self._seen_width = width
 
     def _look_at(self, solids: Solids) -> None:
-        """Set the first view: copies in a row from left to right, above the charts."""
+        """Set the initial view, in which the copies are in a row from left to right, above the charts."""
         row = self._offsets[-1]
         radius = max(float(np.linalg.norm(solids.size + row)) / 2, 1e-2)
         eye = np.array(_EYES[int(np.argmax(row))])
@@ -270,15 +272,15 @@ class Page:
 
 @contextlib.contextmanager
 def served(replay: Replay, *, host: str, port: int | None) -> Iterator[Page]:
-    """A page that browsers can open while the context lasts.
+    """Context in which browsers can open the page of a replay.
 
     Args:
         replay: The replay.
         host: Address on which the server listens.
-        port: Port of the server; None for `FIRST_PORT`, or the next free one.
+        port: Port of the server; None for `FIRST_PORT` or the next free port.
 
     Raises:
-        UsageError: If viser is not installed, or no server can listen there.
+        UsageError: If viser is not installed, or no server can listen on this address and port.
     """
     viser = optional_library("viser")
     _require_free(host, port)
@@ -297,7 +299,7 @@ def _silent() -> contextlib.AbstractContextManager[object]:
 
 
 def _require_free(host: str, port: int | None) -> None:
-    """Raise an error for an address on which no server can listen; viser would try a thousand ports first."""
+    """Raise an error if no server can listen on an address; viser would first try a thousand ports."""
     try:
         family, *_, address = socket.getaddrinfo(host, port or 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -321,11 +323,11 @@ def _rgb(share: float, tint: float = 1.0) -> tuple[int, int, int]:
 
 
 def _added_solids(server: viser.ViserServer, copy: str, kind: str, meshes: tuple[Mesh, ...]) -> list[Any]:
-    """Nodes of the meshes in the frame of each joint of a copy; None for an empty mesh."""
+    """Add a mesh in the frame of each joint of a copy to the scene; returns the nodes, None for an empty mesh."""
     out: list[Any] = []
     for k, mesh in enumerate(meshes):
         name = f"/{copy}/{k}/{kind}" if k else f"/{copy}/{kind}"
-        # Visual meshes do not agree on which side of a face is outside.
+        # Both sides of faces are shown, because meshes differ in which side is the outside.
         added = len(mesh.faces) and server.scene.add_mesh_simple(
             name, mesh.points, mesh.faces, color=_rgb(0.0), flat_shading=True, side="double"
         )
@@ -334,6 +336,7 @@ def _added_solids(server: viser.ViserServer, copy: str, kind: str, meshes: tuple
 
 
 def _series(chart: Chart) -> tuple[Any, ...]:
+    """Styles of the columns of a chart: time, the lines of each curve, and the vertical line."""
     named = zip(chart.names, chart.colours, strict=True)
     plain = {"points": {"show": False}}
     lines = ({"label": name, "stroke": colour, "width": 1.5, **plain} for name, colour in named)
@@ -343,6 +346,7 @@ def _series(chart: Chart) -> tuple[Any, ...]:
 
 
 def _added(gui: viser.GuiApi, chart: Chart) -> viser.GuiUplotHandle:
+    """Add a chart to the page, showing the first seconds of the recording."""
     middle = float(chart.t[0])
     data = tuple(np.ascontiguousarray(column) for column in chart.about(middle, 5.0).T)
     return gui.add_uplot(
@@ -356,6 +360,7 @@ def _added(gui: viser.GuiApi, chart: Chart) -> viser.GuiUplotHandle:
 
 
 def _scales(chart: Chart, moment: float, seconds: float) -> dict[str, Any]:
+    """Ranges of the axes of a chart around a time."""
     half = seconds / 2
     whole = float(chart.t[0]), float(chart.t[-1])
     across = (moment - half, moment + half) if np.isfinite(seconds) else whole
@@ -363,6 +368,7 @@ def _scales(chart: Chart, moment: float, seconds: float) -> dict[str, Any]:
 
 
 def _draw(handle: viser.GuiUplotHandle, chart: Chart, moment: float, seconds: float) -> None:
+    """Update a chart on the page; axes and title are sent only if they have changed."""
     handle.data = tuple(np.ascontiguousarray(column) for column in chart.about(moment, seconds).T)
     scales = _scales(chart, moment, seconds)
     if handle.scales != scales:

@@ -13,9 +13,9 @@ from identification.viewing.replay import CORRECTED, GIVEN, MEASURED, Replay
 from phantom_dyn.array_types import Array, Float, Int
 
 MOST_POINTS = 1500
-"""Largest number of samples of a curve that are sent at once: more than a chart has pixels."""
+"""Largest number of samples of a curve that are sent at once; a chart has fewer pixels."""
 MOST_PARTS = 6
-"""Largest number of lines for one curve with gaps."""
+"""Largest number of lines that together draw one curve with gaps."""
 _COLOURS = {MEASURED: "#444444", GIVEN: BEFORE, CORRECTED: AFTER}
 _MARGIN = 0.06
 """Free space above and below the curves, as a share of the range of values."""
@@ -23,10 +23,10 @@ _MARGIN = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Curves over the whole recording.
+    """Curves of one quantity over the whole recording.
 
     Attributes:
-        title: The quantity that is drawn, with its unit.
+        title: Name of the quantity, with its unit.
         names: Names of the curves.
         colours: ``#rrggbb`` of each curve.
         t: Times [s], ``(m,)``.
@@ -41,7 +41,7 @@ class Chart:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Lowest and highest value of the axis, the same for the whole recording."""
+        """Lowest and highest value of the vertical axis, for the whole recording."""
         finite = self.values[np.isfinite(self.values)]
         if not finite.size:
             return -1.0, 1.0
@@ -51,7 +51,7 @@ class Chart:
 
     @cached_property
     def runs(self) -> Int[Array, " m"]:
-        """Number of the uninterrupted run that each sample belongs to, from 0 on; -1 if a curve has no value there.
+        """Index of the uninterrupted run of samples to which each sample belongs; -1 where a curve has no value.
 
         Curves without any value are ignored.
         """
@@ -63,15 +63,15 @@ class Chart:
 
     @property
     def parts(self) -> int:
-        """Number of lines for each curve: one per run, because a chart would connect a single line across gaps."""
+        """Number of lines for each curve: one per run, because a single line would be connected across gaps."""
         return int(np.clip(self.runs.max(initial=0) + 1, 1, MOST_PARTS))
 
     def about(self, moment: float, seconds: float) -> Float[Array, "n columns"]:
-        """Columns for a chart: time, the lines of each curve, and a vertical line at a time.
+        """Columns for a chart: time, the lines of each curve, and a vertical line at the given time.
 
         Args:
-            moment: Time [s] in the middle.
-            seconds: Length of the drawn interval; infinite for the whole recording.
+            moment: Time in the middle of the chart [s].
+            seconds: Length of the drawn interval [s]; infinite for the whole recording.
         """
         rows = np.flatnonzero((np.abs(self.t - moment) <= seconds / 2) & (self.runs >= 0))
         if len(rows) > MOST_POINTS:
@@ -83,7 +83,7 @@ class Chart:
         place = np.arange(len(rows)) + 2 * (np.arange(len(rows)) >= at)
         out[place, 0], out[at : at + 2, 0] = self.t[rows], moment
         out[at : at + 2, -1] = self.limits
-        # With more runs than lines, the last line has several runs.
+        # If there are more runs than lines, the last line contains several runs.
         part = np.minimum(np.unique(self.runs[rows], return_inverse=True)[1], parts - 1)
         for k in range(count):
             out[place, 1 + k * parts + part] = self.values[rows, k]
@@ -94,7 +94,7 @@ def charts_of(replay: Replay, joint: int) -> tuple[Chart, Chart, Chart]:
     """Charts of torque, torque residual, and error of the simulated position of one joint.
 
     Args:
-        replay: Holds the curves.
+        replay: The replay, with its curves.
         joint: Index of the joint.
     """
     curves, names = replay.curves, tuple(copy.name for copy in replay.copies)

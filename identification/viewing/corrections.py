@@ -1,4 +1,4 @@
-"""Reads the corrections of a model (findings, changes within tolerances) from a diagnosis or ``corrected.yaml``."""
+"""Reads corrections of a model (findings, changes within tolerances) from a diagnosis or ``corrected.yaml``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Correction:
     Attributes:
         effects: Findings that act in all recordings.
         adjusted: Changes of the model within its tolerances.
-        horizon_s: Time for which the diagnosis simulated motion [s]; None if the file does not state it.
+        horizon_s: Length of each simulation in the diagnosis [s]; None if the file does not state a length.
     """
 
     effects: tuple[KnownEffect, ...] = ()
@@ -30,14 +30,14 @@ class Correction:
 
 
 def read_correction(path: Path, robot: Robot) -> Correction:
-    """The correction in a ``diagnosis.json``, in the folder of ``diagnose --out``, or in a ``corrected.yaml``.
+    """Reads the corrections in a ``diagnosis.json``, in the folder of ``diagnose --out``, or in a ``corrected.yaml``.
 
     Args:
         path: Path of the file or folder.
         robot: The model that was diagnosed.
 
     Raises:
-        LogError: If there is no such file, or it is no diagnosis.
+        LogError: If the file does not exist or is no diagnosis.
         UsageError: If the diagnosis is of a robot with other joints.
         ParameterError: If an effect, its joint or a parameter is unknown.
     """
@@ -48,7 +48,7 @@ def read_correction(path: Path, robot: Robot) -> Correction:
 
 
 def _of_diagnosis(diagnosis: Diagnosis, robot: Robot, path: Path) -> Correction:
-    """The correction in a diagnosis, after a check of its joints."""
+    """The corrections in a diagnosis, after a check that its joints are the robot's."""
     joints = tuple(joint.joint for joint in diagnosis.joints)
     if joints != robot.joint_names:
         raise UsageError(

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Computes everything that a replay shows: poses of the links of every copy of the robot, colours, and curves.
+"""Computes the data of a replay: poses of the links of every copy of the robot, colours, and curves.
 
-A simulation with the recorded torque diverges from any recording, as the error of the position grows with the time
-squared. So a simulated model starts again from the recorded state every few tenths of a second (multiple shooting, as
-in the rollout of a diagnosis).
+A simulation with the recorded torque diverges from any recording, as the position error grows with the square of time.
+The simulation therefore starts again from the recorded state every few tenths of a second (multiple shooting, as in the
+rollout of a diagnosis).
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from phantom_dyn.errors import ChainError, PhantomDynError
 from phantom_dyn.model.robot import Robot
 
 _FEWEST = 3
-"""Smallest number of samples of a simulated stretch; a shorter one at the end is added to the stretch before it."""
+"""Smallest number of samples of a simulated section; a shorter last section is added to the section before it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReplayedMotion:
-    """Positions of models along one recording.
+    """Simulated positions of models along one recording.
 
     Attributes:
-        horizon_s: Length of each simulated stretch [s]; None if nothing could be simulated.
+        horizon_s: Length of each simulated section [s]; None if no model could be simulated.
         q: Positions [rad or m] of each model at every sample, ``(N, nv)``; NaN for samples that must not be used, and
-            if the model cannot be simulated.
-        notes: Sentences on a shortened horizon, or on why a model was not simulated.
+            for a model that cannot be simulated.
+        notes: Sentences on a shortened horizon, and on the reason why a model was not simulated.
     """
 
     horizon_s: float | None
@@ -68,15 +68,16 @@ def replayed_motion(
     controlled: bool = False,
     progress: Progress = lambda _: None,
 ) -> ReplayedMotion:
-    """Motion of each model over the longest horizon with which no model diverges.
+    """Simulates each model over the longest horizon for which no model diverges.
 
     Args:
         log: The recording.
         states: Smoothed states of the recording.
         models: The simulated models, by name.
         horizons: Possible horizons [s], the longest first.
-        controlled: True to simulate the stated controllers with recorded references; False for the recorded torque.
-        progress: Called with each stage.
+        controlled: True to simulate the controllers in the robot's file with recorded references; False to simulate
+            with the recorded torque.
+        progress: Called for each simulated section.
     """
     found: dict[str, tuple[float, Array]] = {}
     notes: list[str] = []
@@ -107,11 +108,14 @@ def replayed_motion(
 
 
 def stretches(valid: Bool[Array, " N"], length: int) -> tuple[tuple[int, int], ...]:
-    """First sample and end (exclusive) of each stretch; together they cover all valid samples but very short runs.
+    """First sample and end (exclusive) of the sections into which the valid samples are divided.
+
+    Runs of less than `_FEWEST` valid samples are left out.
 
     Args:
         valid: False for samples that must not be used.
-        length: Number of samples of a stretch; the last one before a gap may be shorter, or longer by `_FEWEST` - 1.
+        length: Number of samples of a section. The last section before a gap may be shorter, or longer by
+            `_FEWEST` - 1.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(int)))
     out = []
@@ -137,35 +141,35 @@ def _followed(
     for k, (start, stop) in enumerate(parts):
         progress(Announcement(Stage.SIMULATION, k + 1, len(parts)))
         window = window_at((log,), Window(0, start, stop, -1, 0), LEAD)
-        assert window is not None  # all its samples are valid
+        assert window is not None  # all samples of the window are valid
         out[start:stop] = _read(Shot(log, states, window), model, torque, min(step, STEP) if controlled else None)
     return out
 
 
 def _read(shot: Shot, model: Model, torque: Float[Array, "N nv"], step: float | None) -> Float[Array, "n nv"]:
-    """Simulated positions over one stretch; hidden states of the model start from the motion before it.
+    """Simulated positions over one section; hidden states of the model start from the motion before the section.
 
     Args:
-        shot: The stretch.
+        shot: The section.
         model: The simulated model.
-        torque: Torque of its drives.
-        step: Longest step [s] with the stated controllers; None to simulate with the recorded torque.
+        torque: Torque of the model's drives [N m or N].
+        step: Longest step of a simulation with controllers [s]; None to simulate with the recorded torque.
     """
     shot = shot.with_start_by_feedback(model, torque) if has_hidden_states(model) else shot
     return under_torque(shot, model, torque) if step is None else under_control(shot, model, max_step=step)
 
 
 def _step_of_controllers(model: Model, q: Float[Array, " nv"]) -> float:
-    """Longest step [s] for the damping of the stated controllers: half of the shortest decay time."""
+    """Longest step [s] for the damping of the controllers in the robot's file: half of the shortest decay time."""
     gains = [0.0 if a.controller is None else a.controller.kd for a in model.robot.actuators]
     rates = np.linalg.eigvals(np.linalg.solve(mass_matrix(model.robot, q[None])[0], np.diag(gains)))
     return 0.5 / max(float(np.abs(rates).max()), 1e-9)
 
 
 FRAME_HZ = 50.0
-"""Largest number of frames per second of the recording, which is more than the page shows."""
+"""Largest number of frames per second of the recording; the page shows fewer."""
 MOST_FRAMES = 20_000
-"""Largest number of frames; a long recording has fewer frames per second."""
+"""Largest number of frames of a replay; a long recording has fewer frames per second."""
 
 MEASURED, GIVEN, CORRECTED = "measured", "given model", "corrected model"
 
@@ -175,10 +179,10 @@ class Copy:
     """One copy of the robot.
 
     Attributes:
-        name: Name of the source of its motion: the recording or a model.
+        name: Source of the copy's motion: the recording or a model.
         q: Joint positions [rad or m], ``(n, nv)``; NaN for samples that were not simulated.
-        poses: Poses of each joint's frame, see `link_poses`, ``(n, J, 7)``.
-        strength: Colour of each joint, 0 for no residual to 1 for the full colour, ``(n, nv)``.
+        poses: Poses of the joints' frames from `link_poses`, ``(n, J, 7)``.
+        strength: Strength of each joint's colour, from 0 for no residual to 1 for the full colour, ``(n, nv)``.
     """
 
     name: str
@@ -195,11 +199,12 @@ class Replay:
         robot: The given model.
         file: Name of the recording.
         t: Times of the frames [s], ``(n,)``.
-        copies: The measured copy, that of the given model, and with a correction that of the corrected model.
-        curves: Torques, measured and of the models in the same order.
+        copies: Copies with the measured motion, the motion of the given model, and, with a correction, the motion of
+            the corrected model.
+        curves: Measured torque and torques of the models.
         full: Relative residual that is shown in full colour.
         horizon_s: Time after which the simulation starts again from the recorded motion [s]; None without simulation.
-        corrections: Corrections of the corrected model in words.
+        corrections: Corrections of the model in words.
         notes: Sentences about the recording and the simulation.
     """
 
@@ -232,18 +237,19 @@ def replay_of(
     horizon_s: float | None = None,
     progress: Progress = lambda _: None,
 ) -> Replay:
-    """The replay of one recording.
+    """Prepares the replay of one recording.
 
     Args:
         robot: The given model.
         recording: Recording with torques, either recorded or commanded by controllers.
         correction: Corrections of the model; None to simulate only the given model.
-        known: Effects that are already part of the given model.
-        horizon_s: Time for which motion is simulated [s]; by default that of the diagnosis.
-        progress: Called with each stage.
+        known: Effects that the given model already contains.
+        horizon_s: Time after which the simulation starts again from the recorded motion [s]; None to use that of the
+            diagnosis.
+        progress: Called at the start of each stage.
 
     Raises:
-        LogError: If the recording cannot be used, or has a certain fault that was not overruled.
+        LogError: If the recording cannot be used, or has a certain fault that the user did not overrule.
         RobotError: If a link of the corrected model would not have a positive mass.
     """
     require_right((recording,))
@@ -293,7 +299,7 @@ def replay_of(
 
 
 def frame_rows(t: Float[Array, " N"]) -> Array:
-    """Samples that are shown as frames, evenly spread: at most `FRAME_HZ` a second and `MOST_FRAMES` in all."""
+    """Indices of samples that are shown as frames: at equal steps, at most `FRAME_HZ` a second and `MOST_FRAMES`."""
     rate = (len(t) - 1) / (t[-1] - t[0])
     return np.arange(0, len(t), max(1, round(rate / FRAME_HZ), -(-len(t) // MOST_FRAMES)))
 
@@ -306,7 +312,7 @@ def _horizons(wanted: float | None, correction: Correction | None) -> tuple[floa
 
 
 def _at(t: Float[Array, " n"], times: Float[Array, " m"], values: Float[Array, "m nv"]) -> Float[Array, "n nv"]:
-    """Values interpolated to other times and limited to 0 to 1; zero outside their range of times."""
+    """Values interpolated from ``times`` to ``t`` and limited to 0 to 1; zero outside the range of ``times``."""
     columns = [np.interp(t, times, column, left=0.0, right=0.0) for column in values.T]
     return np.clip(np.column_stack(columns), 0.0, 1.0)
 
@@ -328,7 +334,7 @@ def _corrections(correction: Correction | None, robot: Robot) -> tuple[str, ...]
 
 
 def _named(places: list[EffectAt]) -> str:
-    """An effect with all its places, as in ``Coulomb friction on joints j1 and j2``."""
+    """An effect with all its joints, such as ``Coulomb friction on joints j1 and j2``."""
     joints = [at.joint for at in places if at.joint is not None]
     if len(joints) < 2 or is_between_joints(places[0].effect):
         return ", ".join(map(effect_at, places))
@@ -338,11 +344,11 @@ def _named(places: list[EffectAt]) -> str:
 def link_poses(robot: Robot, q: Float[Array, "n nv"]) -> Float[Array, "n J 7"]:
     """Pose of each joint's frame in the root frame: x, y, z [m], then the unit quaternion w, x, y, z.
 
-    It is NaN if a position is NaN, or if a closed chain cannot be closed there.
+    Poses are NaN if a position is NaN, or if the loops of a closed chain have no solution at the positions.
 
     Args:
         robot: The robot; the joints are those of Pinocchio's model, beginning with the root.
-        q: Positions [rad or m].
+        q: Positions of the driven joints [rad or m].
     """
     model = robot.model
     data = model.createData()

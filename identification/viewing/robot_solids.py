@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Makes the solids that show one copy of the robot: links, joints and rails of linear joints, and their extent."""
+"""Makes the solids that show one copy of the robot: links, joints, and rails of linear joints."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
 
 _FACES = 12_000
-"""Number of triangles for the links of one copy."""
+"""Largest number of triangles for the links of one copy."""
 _POSTURES = 60
 """Number of frames from which the extent of the robot is computed."""
 _DRUM = 0.75
-"""Factor on the size of the solids of joints, compared with the report: there the robot is drawn much smaller, so that
-joints need to be larger."""
+"""Size of the solids of joints relative to the report, which draws the robot smaller and so needs larger joints."""
 _PASSIVE = 0.8
-"""Size of a passive joint relative to active ones, which have a colour and may be at the same place."""
+"""Size of a passive joint relative to active joints, so that it does not hide an active joint at the same position."""
 _RAIL = 0.008
 """Radius of a rail, relative to its length."""
 _APART, _LEAST_APART = 1.15, 0.3
@@ -30,12 +29,12 @@ _APART, _LEAST_APART = 1.15, 0.3
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Triangles of one copy, and its extent.
+    """Meshes of one copy, and its extent.
 
     Attributes:
         links: Link of each joint of Pinocchio's model, in the joint's frame, beginning with the root; may be empty.
         drums: Solid that shows each joint, in the joint's frame; empty for the root.
-        rails: Rails of the linear joints that follow each joint, in its frame.
+        rails: Rails of the linear joints whose parent is the joint, in the joint's frame, for each joint.
         boxes: Lowest and highest corner [m] of the robot in some postures of the measured motion, ``(f, 2, 3)``.
     """
 
@@ -46,7 +45,7 @@ class Solids:
 
     @property
     def size(self) -> Float[Array, "3"]:
-        """Largest extent of any posture along each axis [m]."""
+        """Largest extent along each axis over all postures [m]."""
         return (self.boxes[:, 1] - self.boxes[:, 0]).max(axis=0)
 
     @property
@@ -65,7 +64,7 @@ class Solids:
         return float(self.links[0].points[:, 2].min()) if len(self.links[0].faces) else 0.0
 
     def offsets(self, count: int) -> Float[Array, "count 3"]:
-        """Positions of copies beside each other [m]: in a row along x or y, whichever side of the robot is narrower."""
+        """Positions of copies in a row [m]: along x or y, whichever side of the robot is narrower."""
         axis = 0 if self.size[0] < self.size[1] else 1
         out = np.zeros((count, 3))
         spacing = max(_APART * self.size[axis], _LEAST_APART * self.size.max())
@@ -74,7 +73,7 @@ class Solids:
 
 
 def robot_solids(replay: Replay) -> Solids:
-    """Solids with which the robot of a replay is drawn."""
+    """Makes the solids for the robot of a replay."""
     model = replay.robot.model
     measured = replay.copies[0]
     known = np.flatnonzero(np.isfinite(measured.poses).all(axis=(1, 2)))
@@ -94,8 +93,8 @@ def boxes(poses: Float[Array, "f J 7"], meshes: tuple[Mesh, ...]) -> Float[Array
     """Lowest and highest corner [m] of meshes and of the origins of their frames, in each posture.
 
     Args:
-        poses: Poses, as `identification.viewing.replay.link_poses` returns them.
-        meshes: Triangles in each frame.
+        poses: Poses of the frames from `identification.viewing.replay.link_poses`.
+        meshes: Mesh in each frame.
     """
     out = []
     for pose in poses:
@@ -108,7 +107,7 @@ def boxes(poses: Float[Array, "f J 7"], meshes: tuple[Mesh, ...]) -> Float[Array
 
 
 def _rails(model: pin.Model, replay: Replay) -> tuple[Mesh, ...]:
-    """For each linear joint a thin rod along its travel, in the frame of the joint before it."""
+    """Thin rods along the travel of the linear joints, in the frame of the parent joint, for each parent joint."""
     rails: list[list[Mesh]] = [[] for _ in range(model.njoints)]
     for row, name in enumerate(replay.robot.joint_names):
         joint, travel = model.getJointId(name), replay.copies[0].q[:, row]

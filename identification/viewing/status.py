@@ -43,8 +43,8 @@ def now_table(replay: Replay, moment: float, frame: int) -> str:
 
     Args:
         replay: The replay with its curves.
-        moment: Time [s].
-        frame: Index of its frame.
+        moment: Time in the recording [s].
+        frame: Index of the frame at this time.
     """
     curves, robot = replay.curves, replay.robot
     row = int(np.argmin(np.abs(curves.t - moment)))

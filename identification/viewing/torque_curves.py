@@ -1,4 +1,4 @@
-"""Computes torques of a recording and of models in the judged band, and relative residuals for the joints' colours."""
+"""Computes measured and modelled torques in the judged band, and relative residuals for the joints' colours."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from phantom_dyn.model.robot import Robot
 WINDOW_S = 0.2
 """Time [s] over which a residual is averaged for its colour; without averaging, it would flicker at zero crossings."""
 LEAST_FULL, MOST_FULL = 0.1, 1.0
-"""Limits of the residual that is shown in full colour, as a share of the joint's rms torque. Below a tenth, noise alone
-would look like a gap. The residual of a model without any torque is 1."""
+"""Limits of the relative residual (residual divided by the joint's rms torque) that is shown in full colour. Below the
+lower limit, noise alone would look like a gap. A model without any torque has a relative residual of 1."""
 _PER_PERIOD = 12.0
-"""Smallest number of samples of a curve per period of the band's edge, if the recording has as many."""
+"""Smallest number of samples of a curve per period of the highest frequency, if the recording has that many."""
 _LARGEST = 99.0
-"""Percentile over time that is used as the largest residual, so that a spike does not make all others look small."""
+"""Percentile over time that counts as the largest residual, so that a single spike does not define the colours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +51,10 @@ def torque_curves(
 
     Args:
         log: The recording.
-        cutoff_hz: Edge of the judged band [Hz].
-        models: Robots, each with effects that are part of its model.
+        cutoff_hz: Upper edge of the judged band [Hz].
+        models: Robots, each with additional effects of its model.
     """
-    # Curves need a higher sample rate than fits, or they look jagged.
+    # At the sample rate of fits, curves would look jagged.
     fine = max(1, min(log.band.step, int(log.band.rate_hz / (_PER_PERIOD * cutoff_hz))))
     drawn = replace(log, band=replace(log.band, step=fine))
     session = session_of_logs(models[0][0], (drawn,), cutoff_hz)
@@ -68,9 +68,9 @@ def torque_curves(
 
 
 def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]:
-    """Moving root mean square of each model's residual over `WINDOW_S`, relative to the rms of the measured torque.
+    """Moving root mean square of each model's residual over `WINDOW_S`, divided by the rms of the measured torque.
 
-    The latter is taken over the whole recording. The ratio is zero for a joint without torque.
+    The rms of the measured torque is that of the whole recording. The ratio is zero for a joint without torque.
     """
     measured_rms = _root_mean_square(curves.measured)
     count = max(1, round(WINDOW_S / float(np.median(np.diff(curves.t)))))
@@ -82,7 +82,7 @@ def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]
 
 
 def full_colour(given: Float[Array, "m nv"]) -> float:
-    """Relative residual that is shown in full colour: nearly the largest one of the given model.
+    """Relative residual that is shown in full colour: about the largest of the given model, within limits.
 
     Args:
         given: Relative residual of the given model.
@@ -96,7 +96,7 @@ def _root_mean_square(x: Float[Array, "m nv"]) -> Float[Array, " nv"]:
 
 
 def _moving_rms(x: Float[Array, "m nv"], count: int) -> Float[Array, "m nv"]:
-    """Root mean square of the finite values among the ``count`` samples about each sample; NaN if there are none."""
+    """Root mean square of the finite values among the ``count`` samples around each sample; NaN if none is finite."""
     kernel = np.ones(min(count, len(x)))
     known = np.isfinite(x)
     squares = np.where(known, x, 0.0) ** 2
