@@ -1,1 +1,1 @@
-"""Texts of a diagnosis: words for effects, sizes and numbers, and sentences made of them."""
+"""Texts of a diagnosis: words for effects, sizes and numbers, and the sentences that contain them."""

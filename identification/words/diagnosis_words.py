@@ -1,4 +1,4 @@
-"""Sentences on a finding: its effect, place, certainty, rivals and next step; `verdict_words` has the verdict."""
+"""Sentences on a finding: its effect, place, certainty, rivals and next step. The verdict is in `verdict_words`."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
 def in_recording(recording: str | None) -> str:
-    """``in b.csv`` with a space before it; empty for effects of all recordings."""
+    """`` in b.csv`` for an effect of one recording; empty for an effect of all recordings."""
     return "" if recording is None else f" in {recording}"
 
 
 def growth_words(finding: Finding) -> str:
-    """``, where it is 2.1 times what it is in the other recordings``; empty if that is not known."""
+    """``, where it is 2.1 times what it is in the other recordings``; empty if the ratio is not known."""
     # Some effects have a parameter ``ratio`` of their own, which does not compare recordings.
     own = "ratio" in words_of(finding).parameters
     ratio = None if own else finding.parameters.get("ratio")
@@ -76,7 +76,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
 
     Args:
         finding: The finding.
-        next_experiment: Proposed experiment of the diagnosis; it is the advice for findings that it separates.
+        next_experiment: Proposed experiment of the diagnosis. It is the advice for findings that it separates.
     """
     rivals = rivals_words(finding) or NO_RIVAL
     return FindingWords(
@@ -95,7 +95,7 @@ def _shown(finding: Finding) -> str:
     where += in_recording(finding.recording) + growth_words(finding)
     if _is_less(finding):
         return f"{words.less}{where}, {size}"
-    if size.startswith(":"):  # the size is a sentence of its own
+    if size.startswith(":"):  # the size is a clause of its own
         return f"{words.name}{where}{size}"
     head = f"{words.name} {size}".rstrip()
     return f"{head}{where}" + (f": {words.meaning}" if words.meaning != words.name else "")
@@ -116,12 +116,14 @@ def on_place(effect: str, joint: str | None) -> str:
 
 
 def _size(finding: Finding) -> str:
+    """Size of a finding in words, such as ``of 2 kg``, or ``by 2 kg`` below the modelled value."""
     if _is_less(finding):
         return shortfall_words(next(iter(finding.parameters.values())))
     return size_words(finding)
 
 
 def _is_less(finding: Finding) -> bool:
+    """True for a negative size of an effect that has words for less than the modelled value."""
     first = next(iter(finding.parameters.values()), None)
     negative = first is not None and not isinstance(first.value, list) and first.value < 0
     return negative and bool(words_of(finding).less)
@@ -135,7 +137,7 @@ def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
 
 
 def place(effect: str, joint: str | None) -> str:
-    """``joint j2``; ``joints j2 and j3`` for a coupling; ``the whole robot`` for None; a frame for a target's pose."""
+    """``joint j2``, ``joints j2 and j3`` for a coupling, ``the whole robot`` for None, ``frame f`` for a target."""
     if joint is None:
         return "the whole robot"
     if effect == TOOL_POSE:
@@ -186,9 +188,9 @@ def sureness(probability: float) -> str:
 
 
 def share_words(share: float, interval: tuple[float, float]) -> str:
-    """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without the interval if its ends are the same.
+    """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without the interval if its ends look the same.
 
-    Shares are at most 100 %, as a correction below the noise floor is no part of the gap.
+    Shares are limited to 100 %: a residual below the noise floor closes no further part of the gap.
     """
     own, least, most = (percent_short_of_all(part) for part in (share, *interval))
     if own == least == most:
@@ -199,9 +201,10 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
 
 
 def share_of_gap(finding: Finding | PoseFinding) -> str:
-    """Share of the gap that a finding closes on average over all orders; if unknown, the gap that returns without it.
+    """Share of the gap that a finding closes, averaged over all orders in which findings are added (Shapley value).
 
-    The share is negative if the finding closes something after all others, but opens the gap in most other orders.
+    If it is not known, the share that returns without the finding. The average may be negative although the finding
+    closes a part of the gap if it is added last.
     """
     if finding.share is None:
         return share_words(finding.gap_closed, finding.gap_closed_interval)

@@ -38,7 +38,7 @@ INERTIAL: dict[str, str] = {
 
 
 class Named(Protocol):
-    """Object that names an effect: a finding, a part of a rival, a bound, or an effect that cannot be tested."""
+    """An object that names an effect: a finding, a part of a rival, a bound, or an effect that is not testable."""
 
     @property
     def effect(self) -> str:
@@ -52,7 +52,7 @@ class Named(Protocol):
 
 
 def words_of(named: Named) -> EffectWords:
-    """Words for an effect: those of its author if it has one, else those of the catalogue."""
+    """Words for an effect: for a user's effect the user's words, else those of the catalogue."""
     return effect_words(named.effect) if named.words is None else named.words
 
 
@@ -76,7 +76,7 @@ def report_order(effect: str) -> tuple[int, int]:
 
 
 def is_between_joints(effect: str) -> bool:
-    """True if an effect of the catalogue sits between two joints."""
+    """True if an effect of the catalogue acts between two joints."""
     known = known_effect(effect)
     return known is not None and known.scope == "pair"
 
@@ -101,7 +101,7 @@ def regime_sentence(regime: str | None) -> str:
 
 
 def size_words(finding: Finding) -> str:
-    """Size after a finding's name, as ``of 0.051 N m``; empty if a parameter is missing."""
+    """Size that follows a finding's name, such as ``of 0.051 N m``; empty if a parameter is missing."""
     template = words_of(finding).size
     fields = [name for _, name, _, _ in string.Formatter().parse(template) if name]
     if not fields or any(name not in finding.parameters or not finding.parameters[name].shown for name in fields):
@@ -121,7 +121,7 @@ def meaning_of(named: Named, parameter: str) -> str:
 
 
 def value_cell(value: Value) -> str:
-    """A value for a table; a single angle in degrees as well."""
+    """A value for a table; for a single angle followed by the value in degrees."""
     shown = value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
     if value.unit != "rad" or len(value.numbers) != 1 or not math.isfinite(value.numbers[0]):
         return shown

@@ -26,7 +26,7 @@ EFFECTS = {
 
 
 def verdict_sentences(diagnosis: Diagnosis) -> str:
-    """The verdict in a few sentences: on the torques, if there are any, and then on the poses, if there are any."""
+    """The verdict in a few sentences: on the torques if there are any, then on the poses if there are any."""
     torques = [] if diagnosis.poses_alone else [headline(with_stated_probabilities(diagnosis.with_torque_verdict))]
     return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
 
@@ -37,6 +37,7 @@ def all_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
 
 
 def _as_finding(one: PoseFinding) -> Finding:
+    """A finding from poses in the form of a finding from torques."""
     places = ((rival, rival.places) for rival in one.rivals)
     return Finding(
         effect=one.effect,
@@ -82,7 +83,7 @@ def carrier(effect: str, joint: str | None) -> str:
 
 
 def sizes_words(finding: PoseFinding) -> str:
-    """Sizes of a finding: stiffness for an elasticity, axes for a wrong place, else its offset."""
+    """Sizes of a finding: the stiffness of an elasticity, the components of a wrong place, or the offset of a zero."""
     if finding.effect == ELASTIC:
         compliance = finding.parameters["compliance"]
         unit = _stiffness_unit(compliance.unit)
@@ -94,6 +95,7 @@ def sizes_words(finding: PoseFinding) -> str:
 
 
 def _stiffness_unit(compliance: str) -> str:
+    """Unit of a stiffness from that of a compliance, such as ``N m/rad`` from ``rad/(N m)``."""
     above, _, below = compliance.partition("/")
     return f"{below.strip('()')}/{above}"
 
@@ -165,7 +167,6 @@ def _rivals(finding: PoseFinding) -> str:
     """Other explanations that these poses cannot separate from a finding."""
     if not finding.rivals:
         return ""
-    # A set of causes is named by its new member, which is shorter.
     others = [joined([place_words(place) for place in rival.places]) for rival in finding.rivals]
     named = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
     return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(named)}"

@@ -24,7 +24,7 @@ _KINDS = {
 
 
 def input_words(name: str, joint: str) -> str:
-    """``the velocity``; for another joint ``the velocity of j2``; for a frequency ``the frequency of the velocity``."""
+    """``the velocity`` of the joint itself, ``the velocity of j2`` of another joint, or ``the frequency of ...``."""
     if is_frequency(name):
         return f"the frequency of {input_words(base_of(name), joint)}"
     kind, _, of = name.partition(".")
@@ -52,7 +52,7 @@ def law_line(left: Unexplained) -> str:
 
 
 def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
-    """Sentences of the report on the inputs and the formula."""
+    """Sentences of the report on the inputs of the residual and its formula."""
     if not found.inputs:
         return [f"No recorded input predicts what is left on {place('', found.joint)} better than chance."]
     has_gain = law is not None or any(set(gain.inputs) == set(found.inputs) for gain in found.gains)

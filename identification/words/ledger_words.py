@@ -1,4 +1,4 @@
-"""Sentences that say why an effect was named or not, from the ledger of a diagnosis (the list of all claims)."""
+"""Sentences on why an effect was named or not named, from the ledger of a diagnosis (the list of all claims)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import number, percent, percent_short_of_all, with_unit
 from phantom_dyn.errors import UsageError
 
-_NEAREST = 5  # number of effects that came closest, on which there is a text
-_EQUALLY_WELL = 0.01  # difference in noise floors below which two sets explain the gap equally well
+_NEAREST = 5  # number of unnamed effects in `nearest_claims`
+_EQUALLY_WELL = 0.01  # two sets explain the gap equally well if their difference is smaller, in noise floors
 
-# For each gate, why an effect that fails it is not named; `value` and `needed` are its numbers.
+# For each gate, the reason why an effect that fails it is not named. `value` and `needed` are numbers of the result.
 REASONS: dict[str, str] = {
     "possible size": "its fit ends at a size that cannot exist",
     "bodies can exist": "bodies that can exist reach only {value} of what free inertial parameters gain there",
@@ -62,7 +62,7 @@ _SHARES = {
 
 @dataclass(frozen=True)
 class ClaimWords:
-    """Why an effect was named or not: its name and joint, a sentence, and a line for each gate that it met."""
+    """Text on why an effect was named or not: its name and joint, a sentence, and one line for each tested gate."""
 
     name: str
     sentence: str
@@ -73,12 +73,12 @@ class ClaimWords:
 
 
 def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[ClaimWords, ...]:
-    """Texts that say why an effect is named in a diagnosis or not: one for each joint, or for the given joint only.
+    """Texts on why an effect is named in a diagnosis or not, one for each joint.
 
     Args:
         diagnosis: A diagnosis with a ledger.
         effect: Name of the effect in the catalogue.
-        joint: Name of the joint.
+        joint: Name of the joint; None for all joints.
 
     Raises:
         UsageError: If the diagnosis has no such effect, no such joint, or no ledger.
@@ -130,6 +130,7 @@ def _words_on(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Cla
 
 
 def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> ClaimWords:
+    """Text on an effect that is not in the ledger."""
     name = effect_at(EffectAt(effect, joint))
     of_poses = diagnosis.geometry
     bounds = (*diagnosis.bounds, *(of_poses.bounds if of_poses else ()))
@@ -180,6 +181,7 @@ def _rival_probability(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
 
 
 def _instead(claim: Claim[EffectAt], probability: float) -> str:
+    """Clause on the effects that displaced a claim; ``probability`` is that of the claim as their rival."""
     others, failed = joined([effect_at(at) for at in claim.instead]), claim.failed
     several = len(claim.instead) > 1 or "parameters" in others
     more = claim.figures.get("floors_more", math.nan)
@@ -205,6 +207,7 @@ def _gain_words(failed: GateResult) -> str:
 
 
 def _reason(failed: GateResult | None) -> str:
+    """Clause on the gate that a claim failed."""
     if failed is None:
         return "another set of effects was chosen"
     template = REASONS.get(failed.gate, f"it failed the gate '{failed.gate}' with {{value}} where {{needed}} is needed")
@@ -226,13 +229,14 @@ def _figure(value: float, unit: str) -> str:
 
 
 def gate_line(result: GateResult) -> str:
-    """One gate in a line: ``passed  more than chance: 521, needed 20 (gain)``."""
+    """Result of one gate as a line, such as ``passed  more than chance: 521, needed 20 (gain)``."""
     value, needed = (_figure(figure, result.unit) for figure in (result.value, result.needed))
     unit = f" ({result.unit})" if result.unit and result.unit != "probability" else ""
     return f"{'passed' if result.passed else 'failed'}  {result.gate}: {value}, needed {needed}{unit}"
 
 
 def _share_alone(claim: Claim[EffectAt]) -> float:
+    """Share of the gap that a claim closes without other effects; minus infinity if it is not known."""
     closes = claim.figures.get("closes", math.nan)
     return closes if math.isfinite(closes) else -math.inf
 

@@ -1,4 +1,4 @@
-"""Sentences of the notes that the stages of a diagnosis write."""
+"""Converts the notes of the stages of a diagnosis into sentences."""
 
 from __future__ import annotations
 

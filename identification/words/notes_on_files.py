@@ -1,4 +1,4 @@
-"""Sentences of notes on files: why a file was not written, what it lacks, and how it was checked."""
+"""Sentences of notes on files: why a file was not written, what it cannot contain, and how it was checked."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def _with_small_first_letter(text: str) -> str:
 
 
 def _of_file(words: str | Callable[[Note], str]) -> Callable[[Note], str]:
-    """Function that makes a sentence about "it", preceded by the name of the file if the note has one.
+    """Function that builds the sentence of a note, preceded by the name of the file if the note has one.
 
     Args:
-        words: Template or function of the sentence.
+        words: Template of the sentence, or function that builds it. In the sentence "it" means the file.
     """
     make = filled(words) if isinstance(words, str) else words
     return lambda note: f"{note.files[0]}: {_with_small_first_letter(make(note))}" if note.files else make(note)

@@ -11,7 +11,7 @@ from identification.words.effect_words import words_of
 from identification.words.numbers_and_names import NO_BREAK, filled, number, with_unit
 
 RivalPair = tuple[Sequence[EffectAt], Sequence[EffectAt]]
-"""Two hypotheses, each given by its effects."""
+"""Two explanations of the same residual, each given by its effects."""
 
 CHANGES = {
     "weighing": "weigh a link or the load, or calibrate the torque",
@@ -20,24 +20,24 @@ CHANGES = {
     "level": "put a level on the base, or mount the robot another way up",
     "timing": "measure the torque, or record with another controller gain",
 }
-"""Measurements other than motion that separate effects which leave the same torque in every motion."""
+"""Measurements that separate effects with the same torque in every motion, by `EffectWords.separated_by`."""
 _MOST_PAIRS = 3
-"""Most causes that a sentence lists with their rivals; if there are more, it lists the first one only."""
+"""Largest number of causes that a sentence lists with their rivals; of more causes, only the first one is listed."""
 
 
 def pairs_words(pairs: Sequence[RivalPair]) -> str:
-    """Pairs as ``a from b and c``, beginning with the hypothesis that is in most pairs."""
-    left = list(dict.fromkeys((_hypothesis_words(one), _hypothesis_words(other)) for one, other in pairs))
-    said = []
-    while left:
-        names = [name for pair in left for name in pair]
+    """Pairs as ``a from b and c``, beginning with the explanation that is in most pairs."""
+    remaining = list(dict.fromkeys((_hypothesis_words(one), _hypothesis_words(other)) for one, other in pairs))
+    phrases = []
+    while remaining:
+        names = [name for pair in remaining for name in pair]
         most = max(dict.fromkeys(names), key=names.count)
-        others = [other for pair in left for other in pair if most in pair and other != most]
-        said.append(f"{most} from {joined(others)}")
-        left = [pair for pair in left if most not in pair]
-    if len(said) <= _MOST_PAIRS:
-        return joined(said, ", and ")
-    return f"{said[0]}, and {len(said) - 1} more causes from others"
+        others = [other for pair in remaining for other in pair if most in pair and other != most]
+        phrases.append(f"{most} from {joined(others)}")
+        remaining = [pair for pair in remaining if most not in pair]
+    if len(phrases) <= _MOST_PAIRS:
+        return joined(phrases, ", and ")
+    return f"{phrases[0]}, and {len(phrases) - 1} more causes from others"
 
 
 def _hypothesis_words(effects: Sequence[EffectAt]) -> str:

@@ -36,10 +36,9 @@ def _held_seen(note: Note) -> str:
 
 
 def _gains_stated(gains: Mapping[str, tuple[float, float, float]]) -> str:
-    """Gains that the robot's file states, by joint, or once if all are equal."""
+    """Clause on the gains that the robot's file states; joints with equal gains are named together."""
     if not gains:
         return ""
-    # Joints with equal gains are named together.
     alike: dict[str, list[str]] = {}
     for joint, (kp, kd, lag) in gains.items():
         behind = f", references behind a filter of {lag:.4g} s" if lag else ""
@@ -258,7 +257,7 @@ def followed_words(followed: Followed, *, on_base: bool = False) -> str:
 
     Args:
         followed: The simulated motion.
-        on_base: True for a robot that is not bolted down.
+        on_base: True for a robot with a floating base.
     """
     by = "the recorded references through the stated controllers" if followed.controlled else "the recorded torque"
     base = "The base moves as its sensors read, and a leg is simulated while it swings. " if on_base else ""

@@ -1,4 +1,4 @@
-"""Numbers as text: values with standard deviation and unit, percentages, and the probabilities that texts state."""
+"""Formats numbers as text: values with standard deviation and unit, percentages, and probabilities of findings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def with_std(value: float, std: float) -> str:
-    """A number with its standard deviation, both to the second digit of the deviation."""
+    """A number with its standard deviation, both rounded to the second digit of the deviation."""
     if not (math.isfinite(std) and std > 0 and math.isfinite(value)):
         return number(value)
     exponent = math.floor(math.log10(max(abs(value), std)))
@@ -39,12 +39,12 @@ def with_std(value: float, std: float) -> str:
 
 
 def _no_minus_zero(text: str) -> str:
-    """A rounded number; zero loses its sign."""
+    """A rounded number without the sign of ``-0``."""
     return text if float(text) else text.removeprefix("-")
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with some significant digits; below a million without an exponent; a dash if it is not finite."""
+    """A number with ``digits`` significant digits, below a million without an exponent; a dash if it is not finite."""
     if not math.isfinite(value):
         return "–"
     text = _no_minus_zero(f"{value:.{digits}g}")
@@ -52,7 +52,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage; only exact shares are shown as 0 or 100 %; a dash if the share is not finite."""
+    """A share as a percentage; ``0 %`` and ``100 %`` only for exactly these shares; a dash if it is not finite."""
     if not math.isfinite(share):
         return "–"
     if 0 < abs(share) < 0.005:
@@ -68,9 +68,10 @@ def percent_short_of_all(share: float) -> str:
 
 
 def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:
-    """A diagnosis whose findings have the probabilities of `with_cause_outside_catalogue`, which texts state.
+    """A diagnosis whose findings have the probabilities that texts state, from `with_cause_outside_catalogue`.
 
-    ``diagnosis.json`` keeps those of the comparison with effects of the catalogue and structures without a name.
+    The probabilities in ``diagnosis.json`` are those of the comparison with effects of the catalogue and with
+    structures without a name.
     """
     findings, minor = (
         tuple(with_cause_outside_catalogue(finding, diagnosis.joints) for finding in some)
@@ -80,11 +81,12 @@ def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:
 
 
 def with_cause_outside_catalogue(finding: Finding, joints: tuple[JointGap, ...]) -> Finding:
-    """The finding with lower probabilities if more than noise is left on its joint.
+    """The finding with lower probabilities if the residual of its joint is larger than noise after all findings.
 
     A comparison among the effects of the catalogue shows which of them fits best, but not that one of them is right. If
-    the best ones leave a share of the joint's gap, the unknown cause of that share may also cause what they explain.
-    So the probabilities sum to less than one, and the difference is the probability of a cause outside the catalogue.
+    a share of the joint's gap remains, its unknown cause may also cause the part that the finding explains. Therefore
+    all probabilities are multiplied by the share of the gap that is closed. Their sum is then less than one, and the
+    difference is the probability of a cause outside the catalogue.
 
     Args:
         finding: Finding with rivals of the catalogue; their probabilities and its own sum to at most one.
@@ -93,7 +95,7 @@ def with_cause_outside_catalogue(finding: Finding, joints: tuple[JointGap, ...])
     own = [joint for joint in joints if joint.joint in (finding.joint or "").split("+")]
     closed = min(map(_closed_share, own)) if own else fsum(map(_closed_share, joints)) / len(joints)
     known = known_effect(finding.effect)
-    # An effect that only adds noise is measured from the readings, and has no rivals.
+    # An effect that only adds noise, such as encoder resolution, is measured from the readings and has no rivals.
     if (known is not None and known.only_noise) or 1.0 - closed < contract_levels.LISTED:
         return finding
     rivals = tuple(replace(rival, probability=closed * rival.probability) for rival in finding.rivals)
@@ -101,11 +103,11 @@ def with_cause_outside_catalogue(finding: Finding, joints: tuple[JointGap, ...])
 
 
 def _closed_share(joint: JointGap) -> float:
-    """Share of a joint's gap that findings close; one if only noise is left."""
-    quiet = joint.rms_after <= contract_levels.FLOORS_LEFT * joint.noise_floor
-    return 1.0 if quiet or joint.closed is None else min(max(joint.closed, 0.0), 1.0)
+    """Share of a joint's gap that findings close; one if the residual is only noise."""
+    is_noise = joint.rms_after <= contract_levels.FLOORS_LEFT * joint.noise_floor
+    return 1.0 if is_noise or joint.closed is None else min(max(joint.closed, 0.0), 1.0)
 
 
 def filled(template: str) -> Callable[[Note], str]:
-    """A function that makes the sentence of a note: the template, filled with the joint and the numbers of the note."""
+    """A function that builds the sentence of a note by filling a template with the note's joint and numbers."""
     return lambda note: template.format(joint=note.joint, **note.numbers)

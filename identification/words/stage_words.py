@@ -1,4 +1,4 @@
-"""Words for the stages of a run, for lines of progress."""
+"""Words for the stages of a run, as progress lines show them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NAMES = {
 
 
 def stage_words(now: Announcement) -> str:
-    """The stage that runs, with its details: ``reading log.csv``, ``mapping 20 of 80 points``."""
+    """The current stage with its details, such as ``reading log.csv`` or ``mapping 20 of 80 points``."""
     name, detail = NAMES[now.stage], now.detail
     counted = f"{now.done} of {now.of}"
     match now.stage:
@@ -64,5 +64,5 @@ def stage_words(now: Announcement) -> str:
 
 
 def in_words(say: Callable[[str], None]) -> Progress:
-    """A callback for announcements that passes their words to a callback for text."""
+    """A callback for announcements that calls ``say`` with the words of each announcement."""
     return lambda now: say(stage_words(now))

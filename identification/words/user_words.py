@@ -1,4 +1,4 @@
-"""Words for effects that a user wrote, stored in the result, because reports do not have the effects themselves."""
+"""Stores the words of effects that a user wrote in the result: reports are made without these effects."""
 
 from __future__ import annotations
 

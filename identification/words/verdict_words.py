@@ -1,4 +1,4 @@
-"""Sentences on the verdict: which causes explain the gap, which part remains, and what it cannot exclude."""
+"""Sentences on the verdict: causes that explain the gap, the part that remains, and causes that cannot be excluded."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from identification.words.diagnosis_words import (
 from identification.words.effect_words import is_between_joints, is_shared, regime_words
 from identification.words.numbers_and_names import number, percent, percent_short_of_all
 
-_HEADLINE_LETTERS = 128  # most letters of a headline: two lines on 1200 pixels, five on 400
-_HEADLINE_CAUSES = 4  # most causes that a headline names
-_MANY_JOINTS = 3  # least number of joints for ``all 6 joints`` in place of their names
-_MOST_TIMES = 3  # most stretches of time that a sentence names
-_MOST_CHANGES = 3  # most changes within tolerance that a sentence names
-_LEAST_MENTIONED = 0.1  # least share of the gap closed by changes within tolerance that is mentioned
+_HEADLINE_LETTERS = 128  # largest number of letters of a headline: two lines on 1200 pixels, five on 400
+_HEADLINE_CAUSES = 4  # largest number of causes that a headline names
+_MANY_JOINTS = 3  # from this number of joints on, ``all 6 joints`` replaces their names
+_MOST_TIMES = 3  # largest number of stretches of time that a sentence names
+_MOST_CHANGES = 3  # largest number of changes within tolerance that a sentence names
+_LEAST_MENTIONED = 0.1  # smaller shares of the gap that changes within tolerance close are not mentioned
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -54,6 +54,7 @@ def short_headline(diagnosis: Diagnosis) -> str:
 
 
 def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
+    """The verdict in at most ``letters`` letters: with as many causes and their joints as fit, or without joints."""
     begins = {
         "explained": "The gap between robot and model is explained by",
         "partly_explained": "Part of the gap between robot and model is explained by",
@@ -84,6 +85,7 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
 
 
 def _verdict_alone(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence, without faults of the recording."""
     names = [_named(kinds, diagnosis) for kinds in grouped(diagnosis)]
     named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
     left = left_over(diagnosis)
@@ -152,7 +154,8 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
     joints = [gap.joint for gap in diagnosis.joints]
     by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
     for finding in diagnosis.findings:
-        # Findings on no joint or on several joints are not grouped with others, nor are those below the modelled value.
+        # Findings on no joint or on several joints are not grouped. The name of a finding below the modelled value
+        # differs from that of other findings, so that the two are not grouped either.
         several = is_between_joints(finding.effect) or (is_shared(finding.effect) and "+" in (finding.joint or ""))
         alone = finding.joint is None or several
         by_effect.setdefault((finding_name(finding), finding.recording, alone), []).append(finding)
@@ -187,7 +190,7 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 
 
 def reservations(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on what a verdict of no gap or of an explained gap cannot exclude, and on what tolerances explain."""
+    """Sentences on causes that the verdicts ``no_gap`` and ``explained`` cannot exclude, and on changed tolerances."""
     moved = closed_by_tolerances(diagnosis)
     by_tolerances = (
         [] if moved is None else [f"Changes within the tolerances close {percent_short_of_all(moved)} of the gap."]
@@ -227,13 +230,13 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
 
 
 def _joints_above_noise(diagnosis: Diagnosis) -> list[JointGap]:
-    """Joints on which more than the noise floor is left, as a sound model may leave with drives of that kind."""
+    """Joints whose residual exceeds the noise floor; drives or friction may cause this with a right model."""
     noisy = [gap for gap in diagnosis.joints if not gap.only_given_fits]
     return [gap for gap in noisy if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
 
 
 def _not_judged(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on joints without a usable sample, on which the verdict says nothing; empty if there are none."""
+    """Sentences on joints without a usable sample, which the verdict does not include."""
     out, gaps = [], [gap for gap in diagnosis.joints if not gap.hold_out_samples]
     # At rest no torque of any joint is known.
     unknown = [gap.joint for gap in gaps if gap.rms_torque is None and not diagnosis.at_rest]
@@ -248,12 +251,12 @@ def _not_judged(diagnosis: Diagnosis) -> list[str]:
 
 
 def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
-    """Joints on which much is left that may be noise, friction or a gap."""
+    """Joints with a large residual that may be noise, friction or a gap."""
     return [gap for gap in diagnosis.joints if may_hide_gap(gap) and gap.noise_is_known]
 
 
 def _of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:
-    """Joints whose noise is unknown, if only that keeps the verdict from being ``no_gap``."""
+    """Joints whose unknown noise is the only reason why the verdict is not ``no_gap``; else empty."""
     if torques_may_be_noise(diagnosis.joints) or ordinary_effects_hide(diagnosis.bounds):
         return []
     return [gap for gap in diagnosis.joints if gap.hold_out_samples and not gap.noise_is_known and gap.rms_torque]
@@ -272,8 +275,8 @@ def _of_torque(gap: JointGap) -> float:
 def closed_by_tolerances(diagnosis: Diagnosis) -> float | None:
     """Share of the gap that is closed by changes within the tolerances and by no finding; None if it is negligible.
 
-    An effect whose size turned out to be within a tolerance, such as that of a controller's gain, is not a finding, so
-    that no share of a finding includes what it closes.
+    An error whose size is within a tolerance, such as that of a controller's gain, is not a finding. The share of the
+    gap that it closes is therefore not part of the share of any finding.
     """
     shares = [finding.share for finding in (*diagnosis.findings, *diagnosis.minor)]
     known = [share for share in shares if share is not None]
@@ -309,7 +312,7 @@ def hidden_words(change: Adjusted) -> str:
 
 
 def left_over(diagnosis: Diagnosis) -> str:
-    """What is left unexplained: events with their times, joints above their noise floor, and structure."""
+    """Phrase on the unexplained residual: events with their times, joints above their noise floor, and structure."""
     left, parts = diagnosis.unexplained, []
     if left.times:
         times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_MOST_TIMES]])
@@ -353,7 +356,7 @@ def _no_sound_size(diagnosis: Diagnosis) -> str:
 
 
 def unexplained_phrase(unexplained: Unexplained) -> str:
-    """What is left unexplained: how much, with or without structure, and where."""
+    """Phrase on the size of the unexplained residual, whether it has structure, and where it is."""
     where = [place("", unexplained.joint) if unexplained.joint else "", regime_words(unexplained.regime)]
     at = ", ".join(part for part in where if part)
     share = percent(unexplained.fraction_of_explainable)
