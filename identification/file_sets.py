@@ -1,11 +1,13 @@
 """Atomic writing of several files: a folder holds the old set of files or the new one, even if the process is killed.
 
-The files are written into a hidden folder next to the target folder. All other files of the target folder are
-hard-linked into the hidden one. Then one system call exchanges the two folders. That is impossible if the target
-contains folders, is the working folder of a process, has a parent without write access, or if the system has no such
-call. Then the files are renamed one by one, last the main file, which the others belong to. Runs that write into one
-folder at the same time wait for each other. Every text ends with the id of its run, so that a mixture of two runs can
-be recognised.
+1. The files are written into a hidden folder next to the target folder.
+2. All other files of the target folder are hard-linked into the hidden folder.
+3. One system call exchanges the two folders.
+
+The exchange is impossible if the target contains folders, if a process works in the target, if the target's parent has
+no write access, or if the system has no such call. The files are then renamed one by one, the main file last. Runs that
+write into one folder at the same time wait for each other. Every text ends with the id of its run, so that a mixture of
+two runs can be recognised.
 """
 
 from __future__ import annotations
@@ -98,7 +100,8 @@ def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str
                 return True
         if not _kept_files_linked(target, staging, ours) or not _exchanged(staging, target):
             return False
-        # After the exchange `staging` is the old folder. It holds files that were made after the links were.
+        # After the exchange `staging` is the old folder. Files that another program has made there since step 2 are
+        # moved to the new folder.
         for late in [entry for entry in staging.iterdir() if entry.name not in ours]:
             if not os.path.lexists(target / late.name):
                 late.rename(target / late.name)
@@ -190,7 +193,7 @@ def _exchanged(one: Path, other: Path) -> bool:
 
 
 def _works_inside(folder: Path) -> bool:
-    """True if the folder is the working folder of a process, such as a shell, which would stay in the old folder."""
+    """True if the folder is the working folder of a process; after an exchange a shell would stay in the old folder."""
     places = [Path("/proc/self/cwd"), *Path("/proc").glob("[0-9]*/cwd")]
     for place in places:
         with suppress(OSError):

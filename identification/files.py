@@ -24,11 +24,11 @@ LOG_ENDINGS = (".csv", ".npz", ".parquet")
 """Endings of the formats that a log is written in."""
 _BAG_ENDINGS = (".bag", ".db3", ".mcap")
 MARK = ".phantom-dyn"
-"""Part of the names of temporary files and folders, by which a later run finds those that a killed run has left."""
+"""Part of the names of temporary files and folders. A later run finds the leftovers of a killed run by this part."""
 _LONGEST_WAIT_S = 30.0
 """Longest wait for a locked folder [s]: a run writes its files in less than a second."""
 LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder), MCAP or a LeRobot folder"
-"""Formats of a recording that are read, for sentences."""
+"""Formats of a recording that can be read, in words for messages."""
 
 LEROBOT_INFO = Path("meta", "info.json")
 """File by which a LeRobot dataset is recognised."""
@@ -57,7 +57,7 @@ def require_existing(path: str | Path) -> None:
     """Refuse a log that does not exist; the message names the most similar file in its folder.
 
     Raises:
-        LogError: If there is no such file or folder.
+        LogError: If the file or folder does not exist.
     """
     path = Path(path)
     if path.exists() or lerobot_episode(path) is not None:
@@ -73,7 +73,7 @@ def require_existing(path: str | Path) -> None:
 
 
 def require_ending(path: Path) -> None:
-    """Refuse the path of a log to be written if its ending is not that of a format.
+    """Refuse to write a log to a path whose ending is not one of `LOG_ENDINGS`.
 
     Raises:
         UsageError: The sentence names the endings.
@@ -88,7 +88,8 @@ def require_writable(path: Path, option: str) -> None:
     """Refuse a file that cannot be written, before any work is done; nothing is created.
 
     Raises:
-        UsageError: If it is a folder, device or pipe, lies below a file, or there is no right to write.
+        UsageError: If the path is a folder, a device or a pipe, if one of its parents is a file, or if the folder is
+            not writable.
     """
     if path.is_dir():
         raise UsageError(f"{option}: {path} is a folder, wanted a file; remove it or name another place")
@@ -105,7 +106,7 @@ def require_writable_folder(folder: Path, names: Iterable[str]) -> None:
     """Refuse an output folder that cannot be written to, before any work is done; nothing is created.
 
     Raises:
-        UsageError: If it is a file, or one of the files cannot be written.
+        UsageError: If ``folder`` is a file, or one of the files cannot be written.
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"--out {folder} is a file, wanted a folder; name another folder")
@@ -114,10 +115,10 @@ def require_writable_folder(folder: Path, names: Iterable[str]) -> None:
 
 
 def require_not_read(read: Iterable[str | Path | None], written: Iterable[Path]) -> None:
-    """Refuse to write over an input file, such as a recording that is given as the file of ``--json`` too.
+    """Refuse to write over an input file, such as a recording that is also given as the output file of ``--json``.
 
     Args:
-        read: Input files; None and names that are no files are ignored.
+        read: Input files; None and names that are not files are ignored.
         written: Files that would be written.
 
     Raises:
@@ -170,7 +171,7 @@ def require_own_file(path: Path, option: str) -> None:
 
 
 def require_new_log(path: Path, option: str) -> None:
-    """Refuse to write a log over any file, as a log has no place for a mark that says who wrote it.
+    """Refuse to write a log over any file that is not empty: a log has no mark that says who wrote it.
 
     Raises:
         UsageError: The sentence names the file and the option that it was given with.
@@ -183,6 +184,7 @@ def require_new_log(path: Path, option: str) -> None:
 
 
 def _is_own(path: Path) -> bool:
+    """True for an empty file, and for a file with one of the marks of phantom-dyn near its start or end."""
     try:
         with path.open("rb") as file:
             text = file.read(_HEAD)
@@ -198,9 +200,9 @@ def _is_own(path: Path) -> bool:
 def temporary_beside(path: str | Path) -> Iterator[Path]:
     """A temporary path in the folder of ``path``, which is renamed to ``path`` when the block ends without an error.
 
-    It keeps the suffix of ``path``, for libraries that choose the format by it. Missing folders are created. After an
-    error the temporary file and these folders are removed, and an older file at ``path`` is unchanged. Temporary files
-    that a killed process has left for the same ``path`` are removed too.
+    The temporary path has the suffix of ``path``, because some libraries choose the format by the suffix. Missing
+    folders are created. After an error the temporary file and these folders are removed, and an older file at ``path``
+    is unchanged. Temporary files that a killed process has left for the same ``path`` are removed too.
 
     Args:
         path: The file to be written.
@@ -224,14 +226,14 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
     except OSError as error:
         raise UsageError(refused_write(target, error)) from error
     finally:
-        # The system refuses to remove a folder that is not empty, so that those with a new file in them stay.
+        # Only empty folders are removed: the system refuses to remove a folder that holds the new file.
         for folder in missing:
             with suppress(OSError):
                 folder.rmdir()
 
 
 def write_atomically(path: str | Path, content: bytes | str) -> None:
-    """Write ``content`` to ``path`` in one step; text is written as UTF-8 with the line ends that it has.
+    """Write ``content`` to ``path`` in one step; text is written as UTF-8, and its line ends are not changed.
 
     Raises:
         UsageError: If the file cannot be written there.
@@ -257,8 +259,8 @@ def locked_when_made(make: Callable[[], Path]) -> Iterator[Path]:
     """A new file or folder, locked by this process; the system releases the lock when the process ends in any way.
 
     Args:
-        make: Creates the file or folder, at another place in each call. It is called again if another run has removed
-            the first one as a leftover before it was locked.
+        make: Creates the file or folder, at a new path in each call. The function is called again if another run has
+            taken the file or folder for a leftover and removed it before it was locked.
     """
     while True:
         place = make()
@@ -294,7 +296,8 @@ def remove_unless_locked(place: Path) -> None:
         return
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # The lock is kept meanwhile: a run that has just created the file waits for it, and then finds the file gone.
+        # The lock is kept during the removal: a run that has just created the file waits for the lock, then finds that
+        # the file does not exist, and creates another one.
         if place.is_dir():
             shutil.rmtree(place, ignore_errors=True)
         else:
@@ -307,7 +310,7 @@ def remove_unless_locked(place: Path) -> None:
 
 @contextmanager
 def locked_folder(folder: Path) -> Iterator[None]:
-    """A context in which no other run writes a set of files into a folder; it first waits for a run that does.
+    """A context in which no other run writes a set of files into a folder; it first waits for runs that are writing.
 
     Its parent folder is locked, because the folder itself may be exchanged for another one meanwhile.
     """
@@ -335,6 +338,7 @@ def _locked_if_possible(descriptor: int) -> bool:
 
 
 def _check_replaceable(target: Path) -> None:
+    """Raise an error if the target is a folder, a device or a pipe."""
     if target.is_dir():
         raise IsADirectoryError(None, "it is a folder")
     # Root could replace a device by a plain file.
@@ -357,7 +361,8 @@ def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
     """Refuse a recording that was given as the robot.
 
     Raises:
-        UsageError: If so. The message has the right order if a robot was given as a recording.
+        UsageError: If the robot looks like a recording. If one of ``logs`` looks like a robot, the message shows the
+            right order.
     """
     if not looks_like_log(robot) or looks_like_robot(str(robot)):
         return
@@ -371,7 +376,7 @@ def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """True if an error says that a disk or quota is full, or that a file has its largest size."""
+    """True if an error says that a disk or quota is full, or that a file has reached the largest allowed size."""
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 
 class Code(Enum):
-    """Topic of a note."""
+    """Topic of a note; `identification.words` has the sentence of each topic."""
 
     # Recordings without torque, and their controllers.
     TORQUE_ASKED = auto()
@@ -22,7 +22,7 @@ class Code(Enum):
     GAIN_BY_FRICTION = auto()
     GAIN_OR_CONSTANT = auto()
     STRAYS_UNDER_CONTROL = auto()
-    # Recordings at rest, events, measured poses, a simulator's own friction.
+    # Recordings at rest, events, measured poses, a simulator's own friction, the search, drives, unlike recordings.
     RESTS_APART = auto()
     CONTROLLER_GIVES_WAY = auto()
     EVENT = auto()
@@ -54,7 +54,7 @@ class Code(Enum):
     ZEROS_COMPARED = auto()
     NO_EXPERIMENT = auto()
     NOT_SEPARATED = auto()
-    # Files: why one is not there, what it lacks, how it was checked.
+    # Written files: why a file is missing, what it cannot contain, how it was checked.
     NOT_WRITTEN = auto()
     NOT_ALONE = auto()
     WRITTEN_WRONG = auto()
@@ -94,9 +94,9 @@ class Note:
     """Something that a user should know.
 
     Attributes:
-        code: Subject of the note.
-        joint: Name of the joint; None if the note is not on a single joint.
-        numbers: Values that its sentence states, by name: numbers, names of files and joints.
+        code: Topic of the note.
+        joint: Name of the joint; None if the note does not concern a single joint.
+        numbers: Values that the sentence of the note states, by name: numbers, names of files and joints.
     """
 
     code: Code

@@ -1,4 +1,4 @@
-"""The stages of a diagnosis in their order: data, explanation, judgement, rollout, next experiment, result."""
+"""Runs the stages of a diagnosis in order: data, explanation, judgement, rollout, result, next experiment."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class DiagnosisWithoutPlan:
     """A diagnosis for which no next experiment has been planned yet; the plan changes none of its findings.
 
     Attributes:
-        diagnosis: Verdict, findings and all else.
-        explanation: Sets of effects between which the next experiment is to decide; None if no experiment is planned.
+        diagnosis: The diagnosis, without a next experiment.
+        explanation: Sets of effects that the next experiment is to separate; None if no experiment is planned.
         started: Start of the diagnosis, by `time.perf_counter` [s].
     """
 
@@ -67,7 +67,7 @@ def diagnose(
     motion_only: bool = False,
     progress: Progress = lambda _: None,
 ) -> Diagnosis:
-    """Verdict and findings of recordings, with a plan for the next experiment.
+    """Diagnosis of recordings, with a plan for the next experiment.
 
     The arguments and errors are those of `diagnose_without_plan`.
     """
@@ -86,7 +86,7 @@ def diagnose(
 # With more threads the order of sums, and so the last digits, would depend on the machine.
 @one_blas_thread()
 def planned(found: DiagnosisWithoutPlan, progress: Progress = lambda _: None) -> Proposal:
-    """The motion that separates most of the rivals of a diagnosis; an empty proposal if none can be planned."""
+    """The motion that separates the most rivals of a diagnosis; an empty proposal if no motion can be planned."""
     if found.explanation is None or not any(finding.rivals for finding in found.diagnosis.findings):
         return Proposal()
     progress(Announcement(Stage.NEXT_EXPERIMENT))
@@ -96,11 +96,11 @@ def planned(found: DiagnosisWithoutPlan, progress: Progress = lambda _: None) ->
 
 
 def with_proposal(found: Diagnosis, proposal: Proposal, started: float) -> Diagnosis:
-    """A diagnosis with the proposed recording, if there is one, and with the time that both took.
+    """A diagnosis with the proposed next experiment, if there is one, and with the time of diagnosis and proposal.
 
     Args:
-        found: Verdict, findings and all else.
-        proposal: The proposed recording.
+        found: The diagnosis, without a next experiment.
+        proposal: The proposed experiment.
         started: Start of the diagnosis, by `time.perf_counter` [s].
     """
     if proposal == Proposal():
@@ -124,32 +124,32 @@ def diagnose_without_plan(
     motion_only: bool = False,
     progress: Progress = lambda _: None,
 ) -> DiagnosisWithoutPlan:
-    """Verdict and findings of recordings, without a plan for the next experiment.
+    """Diagnosis of recordings, without a plan for the next experiment.
 
-    Recordings are judged by their torque. Those without torque are judged by the torque that their controllers command,
-    or by their positions at rest.
+    Recordings with torque are judged by this torque. Recordings without torque are judged by the torque that their
+    controllers command, or by their positions at rest.
 
     Args:
         robot: The model that is judged.
-        recordings: The recordings, or a function that reads them; its argument says whether a torque is needed. With a
-            function only the used parts of long recordings stay in memory.
-        held_out: Number of recordings at the end that no fit sees. If there are any, all figures come from them;
-            otherwise they come from blocks of the recordings that no fit has seen.
-        known: Effects that belong to the given model already.
-        changes: Known differences between the recordings; empty if there are none.
+        recordings: The recordings, or a function that reads them. The function's argument says whether a torque is
+            needed. With a function only the used parts of long recordings are kept in memory.
+        held_out: Number of recordings, counted from the last one, that no fit sees. If it is not zero, all figures are
+            computed on these recordings, otherwise on held-out blocks of all recordings.
+        known: Effects that the given model already contains.
+        changes: Known differences between the recordings.
         motion_only: True if a recorded torque must not be used.
-        progress: Called with each stage.
+        progress: Called at the start of each stage.
 
     Raises:
         UsageError: If recordings at rest are given with held-out recordings or known effects.
-        LogError: If a recording cannot be used, is certainly wrong (unless it was read with ``anyway``), or does not
-            determine the gain of a controller.
+        LogError: If a recording cannot be used, if it is certainly wrong (unless it was read with ``anyway``), or if it
+            does not determine the gain of a controller.
     """
     read = recordings if callable(recordings) else lambda _: recordings
     driven, given, motion = torque_or_motion(robot, read, motion_only=motion_only)
     if not motion:
         used = prepared(driven, given, held_out=held_out, known=known, changes=changes)
-        del given  # frees hours of samples, of which a few minutes are diagnosed
+        del given  # `used` holds a few minutes of the recordings; this frees the memory of the other hours
         used = with_common_model(used) if has_unknown_load(changes) else used
         return _by_torque(used, progress)
     from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
@@ -173,13 +173,13 @@ def _by_controllers(
 ) -> DiagnosisWithoutPlan:
     """The diagnosis by the torque that controllers command; gains that the robot does not state are estimated.
 
-    If gains are estimated and the friction suggests higher ones, the recordings are diagnosed with both.
+    If the friction found with estimated gains suggests higher gains, the recordings are diagnosed with both.
 
     Args:
         robot: The model that is judged.
-        recordings: With references, or with voltages that give a torque.
-        held_out: Number of recordings, from the last, that no fit sees.
-        known: Effects of an earlier diagnosis, which are part of the model.
+        recordings: Recordings with references, or with voltages from which a torque follows.
+        held_out: Number of recordings, counted from the last one, that no fit sees.
+        known: Effects of an earlier diagnosis, which the model contains.
         progress: Called at the start of each stage.
 
     Raises:
@@ -220,7 +220,7 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     judgement = unknown_if_motion_deviates(
         without_gain_ambiguities(judgement, session.recordings, rollout, robot), rollout
     )
-    # Effects of single recordings explain what changed between recordings. A further motion would not separate these.
+    # Effects of single recordings explain changes between recordings. A further motion cannot separate their rivals.
     between = bool(session.differences.own)
     judgement = with_user_words(with_catalogue_names(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
@@ -232,7 +232,7 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)
-    # No experiment is planned for a floating base either: nobody knows how it would move in another motion.
+    # No experiment is planned for a floating base either, because its motion cannot be predicted.
     return DiagnosisWithoutPlan(found, None if between or robot.floating else explanation, given.started)
 
 
@@ -243,7 +243,7 @@ def _result(
     rollout: Rollout,
     seconds: float,
 ) -> Diagnosis:
-    """The result of `diagnose` from the results of the stages."""
+    """The diagnosis, assembled from the results of the stages."""
     return Diagnosis(
         verdict=judgement.verdict,
         robot=session.robot.name,
@@ -284,7 +284,7 @@ def _result(
 
 
 def _is_explained(said: Said, judgement: Judgement) -> bool:
-    """True for a warning that a torque is early if a slow drive was found on its joint, which explains it."""
+    """True for a warning that the torque of a joint is too early, if a slow drive found on that joint explains it."""
     if not isinstance(said, LagSentence) or not said.early:
         return False
     slow = (one for one in judgement.findings if any(number.unit == "s" for number in one.parameters.values()))

@@ -18,9 +18,9 @@ T = TypeVar("T")
 def started(work: Callable[[], T]) -> Callable[[], T]:
     """Start a function in a second process; the returned function waits for its result.
 
-    The second process is a copy of this one (``fork``), so that no module is loaded and no argument is sent. The
-    function runs in this process instead if there is no free core, or if it fails in the copy. Then it runs when the
-    returned function is called, which raises its errors.
+    The second process is a copy of this one (``fork``), so that no module has to be loaded and no argument sent. If
+    there is no free core, or if the function fails in the copy, the returned function runs it in this process and
+    raises its errors.
 
     Args:
         work: Function to call. Its result is pickled.
@@ -31,7 +31,7 @@ def started(work: Callable[[], T]) -> Callable[[], T]:
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(work, sender), daemon=True)
     with warnings.catch_warnings():
-        # Python warns of a fork while other threads exist. These belong to numerical libraries and are idle.
+        # Python warns of a fork while other threads exist. Here these are idle threads of numerical libraries.
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
     sender.close()
@@ -48,9 +48,9 @@ def started(work: Callable[[], T]) -> Callable[[], T]:
 
 
 def _send(work: Callable[[], object], sender: Connection) -> None:
-    """Send the result in a list, which is empty after an error."""
+    """Call a function in the second process and send a list with its result, or an empty list after an error."""
     result = []
-    # The first process runs the function again, and raises the error.
+    # After an error the first process calls the function again, so that the error is raised there.
     with suppress(Exception):
         result = [work()]
     sender.send(result)
