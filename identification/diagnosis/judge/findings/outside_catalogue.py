@@ -18,6 +18,7 @@ from identification.diagnosis.search.fair_costs import costs_of
 from identification.diagnosis.search.rival_sets import RivalComparison, is_far_worse
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import explained_loss, with_replacement
+from identification.engine import contract_levels
 from identification.engine.resampling import Costs, probabilities
 from identification.gates import exchange
 from phantom_dyn.array_types import Array, Float
@@ -40,6 +41,8 @@ def beside_structures(
         other_conditions: Searches under conditions that should not matter, as for these rivals.
     """
     known = _share_of_known(search, chosen, term, comparison, other_conditions)
+    if known > 1.0 - contract_levels.LISTED:
+        return comparison
     rivals = tuple(Rival(rival.effects, known * rival.probability) for rival in comparison.rivals)
     return replace(comparison, probability=known * comparison.probability, rivals=rivals)
 
