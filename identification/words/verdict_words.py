@@ -117,9 +117,10 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         return (
             "This recording does not show whether there is a gap: the noise of "
             f"{joints_words([gap.joint for gap in unknown])} is not known, as there are too few samples, the sampling "
-            "rate is too low to see noise above so fast a motion, or the readings were filtered. "
+            "rate is too low to see noise above so fast a motion, the readings were filtered, or the noise grows "
+            "towards the frequencies of the motion. "
             f"Up to {percent(_hidden_by_noise(least_known))} of the torque may be noise or a gap. "
-            "Record for longer, at a higher rate, and readings as the sensors give them."
+            "Record for longer, at a higher rate, and readings as the sensors give them, or repeat the motion."
         )
     known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
     if diagnosis.verdict == "not_testable" and known:

@@ -16,7 +16,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.gap import judged_blocks, least_noise, measured_torque, residual_sums, sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.discrepancy import discrepancy
+from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, discrepancy
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_floor import SensorFloor, sensor_floor
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
@@ -297,8 +297,10 @@ def floor_by_sensors(
 ) -> Floor:
     """The floor of each joint by its sensors, with the discrepancy that a sound model is allowed.
 
-    Floors by repetitions are kept. Where the residual of predictors is smaller than the noise of the sensors, it is the
-    noise. The residual where friction is uncertain, and errors of derivatives and filters, are added to the upper end.
+    Floors by repetitions are kept. So are those by predictors, as upper limits, where they are more than a sound joint
+    with white noise leaves, but its noise is not white and may be as large. Where the residual of predictors is
+    smaller than the noise of the sensors, it is the noise. The residual where friction is uncertain, and errors of
+    derivatives and filters, are added to the upper end.
 
     Args:
         floor: By repetitions and predictors.
@@ -326,6 +328,13 @@ def floor_by_sensors(
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
     uncertain = uncertain_squares(problem, problem.session.in_judged_band(noise), residual, doubt, value, wide)
     high = np.where(taken, np.sqrt(high**2 + uncertain), high)
+    of_drive = DRIVE_CLASSES[problem.session.robot.torque_source].of_noise * sensed.torque
+    beyond = floor.value > np.hypot(np.maximum(high, of_drive), sensed.discrepancy)
+    coloured = taken & beyond & (floor.value <= own_floor.rising)
+    known, taken = known & ~coloured, taken & ~coloured
+    value, low, high = (
+        np.where(coloured, given, own) for own, given in ((value, floor.value), (low, floor.low), (high, floor.high))
+    )
     source = tuple(
         REPETITIONS if again else SENSORS if own else NONE for again, own in zip(repeated, known, strict=True)
     )

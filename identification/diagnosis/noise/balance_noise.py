@@ -38,6 +38,7 @@ _HIDDEN = 0.3
 # Where encoder noise hides the torque noise, this share of its largest possible power is assumed: a quarter of the
 # amplitude.
 _BETWEEN = 1.0 / 16.0
+_STEEPEST = 2.0  # slope of noise behind a lag of first order, in powers of the frequency
 _LOWEST = 2  # most sub-bands with the least power that are averaged: remains of motion and effects raise the others
 
 
@@ -77,7 +78,7 @@ def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
         bands: Power in each sub-band above the motion, from `balance_bands`.
         deviations: Half width of the interval in standard errors.
     """
-    clear = sorted((one for one in bands if one.encoders < _OF_ENCODERS * one.whole), key=lambda one: one.torque)
+    clear = sorted((one for one in bands if not _is_hidden(one)), key=lambda one: one.torque)
     hidden = [one for one in bands if one not in clear]
     if not bands:
         return None
@@ -98,6 +99,40 @@ def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
     near_motion = min(near_motion, nearest.whole) if nearest in hidden else near_motion
     low = clear[0].torque / reach
     return Density(value, low if low <= value else 0.0, max(value, near_motion) * reach)
+
+
+def rising_density(bands: list[SubBand], judged_hz: float, lowest_hz: float, deviations: float) -> tuple[bool, float]:
+    """Whether noise rises towards the motion, and its mean density [(N m)^2/Hz] in the judged band if it does so there.
+
+    The noise of a drive whose corner is below the sub-bands falls by the square of the frequency, and its density above
+    the motion does not show the corner. So the slope between the two sub-bands next to the motion is extended to the
+    lowest frequency that the recording holds. It rises if the slope is more than its uncertainty; the mean is that of
+    the steepest possible slope.
+
+    Args:
+        bands: Power in each sub-band above the motion, from `balance_bands`; at least one.
+        judged_hz: Edge of the band of the motion [Hz].
+        lowest_hz: The lowest frequency that the recording holds [Hz].
+        deviations: Half width of an interval in standard errors.
+    """
+    nearest = sorted(bands, key=lambda one: one.centre)[:2]
+    first, rises, steepest = nearest[0], False, _STEEPEST
+    if len(nearest) > 1 and not _is_hidden(first):
+        second = nearest[1]
+        # Encoder noise may hide that of the torque in the second one, which is then at most the whole power.
+        rise = float(np.log(first.torque / (second.whole if _is_hidden(second) else second.torque)))
+        error = float(np.hypot(*(np.log(_reach([one], deviations)) for one in nearest)))
+        rises = rise > error
+        if not _is_hidden(second):
+            steepest = min(max(rise + error, 0.0) / float(np.log(second.centre / first.centre)), _STEEPEST)
+    f = np.geomspace(min(lowest_hz, judged_hz), judged_hz, 200)
+    mean = float(np.trapezoid((first.centre / f) ** steepest, f)) / judged_hz
+    return rises, (first.whole if _is_hidden(first) else first.torque) * _reach([first], deviations) * mean
+
+
+def _is_hidden(band: SubBand) -> bool:
+    """True if most of a sub-band's power may be encoder noise."""
+    return band.encoders >= _OF_ENCODERS * band.whole
 
 
 def _reach(bands: list[SubBand], deviations: float) -> float:

@@ -1,9 +1,10 @@
 """Noise floor of each joint from its sensors: their noise, propagated to the torque in the judged band.
 
 New encoder noise is drawn for the smooth motion and goes through derivatives, model and filters. The noise of the
-torque is white; its density is that of the readings or, if the torque is a command, that of the measured minus the
-modelled torque (the torque balance). No fit of a model and no flexible predictor is used, because a torque that these
-do not predict need not be noise.
+torque is taken as white; its density is that of the readings or, if the torque is a command, that of the measured minus
+the modelled torque (the torque balance). Where this rises towards the motion the noise is not white, and may be larger
+in the band than above it: then the sensors show only how large it may be. No fit of a model and no flexible predictor
+is used, because a torque that these do not predict need not be noise.
 """
 
 from __future__ import annotations
@@ -17,7 +18,13 @@ from identification.data.floating.base_columns import with_redrawn_noise
 from identification.data.log import Log
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series, Session
-from identification.diagnosis.noise.balance_noise import balance_bands, balance_noise, reading_errors
+from identification.diagnosis.noise.balance_noise import (
+    SubBand,
+    balance_bands,
+    balance_noise,
+    reading_errors,
+    rising_density,
+)
 from identification.diagnosis.noise.certain_samples import root_weights
 from identification.diagnosis.noise.discrepancy import shown_error
 from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_noise
@@ -43,6 +50,8 @@ class SensorFloor:
         low, high: Its interval, ``(nv,)``.
         torque: The part of the torque readings or of the drive, ``(nv,)``.
         encoders: The part of the position readings, ``(nv,)``.
+        rising: Largest noise of a joint, if it is not white and its density rises on in the band; zero if it is white,
+            ``(nv,)``.
     """
 
     value: Float[Array, " nv"]
@@ -50,6 +59,7 @@ class SensorFloor:
     high: Float[Array, " nv"]
     torque: Float[Array, " nv"]
     encoders: Float[Array, " nv"]
+    rising: Float[Array, " nv"]
 
     @property
     def known(self) -> Bool[Array, " nv"]:
@@ -69,13 +79,18 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
     encoders = _encoders_in_band(session, readings, usable)
     gain = _noise_gain(session)
     value, low, high, torque = np.full((4, robot.nv), np.nan)
-    for j, density in enumerate(torque_densities(session, readings, deviations)):
+    rising = np.zeros(robot.nv)
+    densities = torque_densities(session, readings, deviations)
+    rises = joints_that_rise(densities)
+    for j, density in enumerate(densities):
         if density is not None:
             torque[j] = np.sqrt(density.value * gain)
             value[j] = np.hypot(torque[j], encoders[j])
             low[j] = np.hypot(np.sqrt(density.low / _DENSITY_UNCERTAINTY * gain), encoders[j])
             high[j] = np.hypot(np.sqrt(density.high * _DENSITY_UNCERTAINTY * gain), encoders[j])
-    return SensorFloor(value, low, high, torque, encoders)
+            if rises[j]:
+                rising[j] = np.hypot(np.sqrt(density.rising * _DENSITY_UNCERTAINTY * gain), encoders[j])
+    return SensorFloor(value, low, high, torque, encoders, rising)
 
 
 def _readings_of(session: Session) -> Readings:
@@ -84,7 +99,7 @@ def _readings_of(session: Session) -> Readings:
 
 
 def torque_densities(session: Session, readings: Readings, deviations: float = 2.0) -> list[Density | None]:
-    """White noise of each joint's torque, from torque readings or from measured minus modelled torque; None if unknown.
+    """Noise of each joint's torque, from torque readings or from measured minus modelled torque; None if unknown.
 
     Args:
         session: Recordings at their full rate, and their judged band.
@@ -96,11 +111,34 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
     seconds = [len(log.motion.t) / log.band.rate_hz for log in logs]
     out: list[Density | None] = []
     for j in range(robot.nv):
-        balance = _mean_density([balance_noise(own[j], deviations) for own in bands], seconds)
+        each = [
+            _balance_density(own[j], session.cutoff_hz, long, deviations)
+            for own, long in zip(bands, seconds, strict=True)
+        ]
+        balance = _mean_density(each, seconds)
         # A command has no sensor: at frequencies above the motion it shows the controller's answer.
         seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
         out.append(_smaller_density(seen, balance))
     return out
+
+
+def joints_that_rise(densities: list[Density | None]) -> list[bool]:
+    """Whether the noise of each joint is not white, but rises towards the motion.
+
+    Drives of a robot are alike: if the noise of most joints is seen to rise, that of another is not by chance.
+    """
+    seen = [density.rises for density in densities if density is not None]
+    most = 2 * sum(seen) > len(seen)
+    return [density is not None and (density.rises or most) for density in densities]
+
+
+def _balance_density(bands: list[SubBand], judged_hz: float, seconds: float, deviations: float) -> Density | None:
+    """Noise of measured minus modelled torque in a recording, and whether it rises towards the motion."""
+    density = balance_noise(bands, deviations)
+    if density is None:
+        return None
+    rises, rising = rising_density(bands, judged_hz, 1.0 / seconds, deviations)
+    return replace(density, rises=rises, rising=rising)
 
 
 def _smaller_density(seen: Density | None, balance: Density | None) -> Density | None:
@@ -111,8 +149,9 @@ def _smaller_density(seen: Density | None, balance: Density | None) -> Density |
     """
     if seen is not None and balance is not None and balance.may_be_nothing:
         return Density(min(seen.value, balance.high), balance.low, balance.high)
-    known = [one for one in (seen, balance) if one is not None]
-    return min(known, key=lambda one: one.value, default=None)
+    if seen is None or balance is None:
+        return seen or balance
+    return replace(min(seen, balance, key=lambda one: one.value), rises=balance.rises, rising=balance.rising)
 
 
 def _mean_density(each: list[Density | None], weights: list[float]) -> Density | None:
@@ -120,9 +159,10 @@ def _mean_density(each: list[Density | None], weights: list[float]) -> Density |
     known = [(one, weight) for one, weight in zip(each, weights, strict=True) if one is not None]
     if not known:
         return None
-    values = [(one.value, one.low, one.high) for one, _ in known]
-    mean = np.average(values, axis=0, weights=[weight for _, weight in known]).tolist()
-    return Density(*mean, may_be_nothing=all(one.may_be_nothing for one, _ in known))
+    values = [(one.value, one.low, one.high, one.rising) for one, _ in known]
+    value, low, high, rising = np.average(values, axis=0, weights=[weight for _, weight in known]).tolist()
+    nothing, rises = all(one.may_be_nothing for one, _ in known), any(one.rises for one, _ in known)
+    return Density(value, low, high, nothing, rises, rising)
 
 
 def _encoders_in_band(

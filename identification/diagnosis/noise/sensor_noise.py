@@ -24,13 +24,16 @@ _TOP = 0.4  # highest frequency used, as a share of the rate: above, aligning a 
 class Density:
     """Power density of white noise [(N m)^2/Hz]: mean, smallest and largest over parts of the band above the motion.
 
-    It ``may_be_nothing`` where only the largest is known: the mean is then a guess between nothing and that.
+    It ``may_be_nothing`` where only the largest is known: the mean is then a guess between nothing and that. Noise
+    that ``rises`` towards the motion is not white; ``rising`` is its mean in the judged band if it does so there.
     """
 
     value: float
     low: float
     high: float
     may_be_nothing: bool = False
+    rises: bool = False
+    rising: float = 0.0
 
 
 def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | None:

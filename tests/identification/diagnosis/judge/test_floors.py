@@ -321,16 +321,17 @@ def test_what_friction_in_doubt_leaves_counts_with_the_weights_of_the_figures(st
 
 
 BEFORE = Floor(np.array([5.0, 6.0]), np.array([4.0, 5.0]), np.array([6.0, 7.0]), ("predictors", "predictors"))
-SENSED = SensorFloor(*(np.array([x, np.nan]) for x in (0.2, 0.1, 0.3, 0.2)), np.zeros(2))
+SENSED = SensorFloor(*(np.array([x, np.nan]) for x in (0.2, 0.1, 0.3, 0.2)), np.zeros(2), np.zeros(2))
 
 
 @pytest.fixture
 def floor(quiet):
     made = replace(sensor_floors(quiet.problem), floor=SENSED)
 
-    def of(before=BEFORE):
+    def of(before=BEFORE, rising=0.0):
         nothing = tuple(np.zeros_like(part) for part in quiet.noise)
-        return floor_by_sensors(before, made, quiet.problem, quiet.noise, nothing, nothing)
+        sensed = replace(made, floor=replace(SENSED, rising=np.array([rising, 0.0])))
+        return floor_by_sensors(before, sensed, quiet.problem, quiet.noise, nothing, nothing)
 
     return of
 
@@ -349,6 +350,21 @@ def floor(quiet):
 def test_sensors_set_the_floor_where_they_show_it_and_nothing_better_does(floor, before, row, value, low, source):
     found = floor(before)
     assert (found.value[row], found.low[row], found.source[row]) == (value, low, source)
+
+
+@pytest.mark.parametrize(
+    ("before", "rising", "value", "source"),
+    [
+        (BEFORE, 5.5, 5.0, NONE),
+        (BEFORE, 4.5, 0.2, SENSORS),
+        (replace(BEFORE, value=np.array([0.25, 6.0])), 5.5, 0.25, SENSORS),
+    ],
+    ids=["may be that noise", "more than it can make", "no more than above the motion"],
+)
+def test_sensors_do_not_show_noise_that_rises_towards_the_motion(floor, before, rising, value, source):
+    # By hand: on the first joint predictors leave 5 or 0.25, and white noise as above the motion makes 0.3 at most.
+    found = floor(before, rising)
+    assert (found.value[0], found.source[0]) == (value, source)
 
 
 def test_the_upper_end_holds_what_derivatives_are_wrong_by(floor, quiet):

@@ -13,7 +13,13 @@ from identification.data.signals import process, process_all
 from identification.diagnosis.columns.residual_columns import columns_like
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.noise.balance_noise import SubBand, balance_bands, balance_noise, band_passed
+from identification.diagnosis.noise.balance_noise import (
+    SubBand,
+    balance_bands,
+    balance_noise,
+    band_passed,
+    rising_density,
+)
 from identification.diagnosis.noise.encoder_noise import (
     _null_problem,
     at_least_encoder_noise,
@@ -274,6 +280,37 @@ def test_noise_that_the_encoders_hide_need_not_be_there_and_is_three_tenths_of_t
     # By hand: a quarter of the largest size is a sixteenth of its power.
     seen = balance_noise([SubBand(10.0, 1.0, 1.1, 1e6), SubBand(20.0, 16.0, 15.0, 1e6)], 0.0)
     assert (seen.value, seen.low, seen.high) == pytest.approx((0.3 / 16.0, 0.0, 0.3))
+
+
+def test_noise_that_falls_by_the_square_of_the_frequency_may_rise_so_in_the_band():
+    # Closed form: the mean from 0.1 to 5 Hz of 4 (10/f)^2, over 5 Hz.
+    parts = [SubBand(10.0, 4.0, 0.0, 1e6), SubBand(20.0, 1.0, 0.0, 1e6), SubBand(40.0, 9.0, 0.0, 1e6)]
+    rises, mean = rising_density(parts, 5.0, 0.1, 0.0)
+    assert rises
+    assert mean == pytest.approx(400.0 / 5.0 * (1.0 / 0.1 - 1.0 / 5.0), rel=1e-2)
+
+
+def test_noise_that_falls_by_less_rises_by_less():
+    # Closed form: it halves from 10 to 20 Hz, as 4 (10/f).
+    parts = [SubBand(10.0, 4.0, 0.0, 1e6), SubBand(20.0, 2.0, 0.0, 1e6)]
+    rises, mean = rising_density(parts, 5.0, 0.1, 0.0)
+    assert rises
+    assert mean == pytest.approx(40.0 / 5.0 * np.log(5.0 / 0.1), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [SubBand(10.0, 2.0, 0.0, 10.0), SubBand(20.0, 1.0, 0.0, 10.0)],
+        [SubBand(10.0, 1.0, 0.0, 1e6), SubBand(20.0, 4.0, 0.0, 1e6)],
+        [SubBand(10.0, 4.0, 3.0, 1e6), SubBand(20.0, 1.0, 0.0, 1e6)],
+        [SubBand(10.0, 4.0, 0.0, 1e6), SubBand(20.0, 5.0, 4.0, 1e6)],
+        [SubBand(10.0, 4.0, 0.0, 1e6)],
+    ],
+    ids=["within its uncertainty", "falls", "hidden near the motion", "hidden above", "one part"],
+)
+def test_noise_that_is_not_seen_to_rise_does_not(parts):
+    assert not rising_density(parts, 5.0, 0.1, 2.0)[0]
 
 
 def test_without_a_part_nothing_is_known():

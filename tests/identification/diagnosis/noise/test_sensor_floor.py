@@ -1,6 +1,7 @@
 """The noise floor of the sensors. Oracle: the noisy less the clean record of the same run, known truths."""
 
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 import pytest
@@ -9,10 +10,17 @@ from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import usable_samples
 from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
 from identification.diagnosis.columns.session import session_of
-from identification.diagnosis.noise.sensor_floor import _smaller_density, sensed_noise, sensor_floor
+from identification.diagnosis.noise.sensor_floor import (
+    _mean_density,
+    _smaller_density,
+    joints_that_rise,
+    sensed_noise,
+    sensor_floor,
+)
 from identification.diagnosis.noise.sensor_noise import Density
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 
+LAG = 0.97  # at 200 Hz: a corner at 1 Hz
 WITHIN = 1.25  # the measured ratio of seeds; the goal of the method is 1.2 for 95 % of the joints
 
 
@@ -28,12 +36,13 @@ def floors(session):
 def made(lab, planar2):
     """A session and the true floor: the noisy record's balance less the clean one's, in the judged band."""
 
-    def make(*, noise=0.05, robot=planar2, acting=0.0, encoder=0.0, seed=0):
+    def make(*, noise=0.05, robot=planar2, acting=0.0, encoder=0.0, lagging=0.0, seed=0):
         motion = lab.motion(2, seconds=40.0, swing=1.5)
         torque = acting * -np.sign(motion.v)
         recording = lab.recording(robot, motion, torque, noise=noise, seed=seed)
         rough = np.random.default_rng(seed).normal(size=motion.q.shape) * encoder
-        recording = replace(recording, q=recording.q + rough)
+        slow = behind_lag(np.random.default_rng(seed + 1).normal(size=motion.q.shape), LAG) * lagging
+        recording = replace(recording, q=recording.q + rough, tau=recording.tau + slow)
         session = session_of(robot, (recording,))
         log = session.logs[0]
         clean = replace(recording, q=motion.q, tau=inverse_dynamics(robot, motion) - torque)
@@ -43,6 +52,12 @@ def made(lab, planar2):
         return session, np.sqrt(np.sum(np.where(use, error, 0.0) ** 2, axis=0) / use.sum(axis=0))
 
     return make
+
+
+def behind_lag(white, share):
+    """White noise behind a lag of first order, with its deviation; ``share``: of each sample in the next one."""
+    gain = np.sqrt(1.0 - share**2)
+    return np.array(list(accumulate(gain * white, lambda before, new: share * before + new)))
 
 
 def ratio(made, **kwargs):
@@ -82,6 +97,29 @@ def test_an_effect_of_twenty_floors_changes_the_floor_by_a_fifth_at_most(made):
     # Known truth: the same noise with and without friction that the model lacks.
     without, with_it = (floors(made(acting=size)[0]).value for size in (0.0, 0.3))
     assert np.all(np.maximum(with_it / without, without / with_it) < 1.2)
+
+
+def test_noise_behind_a_lag_may_be_as_large_in_the_band_as_it_is(made):
+    # Known truth: most noise has a corner at 1 Hz, within the band, and is more than its density above the band says.
+    session, true = made(noise=0.05, lagging=2.0)
+    found = floors(session)
+    assert np.all((found.high < true) & (true < found.rising))
+
+
+def test_white_noise_does_not_rise(made):
+    assert not floors(made()[0]).rising.any()
+
+
+def test_noise_rises_on_all_joints_if_it_does_on_most():
+    rises, white = Density(1.0, 0.5, 2.0, rises=True, rising=8.0), Density(1.0, 0.5, 2.0, rising=4.0)
+    assert joints_that_rise([rises, None, white, rises]) == [True, False, True, True]
+    assert joints_that_rise([rises, None, white]) == [True, False, False]
+
+
+def test_noise_rises_in_the_mean_if_it_does_in_one_recording():
+    rises, white = Density(1.0, 0.5, 2.0, rises=True, rising=8.0), Density(1.0, 0.5, 4.0, rising=4.0)
+    assert _mean_density([rises, white], [1.0, 1.0]) == Density(1.0, 0.5, 3.0, rises=True, rising=6.0)
+    assert _mean_density([white, None], [1.0, 1.0]) == white
 
 
 def test_the_interval_holds_the_value(made):
