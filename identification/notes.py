@@ -21,6 +21,7 @@ class Code(Enum):
     GAINS_ESTIMATED = auto()
     GAIN_BY_FRICTION = auto()
     GAIN_OR_CONSTANT = auto()
+    OFFSET_OR_ZERO = auto()
     STRAYS_UNDER_CONTROL = auto()
     # Recordings at rest, events, measured poses, a simulator's own friction, the search, drives, unlike recordings.
     RESTS_APART = auto()

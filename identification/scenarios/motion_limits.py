@@ -1,4 +1,4 @@
-"""Removes claims that positions without torque cannot support: a controller's gain may explain a torque constant."""
+"""Limits claims to what positions without torque support: gains and zeros of references may explain the same torque."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def without_gain_ambiguities(
 
     A ratio within two tolerances of the gains is no gap and is listed as adjusted. A larger ratio stays a finding on
     the product of both, with a warning. Gains that were estimated from the same positions hide any ratio, loads that
-    scale the weight and inertia of a joint, and viscous friction within the damping gain. These are not testable.
+    scale the weight and inertia of a joint, and viscous friction within the damping gain. These are not testable. A
+    torque offset stays a finding, with the zero of the reference that would explain it.
 
     Args:
         judgement: Judgement of the torque that controllers command.
@@ -85,6 +86,7 @@ def without_gain_ambiguities(
         if finding not in damping
     )
     warned = tuple(Note(Code.GAIN_OR_CONSTANT, finding.joint, {"ratio": 1.0 + _excess(finding)}) for finding in large)
+    warned += _zero_notes(findings, robot)
     kept = [finding not in small for finding in judgement.findings]
     without = judgement.evidence.tau_without
     shown = tuple(torque for torque, keep in zip(without, kept, strict=False) if keep)
@@ -114,6 +116,20 @@ def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], Gate
         return claim
     outcome: Outcome = "claimed" if result.passed else "not_claimed"
     return replace(claim, gates=(*claim.gates, result), outcome=outcome)
+
+
+def _zero_notes(findings: tuple[Finding, ...], robot: Robot) -> tuple[Note, ...]:
+    """A note for each torque offset with the zero of the reference that makes the same torque."""
+    out = []
+    for finding in findings:
+        if finding.effect != "torque_offset" or finding.joint is None:
+            continue
+        row = robot.joint_names.index(finding.joint)
+        controller = robot.actuators[row].controller
+        if controller is not None and controller.kp > 0:
+            zero = float(finding.parameters["torque"].numbers[0]) / controller.kp
+            out.append(Note(Code.OFFSET_OR_ZERO, finding.joint, {"zero": zero}))
+    return tuple(out)
 
 
 def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tuple[Note, ...]:

@@ -225,6 +225,11 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
         "The torque constant of {joint} and the gain of its controller cannot be separated by positions: the ratio "
         "of {ratio:.3g} is that of their product."
     ),
+    Code.OFFSET_OR_ZERO: filled(
+        "The torque offset of {joint} and another zero of its references, such as the trim of a servo, cannot be "
+        "separated by positions: q_ref.{joint}: {{from: q_ref.{joint}, offset: {zero:.4g}}} in a column map has the "
+        "same effect."
+    ),
     Code.STRAYS_UNDER_CONTROL: _strays_under_control,
     Code.RESTS_APART: _rests_apart,
     Code.CONTROLLER_GIVES_WAY: filled(

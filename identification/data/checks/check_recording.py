@@ -26,6 +26,7 @@ from identification.data.checks.positions import (
 )
 from identification.data.checks.readings.reading import of_voltages, reading_of
 from identification.data.checks.readings.suspects import slow_clock
+from identification.data.checks.references import reference_faults
 from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_flat, check_repeated, check_timing
@@ -109,6 +110,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         return Checked((*out, *check_degrees(recording, robot, None, None), *warnings), wrong)
     if smooth is None or recording.tau is None:
         wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
+        wrong = wrong or reference_faults(recording, robot)
         return Checked((*out, *check_degrees(recording, robot, None, None)), wrong)
     external = external_torque(robot, recording.q, recording.forces) if recording.forces else None
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))

@@ -209,6 +209,18 @@ def test_a_torque_constant_within_twice_the_tolerance_of_the_gain_is_not_claimed
     assert (result.gate, result.value, result.needed) == ("beyond the gain", pytest.approx(ratio - 1.0), 0.2)
 
 
+def test_a_torque_offset_is_stated_with_the_zero_of_the_reference_that_makes_it(rubbing, recording, pendulum):
+    # Closed form: a reference that is a quarter of a radian too large asks for a quarter of the gain more.
+    asked = (with_commanded_torque(replace(recording, q_ref=recording.q_ref + 0.25), pendulum),)
+    size = {"torque": Value(-0.25 * KP, 0.01, "N m")}
+    finding = replace(rubbing.findings[0], effect="torque_offset", joint="pin", parameters=size)
+    given = replace(judgement_of(rubbing), findings=(finding,), ledger=(), warnings=())
+    found = without_gain_ambiguities(given, asked, Rollout(None, {}, {}), pendulum)
+    assert found.findings == (finding,)
+    (warning,) = sentences(found.warnings)
+    assert "q_ref.pin: {from: q_ref.pin, offset: -0.25} in a column map has the same effect" in warning
+
+
 def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, recording, pendulum):
     asked = (with_commanded_torque(recording, pendulum),)
     rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})

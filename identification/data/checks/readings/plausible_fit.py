@@ -152,12 +152,11 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
     low += list(np.where(positive, 0.0, -load))
     high += list(load)
     ones = np.ones_like(reading.tau)
-    postures = np.linspace(0, len(ones) - 1, _POSTURES).astype(int)
     own_low = np.tile([0.0, 0.0, 0.0, -np.inf], (ones.shape[1], 1))
     for column, late in enumerate((reading.late_by_acceleration, reading.late_by_speed)):
         own_low[:, column] -= 0.0 if late is None else late
     own_high = np.full_like(own_low, np.inf)
-    own_high[:, 0] = freedom.rotor * np.einsum("njj->nj", mass_matrix(robot, reading.motion.q[postures])).mean(axis=0)
+    own_high[:, 0] = freedom.rotor * mean_inertia(robot, reading.motion.q)
     if np.isfinite(freedom.offset):
         size = np.sqrt(np.mean((regressor @ modelled) ** 2, axis=0))
         own_low[:, 3], own_high[:, 3] = -freedom.offset * size, freedom.offset * size
@@ -170,6 +169,12 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
         own_high,
         freedom.factor,
     )
+
+
+def mean_inertia(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+    """Inertia at each joint, averaged over postures of a recording."""
+    postures = np.linspace(0, len(q) - 1, _POSTURES).astype(int)
+    return np.einsum("njj->nj", mass_matrix(robot, q[postures])).mean(axis=0)
 
 
 def _reach(robot: Robot) -> float:
@@ -191,7 +196,7 @@ def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, 
     constants = np.ones(len(joints))
     best = np.full(len(joints), np.inf)
     for turn in range(_ROUNDS):
-        x = _bounded_fit(_stacked(shared * constants[:, None], own), target.T.ravel(), low, high)
+        x = bounded_fit(_stacked(shared * constants[:, None], own), target.T.ravel(), low, high)
         need = shared @ x[:count]
         each = []
         for k in range(len(joints)):
@@ -236,11 +241,11 @@ def _own_fit(
 ) -> tuple[float, float]:
     """Factor of a joint's torque constant, and sum of squared residuals, if its links need the torque ``need``."""
     columns = np.column_stack([need, own])
-    x = _bounded_fit(columns, target, *bounds)
+    x = bounded_fit(columns, target, *bounds)
     return float(x[0]), float(np.sum((target - columns @ x) ** 2))
 
 
-def _bounded_fit(
+def bounded_fit(
     columns: Float[Array, "n k"], target: Float[Array, " n"], low: Array, high: Array
 ) -> Float[Array, " k"]:
     """Least-squares coefficients within their bounds."""

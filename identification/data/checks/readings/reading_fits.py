@@ -23,8 +23,8 @@ for the geometric mean over both halves of the recording."""
 _EITHER_HALF = float(np.log(2.0))
 WORSE = float(np.log(1.5))
 """Logarithm of the largest acceptable increase of the unexplained share of any joint."""
-# Largest unexplained share with the correct reading.
-_RIGHT = 0.15
+RIGHT = 0.15
+"""Largest unexplained share with the correct reading."""
 # Largest median share with two mistakes corrected.
 _BOTH_RIGHT = 0.1
 
@@ -102,9 +102,9 @@ def is_certain(found: ReadingFit) -> bool:
         return False
     if found.suspect.expected:
         shares = found.unexplained[~np.isnan(found.unexplained)]
-        return float(np.nansum(gains)) >= 0 and len(shares) > 0 and float(np.median(shares)) <= _RIGHT
+        return float(np.nansum(gains)) >= 0 and len(shares) > 0 and float(np.median(shares)) <= RIGHT
     worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.unexplained.T])
-    improved = (gains_of_joints >= FAR_BETTER) & (worst[joints] <= _RIGHT)
+    improved = (gains_of_joints >= FAR_BETTER) & (worst[joints] <= RIGHT)
     if found.suspect.kind == "order":
         return bool(improved.any() and np.all(gains_of_joints >= WORSE))
     # One improved joint is enough in five cases: the mistake is only mentioned, not reported as a fault (`offer`); the
@@ -117,12 +117,12 @@ def is_certain(found: ReadingFit) -> bool:
         return bool(improved.any())
     if found.suspect.kind == "attitude":
         # All joints have the same gravity. A load that the model lacks may explain the last joints without it.
-        return bool(improved.any() and np.nanmax(worst) <= _RIGHT)
+        return bool(improved.any() and np.nanmax(worst) <= RIGHT)
     if found.suspect.kind == "gears":
         # In a free swing weight and inertia cancel, and small errors of both look like gears. But then the unexplained
         # share is small as recorded, too.
         recorded = np.exp(found.gains) * (found.unexplained + ENOUGH) - ENOUGH
-        return bool((improved & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > _RIGHT)).any())
+        return bool((improved & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > RIGHT)).any())
     if found.suspect.kind == "torque":
         # A factor on all joints may be caused by a load, unless two joints agree; one on some joints cannot.
         return int(improved.sum()) >= (2 if len(gains_of_joints) == len(gains) else 1)
@@ -130,7 +130,7 @@ def is_certain(found: ReadingFit) -> bool:
         return _pair_is_certain(found)
     if found.suspect.kind == "sign" and found.suspect.moves:
         # The joint itself may need the same torque with both signs, if its position matters only to joints before it.
-        every = (gains >= FAR_BETTER) & (worst <= _RIGHT)
+        every = (gains >= FAR_BETTER) & (worst <= RIGHT)
         return bool(every.any() and np.all(np.nan_to_num(gains_of_joints) >= -WORSE))
     return int(improved.sum()) >= min(2, len(gains_of_joints))
 
@@ -143,7 +143,7 @@ def explains_nearly_all(found: ReadingFit) -> bool:
     worst = np.nanmax(found.unexplained, axis=0, initial=0.0, where=~np.isnan(found.unexplained))
     touched = np.abs(np.nan_to_num(found.joint_gains)) > WORSE
     touched[list(found.suspect.joints)] = True
-    return bool(worst[touched].max(initial=0.0) <= _RIGHT)
+    return bool(worst[touched].max(initial=0.0) <= RIGHT)
 
 
 def _pair_is_certain(found: ReadingFit) -> bool:
@@ -153,4 +153,4 @@ def _pair_is_certain(found: ReadingFit) -> bool:
     # One improved joint is enough where the recorded travel is impossible.
     impossible = any(part.turned or part.kind == "length" for part in found.suspect.parts)
     needed = 1 if impossible else min(2, int((~np.isnan(found.joint_gains)).sum()))
-    return bool(len(shares) and np.median(shares) <= _BOTH_RIGHT and shares.max() <= _RIGHT and better.sum() >= needed)
+    return bool(len(shares) and np.median(shares) <= _BOTH_RIGHT and shares.max() <= RIGHT and better.sum() >= needed)

@@ -1,0 +1,268 @@
+"""Finds references of position controllers that the positions cannot follow: wrong units, signs, orders and zeros.
+
+A drive follows its reference with any delay up to half a second, rotor inertia and friction, and with an error that
+grows with the weight and inertia of the links that it moves. As in `identification.data.checks.better_readings`, a
+mistake is certain if no such drive explains the motion as recorded, and one explains it far better, and nearly all of
+it, with the mistake corrected, in both halves of the recording. Drives that are soft, late or at their limits follow
+badly, but no better when read otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from identification.data.checks.readings.plausible_fit import ENOUGH, PLAUSIBLE, bounded_fit, mean_inertia
+from identification.data.checks.readings.reading import Reading, reading_of, with_order, with_torques_times
+from identification.data.checks.readings.reading_fits import FAR_BETTER, RIGHT, ReadingFit, is_certain
+from identification.data.checks.readings.suspects import Kind, Suspect, names
+from identification.data.checks.smoothed_copy import smoothed
+from identification.data.readers.map_entries import entries, entries_after, entries_words, joint_entries
+from identification.data.recording import Fault, Recording
+from phantom_dyn.array_types import Array, Float
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
+from phantom_dyn.errors import listed
+from phantom_dyn.model.robot import Robot
+
+# Delays of the reference that are tried [s]; the columns of speed and acceleration express what lies between them.
+_DELAYS = np.arange(0.0, 0.55, 0.1)
+# Largest factor between the gain of a drive and the stated one.
+_GAIN = 2.0
+# Price of each reference that is another joint's: two joints are far better together.
+_MOVED = FAR_BETTER / 2
+# Number of mistakes that are found one after the other, and largest number of joints whose references are reordered.
+_MOST_FAULTS, _MOST_JOINTS = 3, 12
+# Positions and references have another zero if they are a multiple of a quarter turn apart up to the first number
+# [rad], and that varies by less than the second share of it.
+_QUARTER, _NEAR, _STEADY = np.pi / 2, 0.05, 0.1
+
+
+@dataclass(frozen=True)
+class _Following:
+    """Samples of a motion and its references.
+
+    Attributes:
+        q: Positions, ``(N, nv)``.
+        columns: What a reference may be ahead of its position by, with coefficients within bounds, ``(N, nv, 6)``.
+        largest: The largest coefficients, ``(nv, 6)``; all but an offset are positive.
+        late: The data as recorded, one reading for each delay; the torque of a reading is the reference.
+    """
+
+    q: Float[Array, "N nv"]
+    columns: Float[Array, "N nv 6"]
+    largest: Float[Array, "nv 6"]
+    late: tuple[Reading, ...]
+
+
+def reference_faults(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
+    """Certain mistakes in the references of a recording without torque.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model.
+    """
+    data = _following(recording, robot)
+    if data is None:
+        return ()
+    found = _mistakes(robot, data)
+    if not found:
+        return _other_zeros(recording, robot, data)
+    out, earlier = [], {}
+    for one in found:
+        mended = entries_after(earlier, one.suspect.entries)
+        earlier |= mended
+        j = int(np.nanargmax(one.joint_gains))
+        left = max(100 * float(np.nanmax(one.unexplained[:, j])), 0.1)
+        joint = robot.joint_names[j]
+        why = (
+            f"as recorded {joint} does not follow its reference, whatever delay, inertia, friction and gain its drive "
+            f"has; read so, all but {left:.2g} % of its motion does"
+        )
+        out.append(Fault(one.suspect.what, why, f"{entries_words(recording, mended)}{one.suspect.advice}"))
+    return tuple(out)
+
+
+def _following(recording: Recording, robot: Robot) -> _Following | None:
+    """The samples of a recording; None without references, or with too few samples."""
+    if recording.q_ref is None or not np.isfinite(recording.q_ref).all():
+        return None
+    t = recording.t
+    late = [np.column_stack([np.interp(t - d, t, column) for column in recording.q_ref.T]) for d in _DELAYS]
+    smooth = smoothed(replace(recording, tau=np.hstack(late)))
+    # References of the first half second are not known with every delay.
+    known = None if smooth is None else replace(smooth, inside=smooth.inside & (smooth.t > t[0] + _DELAYS[-1]))
+    reading = None if known is None else reading_of(known)
+    if reading is None:
+        return None
+    weight = gravity_torque(robot, reading.motion.q)
+    inertia = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion) - weight
+    columns = [reading.motion.v, reading.motion.a, reading.sign, np.ones_like(weight), weight, inertia]
+    gains = np.array([0.0 if a.controller is None else a.controller.kp for a in robot.actuators])
+    per_torque = np.where(gains > 0, _GAIN / np.maximum(gains, 1e-300), np.inf)
+    largest = np.full((robot.nv, len(columns)), np.inf)
+    largest[:, 1] = per_torque * PLAUSIBLE.rotor * mean_inertia(robot, reading.motion.q)
+    largest[:, 4:] = per_torque[:, None]
+    parts = np.split(reading.tau, len(_DELAYS), axis=1)
+    readings = tuple(replace(reading, tau=part) for part in parts)
+    return _Following(reading.motion.q, np.stack(columns, axis=2), largest, readings)
+
+
+def _share(data: _Following, half: slice, j: int, references: Sequence[Float[Array, " N"]]) -> float:
+    """Share of the motion of joint ``j`` in a half that does not follow a reference, with the best of its delays.
+
+    It is a share of the motion that no constant reference explains, as a joint may swing by itself.
+    """
+    q, columns = data.q[half, j], data.columns[half, j]
+    if not np.ptp(q) > 0:
+        return np.nan
+    low = np.where(np.arange(columns.shape[1]) == 3, -np.inf, 0.0)
+    errors = [reference[half] - q for reference in (*references, np.zeros_like(data.q[:, j]))]
+    left = [error - columns @ bounded_fit(columns, error, low, data.largest[j]) for error in errors]
+    *squares, by_itself = (float(x @ x) for x in left)
+    return min(squares) / by_itself if by_itself > 0 else np.nan
+
+
+def _halves(data: _Following) -> tuple[slice, slice]:
+    middle = len(data.q) // 2
+    return slice(None, middle), slice(middle, None)
+
+
+def _shares(data: _Following, readings: Sequence[Reading]) -> Float[Array, "2 nv"]:
+    """Share of each joint's motion that does not follow its reference, in each half of the recording."""
+    joints = range(data.q.shape[1])
+    return np.array(
+        [[_share(data, half, j, [x.tau[:, j] for x in readings]) for j in joints] for half in _halves(data)]
+    )
+
+
+def _mistakes(robot: Robot, data: _Following) -> list[ReadingFit]:
+    """Mistakes that are certain, one after the other."""
+    out: list[ReadingFit] = []
+    for _ in range(_MOST_FAULTS):
+        before = _shares(data, data.late)
+        poor = np.flatnonzero(np.nan_to_num(before).max(axis=0) > RIGHT).tolist()
+        if not poor:
+            return out
+        units = _units(robot, poor)
+        suspects = [*units, *_signs(robot, poor), *_orders(robot, data)]
+        fits = [_fit(data, before, suspect) for suspect in suspects]
+        certain = [one for one in fits if is_certain(one)]
+        if not certain:
+            return out
+        best = max(certain, key=lambda one: one.score)
+        out.append(best)
+        data = replace(data, late=tuple(best.suspect.read(reading) for reading in data.late))
+    return out
+
+
+def _fit(data: _Following, before: Float[Array, "2 nv"], suspect: Suspect) -> ReadingFit:
+    """How far better positions follow references with a suspected mistake corrected."""
+    shares = _shares(data, [suspect.read(reading) for reading in data.late])
+    return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
+
+
+def _units(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
+    """The suspected mistakes that references or positions are in degrees or mm: of all joints, or of one."""
+    out = []
+    for linear, unit, of, factor in ((False, "degrees", "rad", np.pi / 180), (True, "mm", "m", 1e-3)):
+        every = tuple(np.flatnonzero(robot.prismatic == linear).tolist())
+        sets = dict.fromkeys([every, *((j,) for j in poor if j in every)]) if every else {}
+        kind: Kind = "length" if linear else "degrees"
+        for joints in sets:
+            option = f"unit: {'mm' if linear else 'deg'}"
+            for quantity, word, times in (("q_ref", "reference", factor), ("q", "position", 1 / factor)):
+                scale = np.where(np.isin(range(robot.nv), joints), times, 1.0)
+                what = f"{_the(word, robot, joints)} in {unit} and not in {of}"
+                out.append(
+                    Suspect(
+                        kind,
+                        joints,
+                        what,
+                        entries(robot, quantity, joints, option),
+                        lambda reading, scale=scale: with_torques_times(reading, scale),
+                    )
+                )
+    return out
+
+
+def _the(word: str, robot: Robot, joints: Sequence[int]) -> str:
+    """Words such as ``the references of j1 and j2 are``."""
+    several = len(joints) > 1
+    return f"the {word}{'s' * several} of {names(robot, joints)} {'are' if several else 'is'}"
+
+
+def _signs(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
+    """The suspected mistakes that a reference is counted the other way round: of all poor joints, or of one."""
+    return [
+        Suspect(
+            "sign",
+            joints,
+            f"{_the('reference', robot, joints)} counted the other way round",
+            entries(robot, "q_ref", joints, "sign: -1"),
+            lambda reading, joints=joints: with_torques_times(
+                reading, np.where(np.isin(range(reading.tau.shape[1]), joints), -1.0, 1.0)
+            ),
+            advice=_or_positions(robot, joints),
+        )
+        for joints in dict.fromkeys([tuple(poor), *((j,) for j in poor)])
+    ]
+
+
+def _or_positions(robot: Robot, joints: Sequence[int]) -> str:
+    """Advice for mistakes that may be in the positions as well."""
+    columns = listed([f"q.{robot.joint_names[j]}" for j in joints])
+    return f"; or mend {columns} in the same way, if the model says so of the positions"
+
+
+def _orders(robot: Robot, data: _Following) -> list[Suspect]:
+    """The suspected mistake that references are in the columns of other joints, in the order that fits best."""
+    if not 1 < robot.nv <= _MOST_JOINTS:
+        return []
+    joints = range(robot.nv)
+    costs = np.zeros((robot.nv, robot.nv))
+    for i in joints:
+        for j in joints:
+            reference = [x.tau[:, j] for x in data.late]
+            shares = [_share(data, half, i, reference) for half in _halves(data)]
+            costs[i, j] = np.nanmean(np.log(np.array(shares) + ENOUGH)) if np.isfinite(shares).any() else 0.0
+    order = linear_sum_assignment(costs + _MOVED * (1 - np.eye(robot.nv)))[1].tolist()
+    moved = tuple(j for j in joints if order[j] != j)
+    if not moved:
+        return []
+    swapped = len(moved) == 2
+    return [
+        Suspect(
+            "order",
+            moved,
+            f"{_the('reference', robot, moved)} {'swapped' if swapped else 'in the columns of each other'}",
+            {f"q_ref.{robot.joint_names[j]}": f"q_ref.{robot.joint_names[order[j]]}" for j in moved},
+            lambda reading: with_order(reading, order, positions=False, torques=True),
+            advice=_or_positions(robot, moved) if swapped else "",
+        )
+    ]
+
+
+def _other_zeros(recording: Recording, robot: Robot, data: _Following) -> tuple[Fault, ...]:
+    """The fault of references that are quarter turns from the positions that follow them."""
+    error = data.late[0].tau - data.q
+    apart = np.median(error, axis=0)
+    zero = _QUARTER * np.round(apart / _QUARTER)
+    follows = np.nan_to_num(_shares(data, data.late), nan=np.inf).max(axis=0) <= RIGHT
+    steady = (np.abs(apart - zero) < _NEAR) & (error.std(axis=0) < _STEADY * np.abs(zero))
+    joints = np.flatnonzero(~robot.prismatic & follows & steady).tolist()
+    if not joints:
+        return ()
+    mended = joint_entries(robot, "q_ref", {j: f"offset: {-zero[j]:.6g}" for j in joints})
+    j = joints[0]
+    joint = robot.joint_names[j]
+    return (
+        Fault(
+            f"the zero of {listed([f'q_ref.{robot.joint_names[k]}' for k in joints])} is not that of the positions",
+            f"{joint} follows its reference, but {apart[j]:.4g} rad from it, give or take {error[:, j].std():.2g}",
+            f"{entries_words(recording, mended)}; or give q.{joint} that offset with the other sign, if the model has "
+            "its zero where the references have it",
+        ),
+    )
