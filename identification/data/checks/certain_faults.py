@@ -118,10 +118,7 @@ def _uncertain(recording: Recording, robot: Robot, faults: tuple[Fault, ...], la
 
 def _offer(recording: Recording, found: ReadingFit) -> str:
     """The sentence on a torque from which a controller may have subtracted gravity."""
-    return (
-        f"{recording.file}: {found.suspect.what} that the model has: if a controller had taken gravity out, "
-        f"{_advice(recording, found.suspect)}; if the robot stands or hangs otherwise, state gravity in robot.yaml."
-    )
+    return f"{recording.file}: {found.suspect.what}: {_advice(recording, found.suspect)}."
 
 
 def load_or_current_words(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[str, ...]:
@@ -192,6 +189,11 @@ def _advice(recording: Recording, suspect: Suspect) -> str:
             "torque_constant and gear_ratio in robot.yaml"
         )
     words = entries_words(recording, suspect.entries)
+    if suspect.kind == "gravity":
+        words = (
+            f"if a controller had taken gravity out, {words}; if the robot stands or hangs otherwise, state gravity in "
+            "robot.yaml"
+        )
     if suspect.kind in ("factors", "gears"):
         words += (
             "; or, by the data sheet, state torque_constant and gear_ratio in robot.yaml and name the columns "

@@ -107,11 +107,11 @@ def is_certain(found: ReadingFit) -> bool:
     improved = (gains_of_joints >= FAR_BETTER) & (worst[joints] <= RIGHT)
     if found.suspect.kind == "order":
         return bool(improved.any() and np.all(gains_of_joints >= WORSE))
-    # One improved joint is enough in five cases: the mistake is only mentioned, not reported as a fault (`offer`); the
+    # One improved joint is enough in five cases: the torques of all joints together feel no weight (`gravity`); the
     # recorded travel is impossible (`length`); each factor is that of a drive, as no load would make it (`factors`);
     # the torque grows with speed as only a back-EMF does (`voltage`); a joint turns more than once only if its position
     # is in degrees (`degrees`).
-    if found.suspect.outcome == "offer" or found.suspect.kind in ("length", "factors", "voltage"):
+    if found.suspect.kind in ("gravity", "length", "factors", "voltage"):
         return bool(improved.any())
     if found.suspect.kind == "degrees" and found.suspect.turned:
         return bool(improved.any())

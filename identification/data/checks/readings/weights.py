@@ -43,10 +43,11 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
         Suspect(
             "gravity",
             joints,
-            f"the torques of {names(robot, joints)} {'may lack' if loaded else 'lack'} the weight of the links",
+            f"the torques of {names(robot, joints)} {'may lack' if loaded else 'lack'} the weight of the links that "
+            "the model has",
             {"tau": "{compensated: gravity}"},
             lambda reading: with_torques_plus(reading, weight),
-            outcome="offer",
+            outcome="offer" if loaded else "wrong",
         )
     ]
 
