@@ -1,8 +1,8 @@
-"""A model fitted to the recordings without an unknown load, so that a diagnosis finds only the load of the others.
+"""Fits a model to the recordings without a load, so that a diagnosis finds only the unknown load of the others.
 
-Links, friction and constant torques of all joints are fitted, among bodies that can exist, with a prior at the given
-ones. The diagnosis of all recordings then starts from the fitted model. So errors of the given model that affect all
-recordings do not count as a change.
+The fit covers the inertial parameters of all links, and friction and a constant torque of every joint. The links stay
+physically consistent, with a prior at the given parameters. The diagnosis of all recordings starts from the fitted
+model. So errors of the given model, which affect all recordings, do not count as a change.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-# Prior deviation of the links' parameters as a share of the given ones: wide, as the given model is weak.
+# Prior standard deviation of the links' parameters as a share of the given ones: wide, as the model may be inaccurate.
 _WEAK = 0.5
 _OFFSET = "torque_offset"
 _FRICTION = ("viscous_friction", "coulomb_friction")
@@ -37,7 +37,11 @@ def has_unknown_load(changes: tuple[Change, ...]) -> bool:
 
 
 def with_common_model(given: Prepared) -> Prepared:
-    """The same recordings with the model of `common_model`, which raises the errors."""
+    """The input of a diagnosis with the fitted model of `common_model` in place of the given one.
+
+    Raises:
+        LogError: If every recording carries a load.
+    """
     robot, offsets, note = common_model(given.robot, given.seen, given.changes)
     return replace(given, robot=robot, known=(*given.known, *offsets), notes=(note, *given.notes))
 
@@ -45,7 +49,7 @@ def with_common_model(given: Prepared) -> Prepared:
 def common_model(
     robot: Robot, recordings: tuple[Recording, ...], changes: tuple[Change, ...]
 ) -> tuple[Robot, tuple[KnownEffect, ...], Note]:
-    """The robot fitted to recordings without an unknown load, constant torques of its joints, and a note on it.
+    """The robot fitted to the recordings without a load, constant torques of its joints, and a note on this fit.
 
     Args:
         robot: The given model.
@@ -53,25 +57,25 @@ def common_model(
         changes: Known changes of each.
 
     Raises:
-        LogError: If every recording carries an unknown load.
+        LogError: If every recording carries a load.
     """
     pairs = zip(recordings, changes, strict=False)
-    bare = tuple(one for one, change in pairs if "payload" not in change.unknown and change.payload is None)
-    if not bare:
+    unloaded = tuple(one for one, change in pairs if "payload" not in change.unknown and change.payload is None)
+    if not unloaded:
         raise LogError(
             f"{changes[0].file}: every recording carries a load without a value, so that there is nothing to compare "
             "it with: add a recording without a load."
         )
     zero = np.zeros(robot.nv)
-    plain = replace(robot, viscous_friction=zero, coulomb_friction=zero)
-    logs, _ = process_all(bare, plain)
-    logs = tuple(replace(log, tau=within_limits(log.tau, plain)) for log in logs)
+    frictionless = replace(robot, viscous_friction=zero, coulomb_friction=zero)
+    logs, _ = process_all(unloaded, frictionless)
+    logs = tuple(replace(log, tau=within_limits(log.tau, frictionless)) for log in logs)
     effects = [(effect_named(name), joint) for joint in robot.joint_names for name in (*_FRICTION, _OFFSET)]
-    found = consistent(torque_regressor(plain, logs, effects), prior=1.0 / _WEAK**2)
-    count = len(standard_parameters(plain))
-    out = with_parameters(plain, found.pi[:count] - standard_parameters(plain))
+    found = consistent(torque_regressor(frictionless, logs, effects), prior=1.0 / _WEAK**2)
+    count = len(standard_parameters(frictionless))
+    out = with_parameters(frictionless, found.pi[:count] - standard_parameters(frictionless))
     offsets = []
     for joint, (viscous, coulomb, offset) in zip(robot.joint_names, found.pi[count:].reshape(robot.nv, 3), strict=True):
         out = with_friction(out, joint, viscous=float(viscous), coulomb=float(coulomb))
         offsets.append(KnownEffect(_OFFSET, joint, (float(offset),)))
-    return out, tuple(offsets), Note(Code.MODEL_IN_COMMON, None, {"files": [one.file for one in bare]})
+    return out, tuple(offsets), Note(Code.MODEL_IN_COMMON, None, {"files": [one.file for one in unloaded]})

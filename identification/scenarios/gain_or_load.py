@@ -1,9 +1,9 @@
 """Choice between a higher controller gain and a lighter robot, which positions alone do not separate.
 
 Without torque and stated gains, the gain of a controller is estimated from the masses of the model. If the robot
-carries a load that the model lacks, the estimated gain is too low. All friction that is found is then too low as well,
-by more than an error of the damping gain could explain. With gains scaled so that the friction is as modelled, the load
-becomes visible. Recordings are diagnosed with both gains, and held-out samples decide between the results if they can.
+carries a load that the model lacks, the estimated gain is too low. The estimated friction is then too low as well, by
+more than an error of the damping gain could explain. With gains scaled so that the friction is as modelled, the load
+becomes visible. Recordings are diagnosed with both gains. Held-out samples decide between the results if they can.
 """
 
 from __future__ import annotations
@@ -23,19 +23,21 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
 
-_MOST = 10.0  # largest scale of the gains: a load of more than this many times the robot's masses is implausible
+_MOST = 10.0  # largest factor for the gains: a load of more than this many times the robot's masses is implausible
 _BLOCKS = 30  # number of time blocks of a bootstrap, because neighbouring samples are not independent
 
 
 def scales_by_friction(
     robot: Robot, recordings: tuple[Recording, ...], findings: tuple[Finding, ...]
 ) -> dict[str, float]:
-    """Factors on the estimated gains with which the friction of each joint is as the model states.
+    """Factor for the estimated gains of each joint with which its friction becomes the modelled friction.
+
+    Only joints are included whose friction was found to be lower than modelled.
 
     Args:
         robot: The robot with the estimated gains.
         recordings: Recordings with the names of the joints whose gains were estimated.
-        findings: Findings, among them friction below the modelled one by more than an error of a damping gain explains.
+        findings: Findings of the diagnosis with the estimated gains.
     """
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     out: dict[str, float] = {}
@@ -50,16 +52,16 @@ def scales_by_friction(
             row = robot.joint_names.index(finding.joint)
             controller = robot.actuators[row].controller
             damping = controller.kd if controller is not None and effect == "viscous_friction" else 0.0
-            left = float(modelled[row]) + damping + next(iter(finding.parameters.values())).numbers[0]
-            if left < modelled[row] and left * _MOST > modelled[row]:
-                out[finding.joint] = float(modelled[row]) / left
+            found_friction = float(modelled[row]) + damping + next(iter(finding.parameters.values())).numbers[0]
+            if found_friction < modelled[row] and found_friction * _MOST > modelled[row]:
+                out[finding.joint] = float(modelled[row]) / found_friction
     return out
 
 
 def with_scaled_gains(
     robot: Robot, recordings: tuple[Recording, ...], scales: Mapping[str, float]
 ) -> tuple[Robot, tuple[Recording, ...]]:
-    """The robot with higher gains, without damping gain, and recordings with the torque that these command.
+    """The robot with higher position gains and no damping gains, and recordings with the torque that these command.
 
     Args:
         robot: The robot with the estimated gains.
@@ -87,8 +89,8 @@ def with_scaled_gains(
 def preferred_diagnosis(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> tuple[bool, Diagnosis]:
     """Whether the diagnosis with higher gains is preferred, and the preferred one with the other's findings as rivals.
 
-    If both leave noise only, each has half of the probability, and the one with fewer findings is preferred. Otherwise
-    each has the probability that follows from the held-out losses.
+    If the residuals of both are only noise, each has half of the probability, and the one with fewer findings is
+    preferred. Otherwise the held-out losses determine the probabilities.
 
     Args:
         first: Diagnosis with the gains as they were estimated.
@@ -127,7 +129,7 @@ def _probability_of_second(first: Diagnosis, second: Diagnosis, scales: Mapping[
 
 
 def _leaves_noise(diagnosis: Diagnosis) -> bool:
-    """True if the residual of every joint counts as explained."""
+    """True if the residual of every joint is small enough to be noise."""
     return all(gap.rms_after <= contract_levels.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
 
 
@@ -145,5 +147,6 @@ def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], found_probabili
 
 
 def _losses(diagnosis: Diagnosis, floor: Float[Array, " nv"]) -> Float[Array, " N"]:
+    """Squared residual of each sample in units of the noise floors, summed over the joints."""
     evidence = diagnosis.evidence
     return (((evidence.tau_measured - evidence.tau_after) / np.maximum(floor, 1e-300)) ** 2).sum(axis=1)

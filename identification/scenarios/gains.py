@@ -1,9 +1,9 @@
-"""Estimate of unstated gains of position controllers from references and positions, by least squares.
+"""Estimates gains of position controllers that robot.yaml does not state, by least squares on references and positions.
 
 The torque ``kp (q_ref - q) - kd v`` of a controller is set equal to the modelled torque plus dry friction and a
-constant torque that the model lacks. Positions alone show only ratios to ``kp``, which is the scale of all torques. So
-``kp`` follows from the model's gravity and inertia, with the same relative error. Viscous friction that the model lacks
-becomes a part of ``kd``.
+constant torque that the model lacks. Positions alone determine all torques only relative to ``kp``. So ``kp`` follows
+from the gravity and inertia of the model, and has the same relative error. Viscous friction that the model lacks is
+included in ``kd``.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ from phantom_dyn.model.robot import Controller, Robot
 
 _FEWEST = 100  # smallest number of rows
 _LEAST = 1e-9  # range of position errors [rad or m] below which the references count as copies of the readings
-# Number of stretches of time for a jackknife that leaves out one stretch at a time, as neighbouring samples depend on
-# each other.
+# Number of stretches of time in a jackknife. It leaves out whole stretches, as neighbouring samples are correlated.
 _STRETCHES = 10
-# Largest relative deviation of a gain that counts as known; findings are as accurate as the gain.
+# Largest relative standard deviation of a gain that counts as known; findings are only as accurate as the gain.
 _KNOWN = 0.1
-# Least share of the modelled torque, without the part that friction could explain, with which gravity or inertia counts
-# as a part of the model that determines a gain.
+# Gravity or inertia is said to determine a gain if its root mean square is at least this share of that of both, after
+# the part that friction or a constant torque could explain is removed.
 _RESTS_ON = 0.25
 
 
@@ -42,7 +41,7 @@ class Gains:
     Attributes:
         joint: Name of the joint.
         kp: Proportional gain [N m/rad or N/m], with the masses of the model.
-        kp_std: Standard deviation of ``kp``, without that of the model.
+        kp_std: Standard deviation of ``kp``, without the uncertainty of the model.
         kd: Damping gain [N m s/rad or N s/m], including viscous friction that the model lacks.
         kd_std: Standard deviation of ``kd``.
         ratio: ``kd / kp`` [s]; it does not depend on the model if the joint's viscous friction is small.
@@ -66,13 +65,13 @@ class Gains:
 
 
 def unstated(robot: Robot) -> tuple[str, ...]:
-    """Driven joints of which robot.yaml states no controller, or a controller without a gain."""
+    """Driven joints for which robot.yaml states no controller, or a controller without a gain."""
     pairs = zip(robot.joint_names, robot.actuators, strict=True)
     return tuple(joint for joint, a in pairs if a.actuated and (a.controller is None or a.controller.kp <= 0))
 
 
 def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gains, ...]:
-    """Gains of every joint with which the controllers' torque is closest to that of the given model.
+    """Gains of every joint with which the controllers' torque is closest to the modelled torque.
 
     Args:
         recordings: Recordings with references.
@@ -85,17 +84,17 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
         _require_references(one)
     # Five minutes of a long recording are enough for the gains.
     shortened = [busiest(one) for one in recordings]
-    silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in shortened)
-    logs, _ = process_all(silent, robot)
+    without_torque = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in shortened)
+    logs, _ = process_all(without_torque, robot)
     rows = [log.valid_in_band for log in logs]
     parts = []
     for log, use in zip(logs, rows, strict=True):
-        motion, wanted = log.motion, log.q_ref
-        assert wanted is not None
+        motion, q_ref = log.motion, log.q_ref
+        assert q_ref is not None
         needed, weight = inverse_dynamics(robot, motion), gravity_torque(robot, motion.q)
         inertia = needed - weight - modelled_friction(robot, motion)
         v = motion.v
-        columns = np.stack([wanted - motion.q, -v, -np.sign(v), np.ones_like(v), needed, weight, inertia], axis=-1)
+        columns = np.stack([q_ref - motion.q, -v, -np.sign(v), np.ones_like(v), needed, weight, inertia], axis=-1)
         parts.append(log.band(columns)[use])
     samples = np.concatenate(parts)
     errors = np.max([np.ptp(one.q_ref - one.q, axis=0) for one in recordings if one.q_ref is not None], axis=0)
@@ -132,9 +131,11 @@ def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tup
 
 def _require_references(recording: Recording) -> None:
     if recording.q_ref is None:
-        raise LogError(f"{recording.file} has no q_ref.<joint> of every joint, so nothing tells the gains.")
+        raise LogError(f"{recording.file} has no q_ref.<joint> of every joint, so the gains cannot be estimated.")
     if len(recording.t) < _FEWEST or not np.isfinite(recording.q_ref).all():
-        raise LogError(f"{recording.file} is too short, or a reference is no number, so nothing tells the gains.")
+        raise LogError(
+            f"{recording.file} is too short or has a reference that is not finite, so the gains cannot be estimated."
+        )
 
 
 def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], largest_error: float) -> Gains:
@@ -143,7 +144,7 @@ def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], largest_error:
     Args:
         robot: The given model.
         j: Index of the joint.
-        samples: Position error, -v, -sign(v), 1, modelled torque, and the parts of it by gravity and by inertia.
+        samples: Position error, -v, -sign(v), 1, modelled torque, and its parts from gravity and from inertia.
         largest_error: Range of the position error [rad or m].
     """
     joint, columns, needed = robot.joint_names[j], samples[:, :4], samples[:, 4]
@@ -153,13 +154,13 @@ def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], largest_error:
     if not best[0] > 0:
         return _unknown_gains(joint)
     stretch = np.arange(len(samples)) * _STRETCHES // len(samples)
-    others = np.array([_fitted(columns[stretch != k], needed[stretch != k]) for k in range(_STRETCHES)])
-    std = np.sqrt((_STRETCHES - 1) * others.var(axis=0)).tolist()
-    free = np.linalg.qr(columns[:, 1:])[0]
-    size = [float(np.linalg.norm(part - free @ (free.T @ part))) ** 2 for part in samples[:, 5:].T]
-    shares = zip(("gravity", "inertia"), size, strict=True)
-    rests = tuple(name for name, square in shares if square > _RESTS_ON**2 * max(sum(size), 1e-300))
-    return Gains(joint, best[0], std[0], best[1], std[1], best[2], std[2], rests)
+    without_each = np.array([_fitted(columns[stretch != k], needed[stretch != k]) for k in range(_STRETCHES)])
+    std = np.sqrt((_STRETCHES - 1) * without_each.var(axis=0)).tolist()
+    basis = np.linalg.qr(columns[:, 1:])[0]  # of friction and constant torque
+    squares = [float(np.linalg.norm(part - basis @ (basis.T @ part))) ** 2 for part in samples[:, 5:].T]
+    shares = zip(("gravity", "inertia"), squares, strict=True)
+    determined_by = tuple(name for name, square in shares if square > _RESTS_ON**2 * max(sum(squares), 1e-300))
+    return Gains(joint, best[0], std[0], best[1], std[1], best[2], std[2], determined_by)
 
 
 def _unknown_gains(joint: str) -> Gains:
@@ -176,7 +177,7 @@ def _fitted(columns: Float[Array, "n 4"], needed: Float[Array, " n"]) -> tuple[f
 
 
 def _note(robot: Robot, one: Gains) -> Note:
-    """A note on the gains of one joint, the part of the model they depend on, and their ratio, which needs no model."""
+    """A note on the gains of one joint, the part of the model that determines them, and their ratio."""
     tolerance = robot.tolerance.inertia * one.kp
     numbers = {
         "kp": one.kp,
@@ -193,7 +194,7 @@ def _note(robot: Robot, one: Gains) -> Note:
 
 
 def _refusal(file: str, robot: Robot, unknown: Sequence[Gains]) -> str:
-    """Message on why the gains of some joints cannot be used."""
+    """Error message for joints whose gains are too uncertain."""
     names = ", ".join(one.joint for one in unknown)
     found = [
         f"kp of {one.joint} is {one.kp:.2g} ± {one.kp_std:.2g} {stiffness_unit(robot, one.joint)}"

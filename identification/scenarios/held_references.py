@@ -1,4 +1,4 @@
-"""Drives that hold each reference until the next row of the log (zero-order hold): detection, and their step response.
+"""Detects drives that hold each reference until the next row of the log (zero-order hold), and removes its steps.
 
 A held reference acts half a row late on average. It also jumps at every row, and the joint responds to each jump. The
 log has one sample per row. So this response is aliased to the frequencies of the motion, where it looks like a torque
@@ -31,27 +31,28 @@ _PADDING = 200
 _EVEN = 0.05
 # Postures over which the inertia is averaged.
 _POSTURES = 50
-# The log shows that references are held if this lowers the logarithm of the unexplained torque by at least the first
-# number, on average over all joints and both halves of the log, and raises it in none by more than the second.
+# References count as held if this assumption lowers the logarithm of the unexplained torque by at least the first
+# number on average over all joints and both halves of the log, and raises it by at most the second number in each.
 _SEEN, _LOSS = 0.3, 0.2
-# Other delays of the references than half a row [rows]. Held references must explain the log better than these.
+# Delays of the references [rows] that held references must outperform; a hold delays them by half a row on average.
 _OTHER_DELAYS = (0.25, 0.75)
-# Time between rows [s] below which half of it is within the usual delay of a drive, and steps do not move a joint.
+# Time between rows [s] below which a hold does not matter: half a row is less than the usual delay of a drive, and the
+# steps hardly move a joint.
 _SHORT = 0.004
-# Largest number of joints: for more the comparison would take longer than a diagnosis.
+# Largest number of joints: with more, the detection would take longer than a diagnosis.
 _MOST_JOINTS = 12
 
 
 def with_held_references(robot: Robot, recording: Recording) -> Recording:
-    """The recording with references marked as held if it shows that, and without the response to their steps.
+    """The recording with references marked as held if the log shows it, and with the response to their steps removed.
 
     Args:
-        robot: The given model. If it states how references act, that is taken as true.
+        robot: The given model. Its statement of how references act, if there is one, is taken as true.
         recording: Recording whose torque is that of the controllers.
 
     Returns:
-        The recording, with a note if the log shows held references that the robot does not state. The step response
-        depends on the inertia of the model: it is subtracted only if that leaves less torque unexplained.
+        The recording, with a note if the log shows held references that the robot does not state. The step response is
+        computed with the inertia of the model. It is subtracted only if this reduces the unexplained torque.
     """
     gain, q_ref = recording.reference_gain, recording.q_ref
     if gain is None or q_ref is None or not gain.any() or robot.nv > _MOST_JOINTS or not _has_slow_even_rows(recording):
@@ -76,40 +77,41 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
 
 
 def _has_slow_even_rows(recording: Recording) -> bool:
-    """True if rows come at even times, and far enough apart for steps to matter."""
+    """True if the rows are evenly spaced in time, and far enough apart for steps to matter."""
     steps = np.diff(recording.t)
     return bool(np.std(steps) < _EVEN * np.median(steps) and np.median(steps) >= _SHORT)
 
 
 def _step_response_shows(robot: Robot, held: Recording) -> bool:
-    """True if less torque is unexplained without the response to the steps of held references."""
-    gains = np.log(unexplained_torque(robot, held) / unexplained_torque(robot, without_step_response(robot, held)))
-    return bool(gains.mean() > 0 and gains.min() > -_LOSS)
+    """True if the unexplained torque is smaller after the response to the steps of held references is removed."""
+    smooth = without_step_response(robot, held)
+    improvements = np.log(unexplained_torque(robot, held) / unexplained_torque(robot, smooth))
+    return bool(improvements.mean() > 0 and improvements.min() > -_LOSS)
 
 
 def _hold_shows(robot: Robot, recording: Recording, held: Recording) -> bool:
-    """True if held references explain the recording far better than references at once, and better than late ones."""
-    at_once = unexplained_torque(robot, recording)
-    gains = np.log(at_once / unexplained_torque(robot, held))
-    late = [np.mean(np.log(at_once / unexplained_torque(robot, _delayed(recording, part)))) for part in _OTHER_DELAYS]
-    return bool(gains.mean() > max(_SEEN, *late) and gains.min() >= -_LOSS)
+    """True if held references explain the torque far better than undelayed ones, and better than delayed ones."""
+    undelayed = unexplained_torque(robot, recording)
+    improvements = np.log(undelayed / unexplained_torque(robot, held))
+    by_delay = [np.mean(np.log(undelayed / unexplained_torque(robot, _delayed(recording, x)))) for x in _OTHER_DELAYS]
+    return bool(improvements.mean() > max(_SEEN, *by_delay) and improvements.min() >= -_LOSS)
 
 
 def unexplained_torque(robot: Robot, recording: Recording) -> Float[Array, "2 nv"]:
     """Root mean square of the torque that no plausible robot explains, in each half of a recording [N m or N]."""
     log = process(recording, robot)
     motion, band = log.motion, log.band
-    # The torque of a filtered motion is not the filtered torque: weight and inertia depend on the posture.
+    # The band filters torques and not the motion, because weight and inertia depend nonlinearly on the posture.
     reading = Reading(motion, np.sign(motion.v), log.tau, np.zeros_like(log.tau))
     shares, tau = unexplained(robot, reading, band=band), band(log.tau)
     half = len(tau) // 2
     variances = np.array([tau[:half].var(axis=0), tau[half:].var(axis=0)])
-    # A half in which a torque hardly varies has no information: its value is one in every comparison.
+    # A half in which a torque hardly varies has no information. Its value is one, so that it cancels in every ratio.
     return np.where(np.isnan(shares), 1.0, np.sqrt(np.maximum(shares, 1e-12) * np.maximum(variances, 1e-300)))
 
 
 def _delayed(recording: Recording, part: float) -> Recording:
-    """The recording with references, and the torque that they cause, delayed by a part of a row."""
+    """The recording with its references, and the torque that they command, delayed by a part of a row."""
     assert recording.q_ref is not None
     assert recording.tau is not None
     assert recording.reference_gain is not None

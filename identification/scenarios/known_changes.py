@@ -1,4 +1,8 @@
-"""Findings that act in a single recording, reported with the catalogue's effect, the recording and a ratio."""
+"""Renames effects that act in a single recording to the catalogue's effects, and states the ratio of grown friction.
+
+During the fit such an effect has a name of its own, see `OwnEffect`. A finding states the catalogue's effect and the
+recording instead.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +20,9 @@ from phantom_dyn.effects.catalogue import known_effect
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 
-# Effects that change a modelled friction: its index among the joint's friction, and its name among the adjustments.
+# For each effect that adds to a modelled friction: index in `modelled_friction_of`, and name in `Adjusted.quantity`.
 _MODELLED = {"viscous_friction": (0, "viscous friction"), "coulomb_friction": (1, "Coulomb friction")}
-# Number of its deviations below which a level is too uncertain for a ratio.
+# A level below this number of its standard deviations is too uncertain for a ratio.
 _LEAST_LEVEL = 2.0
 
 
@@ -57,6 +61,7 @@ def _renamed(
     own: dict[str, OwnEffect],
     known: tuple[KnownEffect, ...],
 ) -> Finding:
+    """The finding with the catalogue's names, and for friction the ratio of its level to that in other recordings."""
     rivals = tuple(
         RivalSet(tuple(_named(at, own) for at in rival.effects), rival.probability) for rival in finding.rivals
     )
@@ -66,9 +71,8 @@ def _renamed(
     parameters = dict(finding.parameters)
     name = effect.inner.name
     if name in _MODELLED:
-        ratio = growth(
-            parameters[next(iter(parameters))], level_elsewhere(name, finding.joint, judgement, robot, known)
-        )
+        difference = next(iter(parameters.values()))
+        ratio = growth(difference, level_elsewhere(name, finding.joint, judgement, robot, known))
         parameters |= {} if ratio is None else {"ratio": ratio}
     return replace(finding, effect=name, recording=effect.file, parameters=parameters, rivals=rivals)
 
@@ -81,18 +85,18 @@ def _named(at: EffectAt, own: dict[str, OwnEffect]) -> EffectAt:
 def level_elsewhere(
     name: str, joint: str | None, judgement: Judgement, robot: Robot, known: tuple[KnownEffect, ...] = ()
 ) -> Value:
-    """Friction of one kind on one joint in all recordings: the modelled one, its adjustment, known and found ones."""
-    at, words = _MODELLED[name]
-    modelled = modelled_friction_of(robot, joint)[at]
-    moved = sum(entry.change for entry in judgement.adjusted if entry.quantity == f"{joint} {words}")
-    level, variance = modelled * (1.0 + moved), 0.0
+    """Friction of one kind on one joint in all recordings: modelled and adjusted, plus known effects and findings."""
+    kind, words = _MODELLED[name]
+    modelled = modelled_friction_of(robot, joint)[kind]
+    adjustment = sum(entry.change for entry in judgement.adjusted if entry.quantity == f"{joint} {words}")
+    level, variance = modelled * (1.0 + adjustment), 0.0
     for effect in known:
         if effect.joint == joint:
-            shares = _shares(robot, effect.effect, joint, at)
+            shares = _shares(robot, effect.effect, joint, kind)
             level += sum(share * effect.theta[k] for k, share in enumerate(shares.values()) if share)
     for finding in judgement.findings:
         if finding.joint == joint and finding.recording is None:
-            for parameter, share in _shares(robot, finding.effect, joint, at).items():
+            for parameter, share in _shares(robot, finding.effect, joint, kind).items():
                 if share:
                     size = finding.parameters[parameter]
                     level += share * size.numbers[0]
@@ -100,26 +104,26 @@ def level_elsewhere(
     return Value(level, math.sqrt(variance), "")
 
 
-def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, float]:
+def _shares(robot: Robot, effect: str, joint: str | None, kind: int) -> dict[str, float]:
     """Factor with which each parameter of an effect counts as viscous (0) or Coulomb (1) friction."""
     law = known_effect(effect, robot)
     if law is None:
         return {}
     names = [parameter.name for parameter in law.parameters(robot, joint)]
     numbers = [law.model_numbers(robot, joint, unit) for unit in np.eye(len(names))]
-    return {name: (one.viscous, one.coulomb)[at] for name, one in zip(names, numbers, strict=True)}
+    return {name: (one.viscous, one.coulomb)[kind] for name, one in zip(names, numbers, strict=True)}
 
 
 def growth(difference: Value, level: Value) -> Value | None:
     """Ratio of a level in one recording to that in the others; None if the level in the others is too uncertain.
 
-    The variance of the difference is the sum of both levels' variances, so that the variance of the level in that
-    recording is the difference of the two variances given.
+    The variance of the difference is the sum of both levels' variances. So the variance of the level in that recording
+    is the variance of the difference minus that of the level in the others, and at least a quarter of the former.
     """
     more, more_std = difference.numbers[0], difference.stds[0]
     base, base_std = level.numbers[0], level.stds[0]
     if base <= _LEAST_LEVEL * base_std:
         return None
-    here = base + more
-    own = max(more_std**2 - base_std**2, 0.25 * more_std**2)
-    return Value(here / base, math.sqrt(own + (here / base * base_std) ** 2) / base, "1")
+    ratio = (base + more) / base
+    variance = max(more_std**2 - base_std**2, 0.25 * more_std**2)
+    return Value(ratio, math.sqrt(variance + (ratio * base_std) ** 2) / base, "1")

@@ -1,4 +1,4 @@
-"""Adds the diagnosis of measured poses to that of torques, or makes a diagnosis of poses alone."""
+"""Diagnoses measured poses, and adds the result to a diagnosis of torques if there is one."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
     started = time.perf_counter()
     found = diagnose_poses(robot, recordings, known)
     assert found is not None
-    none = np.zeros((0, robot.nv))
+    no_rows = np.zeros((0, robot.nv))
     return Diagnosis(
         verdict=found.verdict,
         robot=robot.name,
@@ -91,7 +91,7 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
         rollout=None,
         seconds=time.perf_counter() - started,
         version=__version__,
-        evidence=Evidence(np.zeros(0), none, none, none, none, none, none, ({},) * robot.nv),
+        evidence=Evidence(np.zeros(0), no_rows, no_rows, no_rows, no_rows, no_rows, no_rows, ({},) * robot.nv),
         run=uuid4().hex,
         geometry=found,
         ledger=_entries(found),
@@ -100,7 +100,7 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
 
 
 def _entries(found: GeometryResult) -> tuple[Claim[EffectAt], ...]:
-    """Results of the gates on effects of the geometry, as entries of the ledger."""
+    """Entries of the ledger for the effects of the geometry, with the results of their gates."""
     return tuple(
         Claim(
             tuple(EffectAt(*at) for at in claim.effects),
@@ -115,29 +115,34 @@ def _entries(found: GeometryResult) -> tuple[Claim[EffectAt], ...]:
 
 
 def verdict_together(torques: str, poses: str) -> str:
-    """The verdict over joints and frames at once.
+    """The common verdict of a diagnosis of torques and one of poses.
+
+    Any other verdict takes precedence over ``no_gap``, which takes precedence over ``not_testable``.
 
     Args:
         torques: Verdict of the torques.
         poses: Verdict of the poses.
     """
-    both = {torques, poses}
-    for silent in ("not_testable", "no_gap"):
-        if silent in both and len(both) > 1:
-            return (both - {silent}).pop()
-    return torques if len(both) == 1 else "unknown" if "unknown" in both else "partly_explained"
+    if torques == poses:
+        return torques
+    for weaker in ("not_testable", "no_gap"):
+        if torques == weaker:
+            return poses
+        if poses == weaker:
+            return torques
+    return "unknown" if "unknown" in (torques, poses) else "partly_explained"
 
 
 def zero_notes(findings: Sequence[Finding], poses: GeometryResult) -> list[Note]:
-    """Notes on whether torques and poses agree on the encoder zeros that both show."""
-    seen = {one.joint: one.parameters["offset"] for one in (*poses.findings, *poses.minor) if one.effect == ZERO}
+    """A note on each encoder zero that torques and poses both show: both estimates, and whether they agree."""
+    pose_zeros = {one.joint: one.parameters["offset"] for one in (*poses.findings, *poses.minor) if one.effect == ZERO}
     out = []
     for finding in findings:
-        if finding.effect != ZERO or finding.joint not in seen:
+        if finding.effect != ZERO or finding.joint not in pose_zeros:
             continue
-        by_torque, by_pose = finding.parameters["offset"], seen[finding.joint]
+        by_torque, by_pose = finding.parameters["offset"], pose_zeros[finding.joint]
         offset, std = by_torque.numbers[0], by_torque.stds[0]
-        apart = abs(offset - by_pose.value) / max(float(np.hypot(std, by_pose.std)), 1e-300)
+        distance = abs(offset - by_pose.value) / max(float(np.hypot(std, by_pose.std)), 1e-300)
         sizes = {"by_torque": offset, "by_pose": by_pose.value, "unit": by_pose.unit}
-        out.append(Note(Code.ZEROS_COMPARED, finding.joint, {**sizes, "agree": bool(apart < _AGREE)}))
+        out.append(Note(Code.ZEROS_COMPARED, finding.joint, {**sizes, "agree": bool(distance < _AGREE)}))
     return out

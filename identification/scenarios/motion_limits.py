@@ -1,4 +1,8 @@
-"""Limits claims to what positions without torque support: gains and zeros of references may explain the same torque."""
+"""Removes claims that motion without a measured torque cannot support.
+
+Without a measured torque, a wrong torque constant has the same effect as a wrong controller gain, and a torque offset
+the same as another zero of the reference.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +19,16 @@ from identification.notes import Code, Note
 from identification.rollout.compare import Rollout
 from phantom_dyn.model.robot import Robot
 
-# Error of simulated motion under controllers, in deviations of the readings, above which it is noted.
+# Smallest error of a joint simulated under its controller that is noted, in standard deviations of its readings.
 _STRAYS = 10.0
 _TWIN = (
-    "positions tell only the product of torque constant and controller gain: measure the current or torque, or hang "
-    "a known mass on the robot"
+    "positions determine only the product of torque constant and controller gain: measure the current or torque, or "
+    "attach a known mass to the robot"
 )
 _DAMPING = (
-    "the gain kd of its controller was estimated from the same positions and holds it: state the controller in "
+    "the gain kd of its controller was estimated from the same positions and includes it: state the controller in "
     "robot.yaml, or measure the current or torque"
 )
-
-
 _LOAD = (
     "the gain of its controller was estimated from the masses of the model, and a load that changes weight and inertia "
     "of a joint alike makes it higher: state the controller in robot.yaml, or measure the current or torque"
@@ -36,12 +38,13 @@ _LOAD = (
 def without_gain_ambiguities(
     judgement: Judgement, recordings: tuple[Recording, ...], rollout: Rollout, robot: Robot
 ) -> Judgement:
-    """The judgement without claims on torque constants, which a controller's gain would explain as well.
+    """The judgement without claims that an error of a controller's gain would explain as well.
 
-    A ratio within two tolerances of the gains is no gap and is listed as adjusted. A larger ratio stays a finding on
-    the product of both, with a warning. Gains that were estimated from the same positions hide any ratio, loads that
-    scale the weight and inertia of a joint, and viscous friction within the damping gain. These are not testable. A
-    torque offset stays a finding, with the zero of the reference that would explain it.
+    A ratio of torque constants within two tolerances of the gains is no gap and is listed as adjusted. A larger ratio
+    remains a finding, with a warning that it is the product of constant and gain. Gains that were estimated from the
+    same positions hide three effects, which are then not testable: any ratio of torque constants, loads that scale
+    weight and inertia of a joint alike, and viscous friction up to the damping gain. A torque offset remains a finding,
+    with a note of the zero of the reference that would explain it.
 
     Args:
         judgement: Judgement of the torque that controllers command.
@@ -53,31 +56,32 @@ def without_gain_ambiguities(
         return judgement
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     constants = [finding for finding in judgement.findings if finding.effect == "torque_constant"]
-    asked = {_place(one): gate.beyond_the_gain(_excess(one), stated=one.joint not in estimated) for one in constants}
-    small = [one for one in constants if not asked[_place(one)].passed]
+    results = {_place(one): gate.beyond_the_gain(_excess(one), stated=one.joint not in estimated) for one in constants}
+    small = [one for one in constants if not results[_place(one)].passed]
     large = [finding for finding in constants if finding not in small]
-    # An estimated kd contains the viscous friction of the joint, so that it may be too large by that.
+    # An estimated kd includes the viscous friction of the joint, so it may be too large by this friction.
     damping = [
         one
         for one in judgement.findings
         if one.effect == "viscous_friction" and one.joint in estimated and _explained_by_damping_gain(one, robot)
     ]
     small += damping
-    asked |= {_place(one): gate.beyond_the_gain(_over_damping(one, robot), stated=False) for one in damping}
+    results |= {_place(one): gate.beyond_the_gain(_over_damping(one, robot), stated=False) for one in damping}
     findings = tuple(finding for finding in judgement.findings if finding not in small)
     claimed = {finding.joint for finding in large}
-    twins = tuple(
+    untestable = tuple(
         NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints if gap.joint not in claimed
     )
     found = {(finding.effect, finding.joint) for finding in findings}
-    taken = [("viscous_friction", g.joint, _DAMPING) for g in judgement.joints if g.joint in estimated]
-    taken += [("inertial_parameters", g.joint, _LOAD) for g in judgement.joints if g.joint in estimated]
-    taken += [("payload", None, _LOAD)] if estimated else []
-    twins += tuple(NotTestable(*one) for one in taken if one[:2] not in found)
-    taken_up = {one[:2] for one in taken}
+    by_gains = [("viscous_friction", g.joint, _DAMPING) for g in judgement.joints if g.joint in estimated]
+    by_gains += [("inertial_parameters", g.joint, _LOAD) for g in judgement.joints if g.joint in estimated]
+    by_gains += [("payload", None, _LOAD)] if estimated else []
+    untestable += tuple(NotTestable(*one) for one in by_gains if one[:2] not in found)
+    places_by_gains = {one[:2] for one in by_gains}
 
     def hidden(effect: str, joint: str | None) -> bool:
-        return effect == "torque_constant" or (effect, joint) in taken_up
+        """True if errors of gains hide an effect, so that the judgement's own statements on it do not hold."""
+        return effect == "torque_constant" or (effect, joint) in places_by_gains
 
     others = tuple(entry for entry in judgement.not_testable if not hidden(entry.effect, entry.joint))
     within_gain_tolerance = tuple(
@@ -97,11 +101,11 @@ def without_gain_ambiguities(
         verdict=verdict,
         adjusted=(*judgement.adjusted, *within_gain_tolerance),
         bounds=tuple(bound for bound in judgement.bounds if not hidden(bound.effect, bound.joint)),
-        not_testable=(*others, *twins),
+        not_testable=(*others, *untestable),
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),
         notes=(*judgement.notes, *(_stray_notes(judgement, rollout, robot) if verdict == "no_gap" else ())),
-        ledger=tuple(_limited(claim, asked) for claim in judgement.ledger),
+        ledger=tuple(_limited(claim, results) for claim in judgement.ledger),
     )
 
 
@@ -109,9 +113,9 @@ def _place(finding: Finding) -> tuple[str, str | None]:
     return finding.effect, finding.joint
 
 
-def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], GateResult]) -> Claim[EffectAt]:
+def _limited(claim: Claim[EffectAt], results: Mapping[tuple[str, str | None], GateResult]) -> Claim[EffectAt]:
     """An entry of the ledger with the result of the gate of gains for its effect."""
-    result = asked.get((claim.effects[0].effect, claim.effects[0].joint))
+    result = results.get((claim.effects[0].effect, claim.effects[0].joint))
     if result is None or claim.outcome != "claimed":
         return claim
     outcome: Outcome = "claimed" if result.passed else "not_claimed"
@@ -133,24 +137,25 @@ def _zero_notes(findings: tuple[Finding, ...], robot: Robot) -> tuple[Note, ...]
 
 
 def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tuple[Note, ...]:
-    """A note for each joint that strays by more than its readings scatter and than a torque without a gap pushes it.
+    """A note for each joint whose simulated position error exceeds both its noise and the error that "no gap" allows.
 
-    A controller gives way to a torque by the torque over its gain, also to one that noise or a sound model may leave.
+    A position controller yields to an unmodelled torque by the torque divided by its gain. A residual that counts as
+    no gap causes such an error too.
     """
     rollout = simulated.json or {}
     after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
     units = {joint: "m" if linear else "rad" for joint, linear in zip(robot.joint_names, robot.prismatic, strict=True)}
     gains = {joint: drive.controller for joint, drive in zip(robot.joint_names, robot.actuators, strict=True)}
-    pushed = {gap.joint: gap.allowed / gain.kp for gap in judgement.joints if (gain := gains[gap.joint]) and gain.kp}
+    yielded = {gap.joint: gap.allowed / gain.kp for gap in judgement.joints if (gain := gains[gap.joint]) and gain.kp}
     return tuple(
         Note(Code.STRAYS_UNDER_CONTROL, joint, {"error": after[joint], "noise": noise[joint], "unit": units[joint]})
         for joint in after
-        if after[joint] > max(_STRAYS * noise.get(joint, np.inf), pushed.get(joint, 0.0))
+        if after[joint] > max(_STRAYS * noise.get(joint, np.inf), yielded.get(joint, 0.0))
     )
 
 
 def _explained_by_damping_gain(finding: Finding, robot: Robot) -> bool:
-    """True if the finding is viscous friction that an error of a non-negative damping gain could explain."""
+    """True if an error of the damping gain, which is not negative, could explain the found viscous friction."""
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
     kd = 0.0 if controller is None else controller.kd
@@ -159,7 +164,7 @@ def _explained_by_damping_gain(finding: Finding, robot: Robot) -> bool:
 
 
 def _over_damping(finding: Finding, robot: Robot) -> float:
-    """Ratio of the found viscous friction to the damping gain that contains it; not finite where that gain is zero."""
+    """Ratio of the found viscous friction to the damping gain that includes it; infinite if this gain is zero."""
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
     size = finding.parameters["coefficient"].numbers[0]

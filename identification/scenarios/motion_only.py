@@ -1,6 +1,7 @@
-"""Torque that position controllers command, for recordings without a torque.
+"""Computes the torque that position controllers command, for recordings without a torque.
 
-It follows from references, positions and gains. `identification.scenarios.gains` estimates gains that are not stated.
+The torque follows from references, positions and gains. `identification.scenarios.gains` estimates gains that the robot
+does not state.
 """
 
 from __future__ import annotations
@@ -53,11 +54,11 @@ def with_controller_torque(recording: Recording, robot: Robot) -> Recording:
 
 
 def _with_controller_gains(recording: Recording, robot: Robot) -> Recording:
-    """The recording with the gains by which its controllers' torque depends on references and velocities."""
+    """The recording with the derivatives of its controllers' torque by reference and velocity, and its limits."""
     controllers = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
     supply_ratio = np.array([float(np.mean(_supplied(recording, actuator))) for actuator in robot.actuators])
     limits = np.array([_bound(actuator) for actuator in robot.actuators]) * supply_ratio
-    # The torque of a controller with delay depends on an earlier velocity, not on that of the same time.
+    # The torque of a controller with a delay depends on an earlier velocity, so it has no gain for the present one.
     undelayed = np.array([controller.delay == 0 for controller in controllers])
     velocity_gain = np.array([controller.kd for controller in controllers]) * undelayed if recording.v is None else None
     reference_gain = np.array([controller.kp for controller in controllers]) * supply_ratio
@@ -71,7 +72,7 @@ def _with_controller_gains(recording: Recording, robot: Robot) -> Recording:
 
 
 def _bound(actuator: Actuator) -> float:
-    """Limit of the torque that follows a reference: that of the largest voltage, or the drive's torque limit."""
+    """Limit of the torque that a position error commands: by voltage or controller, else the drive's torque limit."""
     voltage = voltage_bound(actuator)
     if actuator.controller is not None:
         voltage = min(voltage, actuator.controller.limit)
@@ -79,10 +80,11 @@ def _bound(actuator: Actuator) -> float:
 
 
 def controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
-    """``kp (q_ref - q) - kd v`` of the controllers with their delays, before the drives' limits; zero without a drive.
+    """Torque ``kp (q_ref - q) - kd v`` of delayed controllers before the drives' torque limits; zero without a drive.
 
-    The first part is limited as the controller states, and by the drive's largest voltage if there is one. Without
-    recorded velocities they are differences of positions, whose noise the low pass of the torque removes later.
+    The part by ``kp`` is limited as the controller states, and by the drive's largest voltage if it is known. If no
+    velocities were recorded, positions are differentiated. The low pass of the torque removes the noise of these
+    velocities later.
     """
     assert recording.q_ref is not None
     t = recording.t
@@ -102,7 +104,7 @@ def controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"
 
 
 def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | float:
-    """Measured over stated supply voltage for a drive whose output is a share of its supply; one for other drives."""
+    """Ratio of measured to stated supply voltage for a drive whose output is a duty cycle; 1 for other drives."""
     duty = actuator.controller is not None and actuator.controller.kind == "duty"
     if not duty or recording.supply is None or actuator.voltage_limit is None:
         return 1.0
@@ -110,7 +112,7 @@ def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | 
 
 
 def gains_of_file(robot: Robot) -> dict[str, tuple[float, float, float]]:
-    """Gains kp and kd of the joints whose actuator in the robot's file states them, and the lag of their references."""
+    """Gains kp and kd, and lag of the references, of the joints for which the robot's file states them."""
     return {
         joint: (a.controller.kp, a.controller.kd, a.reference_lag)
         for joint, a in zip(robot.joint_names, robot.actuators, strict=True)
@@ -119,7 +121,7 @@ def gains_of_file(robot: Robot) -> dict[str, tuple[float, float, float]]:
 
 
 def motion_robot(robot: Robot) -> Robot:
-    """The robot with ``command`` as the source of its torque, as there is no measured torque."""
+    """The robot with ``command`` as the source of its torque, for recordings without a measured torque."""
     return replace(robot, torque_source="command")
 
 

@@ -1,8 +1,8 @@
-"""Drives that limit their output beyond a position error, found from the torque that the model needs.
+"""Detects drives that reduce their output beyond a position error to protect themselves, from the modelled torque.
 
 If the torque was computed from references, no output of the drive was recorded. The modelled torque along the motion is
-used in its place. It shows the gain and delay of the control loop, and the error beyond which the drive reduces its
-output to protect itself. A wrong mass changes the gain but not that error.
+used instead. As a function of the position error, it shows the gain and delay of the control loop, and the error beyond
+which the drive reduces its output. A wrong mass in the model changes the gain, but not this error.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def protection_notes(session: Session) -> tuple[Note, ...]:
-    """A note on each joint and recording whose drive protects itself, unless robot.yaml states that.
+    """A note for each joint and recording whose drive protects itself, unless robot.yaml states this.
 
     Args:
         session: Robot, logs and recordings.
@@ -46,12 +46,13 @@ def needed_loop(log: Log, recording: Recording, needed: Float[Array, "N nv"], j:
     Args:
         log: Motion and references.
         recording: The recording, with the dependence of its torque on speed.
-        needed: Torque of the model [N m or N].
+        needed: Modelled torque along the motion [N m or N], shape ``(N, nv)``.
         j: Index of the joint.
     """
     references = log.references
     if references is None or log.q_ref is None or not references.gain[j]:
         return None
+    # The output of the position loop is the torque plus the part that the drive subtracts in proportion to speed.
     slowing = 0.0 if recording.velocity_gain is None else recording.velocity_gain[j] * log.motion.v[:, j]
     q = log.motion.q if log.raw_q is None else log.raw_q
     return drive_loop("tau", log.motion.t, needed[:, j] + slowing, log.q_ref[:, j], q[:, j])

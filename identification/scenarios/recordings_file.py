@@ -26,9 +26,9 @@ CONTROLLER_KEYS = ("kind", *_GAINS)
 def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[str]) -> tuple[Change, ...]:
     """Known changes of each recording from a ``recordings.yaml``, in the order of the recordings.
 
-    A recording that the file does not name has no change against the given model. A recording in several files with the
-    same samples is named by the first of them. Paths are relative to the folder of the ``recordings.yaml`` or to the
-    working folder, or names alone.
+    A recording that the file does not name has no change. If a recording is split into several files (positions in one,
+    torques in another), its first file identifies it. Paths are relative to the folder of the ``recordings.yaml`` or to
+    the working folder; a file name alone is enough if it is unique.
 
     Args:
         path: The file.
@@ -86,7 +86,7 @@ def changed_from_first(names: str, logs: Sequence[str | Path]) -> tuple[Change, 
 
 
 def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
-    """Index of the recording with a file."""
+    """Index of the recording that a path or file name identifies."""
     places = {(folder / file).resolve() for folder in (path.parent, Path())}
     exact = [k for k, log in enumerate(logs) if Path(log).resolve() in places]
     found = exact or [k for k, log in enumerate(logs) if Path(log).name == file]
@@ -162,7 +162,7 @@ def _payload(entry: Any, file: str, key: str) -> KnownPayload:
 
 
 def _controllers(entry: Any, file: str, key: str, joints: Sequence[str]) -> dict[str, Controller]:
-    """Controllers by joint; gains without a joint are those of all."""
+    """Controller of each joint; gains that are stated without a joint apply to all joints."""
     if not isinstance(entry, Mapping) or not entry:
         raise ParameterError(
             f"{file}: {key} is {describe(entry)}, wanted gains such as {{kp: 40, kd: 1}}, or joints each with its "
@@ -217,6 +217,7 @@ def _not_negative(value: Any, file: str, key: str) -> float:
 
 
 def _known_keys(entry: Mapping[Any, Any], file: str, key: str, wanted: tuple[str, ...], what: str = "keys") -> None:
+    """Raise an error if an entry has a key that is not wanted."""
     for name in entry:
         if name not in wanted:
             place = f" in {key}" if key else ""
@@ -237,9 +238,9 @@ def read_changed(
     excluded: Sequence[tuple[float, float]] = (),
     anyway: bool = False,
 ) -> Recording:
-    """A recording, checked against the robot with the load that it carried.
+    """Read a recording and check it against the robot with this recording's known changes, such as its load.
 
-    With references and known controllers it needs no torque: that is computed from these.
+    If the recording's controllers are known, it needs no torque: the torque is computed from its references.
 
     Args:
         path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP.
@@ -247,9 +248,9 @@ def read_changed(
         change: Known changes of this recording.
         columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of a bag that has the references, where another one has them.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
         excluded: Stretches of time [s] to leave out of every fit, besides those of ``change``.
-        anyway: True to accept it although checks show that it is certainly wrong.
+        anyway: True to accept a recording that checks found to be certainly wrong.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.

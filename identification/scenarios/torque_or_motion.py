@@ -1,4 +1,7 @@
-"""Chooses what is diagnosed: torques, or, if none were recorded, positions with references, or measured poses."""
+"""Chooses what a diagnosis uses: recorded torques, or positions and references of controllers, or measured poses.
+
+Positions and references are used if no torque was recorded, or if the user asks for it.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,9 @@ Reader = Callable[[bool], tuple[Recording, ...]]
 def torque_or_motion(
     robot: Robot, read: Reader, *, motion_only: bool = False
 ) -> tuple[Robot, tuple[Recording, ...], bool]:
-    """The robot, its recordings, and True if these are diagnosed from motion without a recorded torque.
+    """The robot, its recordings, and True if they are diagnosed from positions and references instead of torques.
 
-    It is also False if the only recordings without torque are recordings of measured poses.
+    The third value is False if only recordings of measured poses lack a torque.
 
     Args:
         robot: The given model.
@@ -67,7 +70,10 @@ def driven_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tu
 
 
 def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
-    """The recordings with one note on their torque, in the first one, in place of notes that differ in the file."""
+    """The recordings with a single note on their torque, in the first one, instead of one note in each recording.
+
+    Notes that differ only in the name of the file are removed. The remaining note has their number.
+    """
     first, *others = recordings
     shared = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
     if shared is None:

@@ -11,15 +11,16 @@ from identification.engine import contract_levels
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 
-# A gap in proportion to the torque would show in recordings with at least this share of the others' modelled torque.
+# A recording counts as fitted only if its modelled torque is at least this share of that in the other recordings: with
+# less torque, a gap that is proportional to torque might not be visible.
 _AS_MUCH = 0.5
 
 
 def unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
-    """A note on the recordings that the given model fits, where it does not fit others; at most one.
+    """At most one note, which lists the recordings that the given model fits and those that it does not fit.
 
-    A recording fits if the residual of the given model may be noise on every joint. It counts only if the model needs
-    about as much torque on the joints with a gap as in the other recordings. There is no note if the findings explain
+    The model fits a recording if its residual may be noise on every joint. The recording counts only if, on the joints
+    with a gap, its modelled torque is large enough for this gap to be visible. There is no note if the findings explain
     all recordings, or if the user states what changed between them.
 
     Args:
@@ -30,14 +31,15 @@ def unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
     stated = bool(session.differences.own)
     if len(session.logs) < 2 or stated or judgement.verdict not in ("unknown", "partly_explained"):
         return ()
-    given, torque = session.in_judged_band(problem.columns.residual), problem.columns.model_torque
+    residuals, torques = session.in_judged_band(problem.columns.residual), problem.columns.model_torque
     logs = range(len(session.logs))
-    left, whole = (np.stack([_rms(problem, k, series[k]) for k in logs]) for series in (given, torque))
+    residual_rms = np.stack([_rms(problem, k, residuals[k]) for k in logs])
+    torque_rms = np.stack([_rms(problem, k, torques[k]) for k in logs])
     allowed = np.array([joint.allowed for joint in judgement.joints])
-    gap = left > contract_levels.FLOORS_LEFT * allowed
+    gap = residual_rms > contract_levels.FLOORS_LEFT * allowed
     misfits = [k for k in logs if gap[k].any()]
-    most = np.max(np.where(gap, whole, 0.0), axis=0)
-    fits = [k for k in logs if (left[k] <= allowed).all() and (whole[k] >= _AS_MUCH * most).all()]
+    most = np.max(np.where(gap, torque_rms, 0.0), axis=0)
+    fits = [k for k in logs if (residual_rms[k] <= allowed).all() and (torque_rms[k] >= _AS_MUCH * most).all()]
     if not fits or not misfits:
         return ()
     joints = tuple(joint for j, joint in enumerate(session.robot.joint_names) if gap[:, j].any())
@@ -47,6 +49,6 @@ def unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
 
 
 def _rms(problem: Problem, log: int, series: Float[Array, "n nv"]) -> Float[Array, " nv"]:
-    """Root mean square of each joint over one recording, friction at standstill left out."""
+    """Root mean square of each joint over one recording, without samples of friction at standstill."""
     weights = sample_weights(problem, log)
     return np.sqrt((series**2 * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-12))

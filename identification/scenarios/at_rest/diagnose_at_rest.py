@@ -1,7 +1,6 @@
 """Diagnosis of backlash and compliance from positions at rest.
 
-It is used for recordings that are too slow for torques, or controllers without a stated gain. Its ledger lists the
-gates that each effect has passed.
+It is used for recordings that are too slow for a diagnosis of torques, and for controllers without a stated gain.
 """
 
 from __future__ import annotations
@@ -41,7 +40,8 @@ from phantom_dyn.model.robot import Robot
 
 _SHOWN_AT_REST = ("backlash", "transmission_compliance")
 _ON_MOTOR = (
-    "the encoder sits before the transmission, whose give it does not see: state encoder_side: link if it does not"
+    "the encoder is on the motor's side, where backlash and compliance do not show: state encoder_side: link if it is "
+    "on the link's side"
 )
 _ONE_SIGN = "it does not rest often enough under loads of either sign"
 _AT_REST = (
@@ -53,7 +53,7 @@ _AT_REST = (
 def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
     """True if only rests can be used: there are references, but neither torque nor gains of controllers.
 
-    A joint whose encoder is on its link has to rest under loads of either sign.
+    At least one joint with its encoder on the link's side has to rest under loads of either sign.
     """
     gains = all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
     if gains or any(recording.q_ref is None or recording.tau is not None for recording in recordings):
@@ -64,8 +64,8 @@ def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
 def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
     """Diagnosis of backlash and compliance from positions at rest; each rest is predicted by fits without it.
 
-    The load is that of the model: weight and measured external forces. No torque is used: that of a position
-    controller is a function of the position error, and says nothing about the transmission.
+    The load is the modelled weight and the measured external forces. No torque of a drive is used: the torque of a
+    position controller is a function of the position error, and has no information on the transmission.
 
     Args:
         robot: The robot, with its masses and encoders.
@@ -82,17 +82,17 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     rows = sorted(fits, key=lambda row: -abs(fits[row].shift))
     findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], fits[row]))
     gaps = tuple(_gap(robot, row, every[row], fits.get(row)) for row in range(robot.nv))
-    rest = _unexplained(robot, every, fits)
+    unexplained = _unexplained(robot, every, fits)
     warnings = [note for row in rows for note in _rest_notes(robot, row, every[row], fits[row])]
     found = Diagnosis(
-        verdict=_verdict(fits, findings, rest),
+        verdict=_verdict(fits, findings, unexplained),
         robot=robot.name,
         recordings=tuple(recording.file for recording in recordings),
         joints=gaps,
         band_hz=(0.0, 0.0),
         findings=findings,
         adjusted=(),
-        unexplained=rest,
+        unexplained=unexplained,
         bounds=tuple(_bound(robot, row, fit) for row, fit in fits.items() if not fit.models),
         not_testable=_untestable(robot, why),
         data_warnings=(
@@ -125,6 +125,7 @@ def _why_not(robot: Robot, stills: StandstillSamples, row: int) -> str | None:
 
 
 def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
+    """Effects that rests cannot show; ``why`` has the reason for each joint whose rests show nothing."""
     out = []
     for effect in catalogue.effects_of(robot):
         words = user_words(effect.name, robot)
@@ -148,7 +149,7 @@ def _findings(robot: Robot, row: int, stills: StandstillSamples, found: RestFits
     # Probabilities of models that are not listed are distributed over the listed ones.
     listed = found.probabilities[0] + sum(rival.probability for rival in rivals)
     rivals = tuple(Rival(rival.effects, rival.probability / listed) for rival in rivals)
-    gap = max(_square(found.before) - stills.repeatability**2, 1e-300)
+    gap = max(_mean_square(found.before) - stills.repeatability**2, 1e-300)
     low, high = (float(x) for x in np.percentile(found.replicates, [2.5, 97.5]))
     return [
         Finding(
@@ -156,7 +157,7 @@ def _findings(robot: Robot, row: int, stills: StandstillSamples, found: RestFits
             joint=joint,
             regime="high_load",
             parameters=_parameters(robot, row, best, k),
-            gap_closed=(_square(found.before) - _square(best.residual)) / gap,
+            gap_closed=(_mean_square(found.before) - _mean_square(best.residual)) / gap,
             gap_closed_interval=(low, high),
             probability=found.probabilities[0] / listed,
             rivals=rivals,
@@ -175,7 +176,7 @@ def _parameters(robot: Robot, row: int, model: RestModel, k: int) -> dict[str, V
 
 
 def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: RestFits) -> list[Note]:
-    """Distance of the positions at rest, in the joint's unit and in steps of its reading, and their load."""
+    """Notes on how far apart a joint rests under loads of opposite sign, and on the loads."""
     joint, unit = robot.joint_names[row], robot.position_units[row]
     load = np.abs(stills.rest_medians(stills.load))
     numbers = {
@@ -188,8 +189,8 @@ def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: RestFi
         "rests": len(load),
         "counted": LOADED,
     }
-    apart = Note(Code.RESTS_APART, joint, numbers)
-    return [apart, Note(Code.CONTROLLER_GIVES_WAY, joint)] if found.models else [apart]
+    distance = Note(Code.RESTS_APART, joint, numbers)
+    return [distance, Note(Code.CONTROLLER_GIVES_WAY, joint)] if found.models else [distance]
 
 
 def _bound(robot: Robot, row: int, found: RestFits) -> Bound:
@@ -200,8 +201,8 @@ def _gap(robot: Robot, row: int, stills: StandstillSamples, found: RestFits | No
     joint, unit = robot.joint_names[row], robot.position_units[row]
     if found is None:
         return JointGap(joint, unit, 0.0, 0.0, max(stills.repeatability, 1e-12), 0)
-    left = found.models[0].residual if found.models else found.before
-    before, after = np.sqrt(_square(found.before)), np.sqrt(_square(left))
+    residual = found.models[0].residual if found.models else found.before
+    before, after = np.sqrt(_mean_square(found.before)), np.sqrt(_mean_square(residual))
     return JointGap(joint, unit, before, after, max(min(stills.repeatability, after), 1e-12), len(stills.t))
 
 
@@ -210,27 +211,28 @@ def _unexplained(robot: Robot, every: list[StandstillSamples], fits: dict[int, R
     found = {row: fit for row, fit in fits.items() if fit.models}
     if not found:
         return Unexplained(0.0, False, None, None)
-    left = {
-        row: max(_square(fit.models[0].residual) - every[row].repeatability ** 2, 0.0) for row, fit in found.items()
+    residual = {
+        row: max(_mean_square(fit.models[0].residual) - every[row].repeatability ** 2, 0.0)
+        for row, fit in found.items()
     }
-    gap = {row: max(_square(fit.before) - every[row].repeatability ** 2, 1e-300) for row, fit in found.items()}
-    share = {row: left[row] / gap[row] for row in found}
+    gap = {row: max(_mean_square(fit.before) - every[row].repeatability ** 2, 1e-300) for row, fit in found.items()}
+    share = {row: residual[row] / gap[row] for row in found}
     worst = max(share, key=lambda row: share[row])
     mean = float(np.mean(list(share.values())))
     structured = mean > rules.LITTLE_STRUCTURE
     return Unexplained(mean, structured, robot.joint_names[worst] if structured else None, None)
 
 
-def _verdict(fits: dict[int, RestFits], findings: tuple[Finding, ...], rest: Unexplained) -> str:
+def _verdict(fits: dict[int, RestFits], findings: tuple[Finding, ...], unexplained: Unexplained) -> str:
     if not fits:
         return "not_testable"
     if not findings:
         return "no_gap"
-    return "partly_explained" if rest.structured else "explained"
+    return "partly_explained" if unexplained.structured else "explained"
 
 
 def _evidence(robot: Robot, every: list[StandstillSamples], fits: dict[int, RestFits], rows: list[int]) -> Evidence:
-    """Samples at rest of the joint that moves most under load, with its position error instead of a torque."""
+    """Samples at rest of the joint that moves most under load, with its position error in place of a torque."""
     row = rows[0] if rows else 0
     stills, found = every[row], fits.get(row)
     count = (len(stills.t), robot.nv)
@@ -240,36 +242,34 @@ def _evidence(robot: Robot, every: list[StandstillSamples], fits: dict[int, Rest
         rest_error = stills.rest_medians(stills.error)
         held_out = found.models[0].residual if found.models else found.before
         after[:, row] = (rest_error - held_out)[stills.rest]
-    still = read_only(np.zeros(count))
-    arrays = (read_only(x) for x in (error, np.zeros(count), after))
-    measured, before, corrected = arrays
+    zero = read_only(np.zeros(count))
     return Evidence(
         t=read_only(stills.t),
         q=read_only(stills.q),
-        v=still,
-        a=still,
-        tau_measured=measured,
-        tau_before=before,
-        tau_after=corrected,
+        v=zero,
+        a=zero,
+        tau_measured=read_only(error),
+        tau_before=zero,
+        tau_after=read_only(after),
         regime_shares=tuple({"high_load": 1.0} if k == row else {} for k in range(robot.nv)),
         tau_transmitted=read_only(load),
     )
 
 
-def _square(values: Array) -> float:
+def _mean_square(values: Array) -> float:
     return float(np.mean(values**2))
 
 
 def claims_at_rest(joint: str, found: RestFits, repeat: float) -> tuple[Claim[EffectAt], ...]:
-    """Entries of the ledger: one for each model of the rests, or for each effect of the named model.
+    """Entries of the ledger: one for each effect of the claimed model, and one for each other model.
 
     Args:
         joint: Name of the joint.
         found: Fits to its rests.
-        repeat: Deviation of the samples within a rest.
+        repeat: Standard deviation of the samples within a rest [rad or m].
     """
     named = found.models[0].effects if found.models else ()
-    # With loads of one size, or few rests, both effects together cannot be tested and have no entry.
+    # The third model, both effects together, has no entry if it could not be tested.
     tested = REST_MODELS if found.both_needed is not None or not found.models else REST_MODELS[:2]
     names = [(effect,) for effect in named] + [model for model in tested if not set(model) <= set(named)]
     return tuple(_claim(joint, found, model, repeat) for model in names)
@@ -283,7 +283,7 @@ def _claim(joint: str, found: RestFits, effects: tuple[str, ...], repeat: float)
     claimed = set(effects) <= set(first.effects)
     gates = until_failed((found.above_chance, *_against_rivals(found, first.effects if claimed else effects)))
     own = next((model for model in found.models if model.effects == effects), None)
-    if own is None:  # both together, of which one does not differ from zero
+    if own is None:  # the model of both effects was rejected, because one of them does not differ from zero
         return Claim(at, gates, "not_claimed", judged_by="rests")
     figures = {"closes": _closes(found, own, repeat)}
     if claimed:
@@ -294,7 +294,7 @@ def _claim(joint: str, found: RestFits, effects: tuple[str, ...], repeat: float)
 
 
 def _against_rivals(found: RestFits, model: tuple[str, ...]) -> tuple[GateResult, ...]:
-    """Gates between the models: whether both effects together are needed, and then which model is most probable."""
+    """Gates between the models: whether a model of two effects needs both, and whether the model is most probable."""
     odds = {one.effects: share for one, share in zip(found.models, found.probabilities, strict=True)}
     both = (found.both_needed,) if len(model) > 1 and found.both_needed is not None else ()
     if model not in odds:
@@ -309,5 +309,5 @@ def _closes(found: RestFits, model: RestModel, repeat: float) -> float:
     return (before - _rms(model.residual) ** 2) / max(before - repeat**2, 1e-300)
 
 
-def _rms(left: Float[Array, " R"]) -> float:
-    return float(np.sqrt(np.mean(left**2)))
+def _rms(residual: Float[Array, " R"]) -> float:
+    return float(np.sqrt(np.mean(residual**2)))

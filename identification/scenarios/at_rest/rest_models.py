@@ -24,7 +24,7 @@ from phantom_dyn.random_streams import random_stream
 
 # Smallest number of rests under each sign of load: fewer do not show how well rests repeat.
 LEAST_RESTS = 3
-# Least relative difference of the sizes of loads that separates backlash from a spring; loads are no more accurate.
+# Loads whose sizes differ by less than this share of their mean count as equal: modelled loads are no more accurate.
 _ALIKE = 0.2
 # Smallest standard deviation, for rests that are exactly equal; a number divided by it can still be squared.
 _NO_DEVIATION = 1e-150
@@ -60,10 +60,10 @@ class RestFits:
         replicates: Share of the gap that the first model explains, in each bootstrap replicate.
         shift: Distance of the rests under loads of opposite sign [rad or m].
         detectable_size: The smallest shift that would be claimed in 95 of 100 such recordings.
-        above_chance: Whether the shift is larger than chance explains; both numbers are squares in units of its
-            deviation.
-        both_needed: Whether backlash and compliance, fitted together, both differ from zero; None if the loads have one
-            size or the rests are few, which cannot show that.
+        above_chance: Whether the shift is larger than chance explains; both numbers are squares in units of the shift's
+            standard deviation.
+        both_needed: Whether backlash and compliance both differ from zero when fitted together; None if this cannot be
+            tested, because all loads have the same size or there are too few rests.
     """
 
     before: Float[Array, " R"]
@@ -91,36 +91,37 @@ def fitted_rests(stills: StandstillSamples) -> RestFits:
     from scipy.special import stdtr, stdtrit
 
     error, load = stills.rest_medians(stills.error), stills.rest_medians(stills.load)
-    side = np.sign(load)
+    load_sign = np.sign(load)
     before = _fit(error, ()).residual
-    shift = _fit(error, (("backlash", -0.5 * side),))
+    shift = _fit(error, (("backlash", -0.5 * load_sign),))
     width = float(shift.values[0])
+    # Rounding to steps of the reading gives at least the standard deviation of a uniform error.
     deviation = max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)), _NO_DEVIATION)
     needed = -float(stdtrit(len(error) - 2, rules.REST_CHANCE))
-    detectable_size = (needed + 1.645) * deviation
+    detectable_size = (needed + 1.645) * deviation  # 1.645 standard deviations: 95 % on one side
     above_chance = more_than_chance(float(np.sign(width)) * (width / deviation) ** 2, needed**2)
     if not above_chance.passed:
         return RestFits(before, (), (), np.zeros(0), width, detectable_size, above_chance)
-    columns = {"backlash": -0.5 * side, "transmission_compliance": -load}
+    columns = {"backlash": -0.5 * load_sign, "transmission_compliance": -load}
     sizes = np.abs(load)
     alike = sizes.max() - sizes.min() < _ALIKE * sizes.mean()
     models = [_fit(error, tuple((name, columns[name]) for name in names)) for names in REST_MODELS]
     both = None
     if len(error) > 6 and not alike:
-        # Both together are a model only if each differs from zero when fitted together.
-        certain = stdtr(len(error) - 3, models[2].values / np.maximum(models[2].std, 1e-300))
-        both = both_are_there(float(certain.min()))
+        # The third model, backlash and compliance together, is used only if each of them differs from zero.
+        confidence = stdtr(len(error) - 3, models[2].values / np.maximum(models[2].std, 1e-300))
+        both = both_are_there(float(confidence.min()))
     models = models if both is not None and both.passed else models[:2]
     losses = np.array([model.residual**2 for model in models]).T
-    wins = np.full(len(models), 1.0 / len(models)) if alike else _probabilities(losses)
-    ranked = sorted(range(len(models)), key=lambda k: (-wins[k], k))
-    shares = block_counts(len(error), random_stream("bootstrap of rests")) / len(error)
-    loss_before = shares @ before**2
-    closed = (loss_before - shares @ losses[:, ranked[0]]) / np.maximum(loss_before - stills.repeatability**2, 1e-300)
+    odds = np.full(len(models), 1.0 / len(models)) if alike else _probabilities(losses)
+    ranked = sorted(range(len(models)), key=lambda k: (-odds[k], k))
+    weights = block_counts(len(error), random_stream("bootstrap of rests")) / len(error)
+    loss_before = weights @ before**2
+    closed = (loss_before - weights @ losses[:, ranked[0]]) / np.maximum(loss_before - stills.repeatability**2, 1e-300)
     return RestFits(
         before,
         tuple(models[k] for k in ranked),
-        tuple(float(wins[k]) for k in ranked),
+        tuple(float(odds[k]) for k in ranked),
         closed,
         width,
         detectable_size,
@@ -130,20 +131,20 @@ def fitted_rests(stills: StandstillSamples) -> RestFits:
 
 
 def _probabilities(losses: Float[Array, "R m"]) -> Float[Array, " m"]:
-    """Probability of each model; the noise of a rest is taken from the residuals of the best one."""
+    """Probability of each model by its losses; the residuals of the best model give the noise of a rest."""
     noise = max(float(losses.mean(axis=0).min()), 1e-300)
     return probabilities(losses / noise, (np.zeros(losses.shape[1]),), lead=share_by_likelihood)
 
 
 def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]], ...]) -> RestModel:
-    """Least squares with a constant; the residual of each rest is that of the fit to all others."""
+    """Least squares with a constant; the residual of each rest is held out, from the fit to all other rests."""
     x = np.column_stack([np.ones_like(error), *(column for _, column in columns)])
     every, rests = list(range(x.shape[1])), np.arange(len(error))
     products = block_products(x, error, np.ones(len(error)), rests, len(error))
     inverse = np.linalg.pinv(products.gram.sum(axis=0))
     theta = inverse @ products.right.sum(axis=0)
-    rest = error - x @ theta
-    variance = float(rest @ rest) / max(len(error) - x.shape[1], 1)
+    residual = error - x @ theta
+    variance = float(residual @ residual) / max(len(error) - x.shape[1], 1)
     std = np.sqrt(variance * np.diag(inverse))
-    left = held_out_residual(x, error, rests, products.fits_without_each(every))
-    return RestModel(tuple(name for name, _ in columns), theta[1:], std[1:], left)
+    held_out = held_out_residual(x, error, rests, products.fits_without_each(every))
+    return RestModel(tuple(name for name, _ in columns), theta[1:], std[1:], held_out)

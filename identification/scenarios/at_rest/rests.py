@@ -1,4 +1,4 @@
-"""Samples at standstill, with the distance of a joint from its reference and the load on its transmission."""
+"""Selects samples at standstill, with the position error of a joint and the load on its transmission."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from phantom_dyn.model.robot import Robot
 
 # Share of the largest load below which a load is not used: friction then decides where a joint with backlash rests.
 LOADED = 0.2
-# Load [N m or N] below which it is rounding, as on a vertical axis.
+# Loads below this one [N m or N] are rounding errors, as on a vertical axis.
 _LEAST_LOAD = 1e-6
 
 
@@ -30,7 +30,7 @@ class StandstillSamples:
         t: Time [s], recordings one second apart.
         q: Positions of all joints [rad or m].
         error: Position minus reference of the joint [rad or m].
-        load: Torque [N m or N] that its transmission transmits to the link, from the model and measured forces.
+        load: Torque [N m or N] that its transmission passes to the link, from the model and measured forces.
         rest: Index of the rest of each sample; a rest is a stretch of standstill under one sign of load.
         quantum: Step of the joint's reading [rad or m].
     """
@@ -60,10 +60,10 @@ class StandstillSamples:
 
 
 def standstill_samples(robot: Robot, recordings: tuple[Recording, ...], row: int) -> StandstillSamples:
-    """Samples in which the robot stands still while a joint is under load, by rests.
+    """Samples of a joint under load while the whole robot stands still, numbered by rests.
 
-    A joint stands still where it differs by at most one step of its reading from both neighbouring samples. After a
-    change of its reference it has to have moved first, as a servo responds late.
+    A joint stands still at a sample that differs by at most one step of its reading from both neighbours. Samples after
+    a change of the joint's reference count only once the joint has moved, as a servo responds late.
 
     Args:
         robot: The robot, with its masses and steps of readings.
@@ -95,6 +95,7 @@ def standstill_samples(robot: Robot, recordings: tuple[Recording, ...], row: int
 
 
 def _references(recording: Recording, row: int) -> Float[Array, " N"]:
+    """References of a joint, after a check that they exist and are finite."""
     if recording.q_ref is None:
         raise LogError(
             f"{recording.file} has no q_ref.<joint> of every joint: how far a joint gives way at rest needs the "
@@ -111,7 +112,7 @@ def _references(recording: Recording, row: int) -> Float[Array, " N"]:
 
 
 def _quantum(robot: Robot, recordings: tuple[Recording, ...], row: int) -> float:
-    """Step of a joint's readings: the stated one, else that of the recordings; 0 without either."""
+    """Step of a joint's readings: as stated, else as seen in the recordings; 0 if it is neither stated nor seen."""
     stated = stated_step(robot, row)
     if stated is not None:
         return stated
