@@ -1,1 +1,1 @@
-"""Torques of drives: from currents and voltages, with compensation undone, and with references that arrive late."""
+"""Torques of drives: computed from currents and voltages, and corrected for compensation and delayed references."""

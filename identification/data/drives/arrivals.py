@@ -1,9 +1,10 @@
 """Estimates the torque between two readings of a drive's voltage, which a bus reads once per frame.
 
 A drive holds each reference until the next one arrives. Its voltage jumps when a reference arrives, and then falls as
-the joint follows. The bus reads the voltage always at the same time after a jump, so that a line through the readings
-is not the mean voltage over the frame. The two differ by at most the gain times the change of the reference in half a
-frame, with either sign. When in the frame a reference arrives cannot be seen in the readings, but only in the motion.
+the joint follows. The bus always reads the voltage at the same time after a jump. So linear interpolation between the
+readings does not give the mean voltage over the frame. The two differ by at most the gain times the change of the
+reference in half a frame, with either sign. The readings do not show when in the frame a reference arrives; only the
+motion shows this.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from phantom_dyn.model.robot import Robot
 
 # Number of points within a frame over which a voltage is averaged.
 _FINE = 16
-# Possible arrivals of the reference, from the middle of the frame, as a share of the frame.
+# Possible arrival times of the reference, counted from the middle of the frame, as shares of the frame.
 _PARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 
 
@@ -31,11 +32,11 @@ class BetweenReadings:
     """Torque of drives between two readings of their voltage, one frame apart, shape ``(N, nv)`` [N m or N].
 
     Attributes:
-        torque: Mean over the frame around each reading minus the line through the readings, if references arrive in
-            the middle of a frame. It is zero unless a drive reduces its voltage to protect itself.
-        arrival: Change of that mean if references arrive one frame later.
-        doubt: Standard deviation of the part that is not proportional to the arrival: a drive may reduce its voltage in
-            this frame or in the next. It has a sign, so that filters act on it as on the torque.
+        torque: Mean torque over the frame around each reading, if references arrive in the middle of a frame, minus the
+            interpolated readings. It is zero unless a drive reduces its voltage to protect itself.
+        arrival: Change of the mean torque if references arrive one frame later.
+        doubt: Standard deviation of the part of the mean torque that is not linear in the arrival time, as a drive may
+            reduce its voltage in this frame or in the next. It has a sign, so that filters act on it as on the torque.
     """
 
     torque: Float[Array, "N nv"]
@@ -44,13 +45,13 @@ class BetweenReadings:
 
 
 def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], held: bool) -> BetweenReadings | None:
-    """Torque between readings of voltages; None without such readings, or if references act at once.
+    """Torque between readings of voltages; None without such readings, or if references are not held.
 
     Args:
         recording: Recording whose loops were identified from its voltages.
         robot: Gives the constants of the drives.
         t: Uniform times [s], shape ``(N,)``.
-        held: True if a reference acts from its sample to the next.
+        held: True if a drive holds each reference until the next one.
     """
     if not held or recording.q_ref is None or not recording.loops:
         return None
@@ -58,19 +59,20 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
     for j, (joint, loop) in enumerate(zip(robot.joint_names, recording.loops, strict=True)):
         if loop is None or loop.computed or recording.torque_from.get(joint) != "u":
             continue
-        warm = 1.0 if recording.temperature is None else copper_share(recording.temperature[:, j])
+        cold_share = 1.0 if recording.temperature is None else copper_share(recording.temperature[:, j])
         torque_per_volt = per_volt(robot.actuators[j]) * np.interp(
-            t, recording.t, np.broadcast_to(warm, recording.t.shape)
+            t, recording.t, np.broadcast_to(cold_share, recording.t.shape)
         )
         means = np.array([_mean_voltage(loop, recording, t, j, part) for part in _PARTS])
         arrival[:, j] = torque_per_volt * (means[-1] - means[0])
         if loop.dropped:
-            line = np.convolve(_read_voltage(loop, recording, t, j), [0.125, 0.75, 0.125], "same")
+            # The mean over a frame of straight lines between readings: an eighth of each neighbour and three quarters.
+            interpolated = np.convolve(_read_voltage(loop, recording, t, j), [0.125, 0.75, 0.125], "same")
             middle = means[len(_PARTS) // 2]
             deviation = means - middle - np.outer(_PARTS, means[-1] - means[0])
             largest = np.argmax(np.abs(deviation), axis=0)
             sign = np.sign(deviation[largest, np.arange(len(t))])
-            torque[1:-1, j] = (torque_per_volt * (middle - line))[1:-1]
+            torque[1:-1, j] = (torque_per_volt * (middle - interpolated))[1:-1]
             doubt[1:-1, j] = (torque_per_volt * sign * np.sqrt(np.mean(deviation**2, axis=0)))[1:-1]
     return BetweenReadings(torque, arrival, doubt) if arrival.any() else None
 
@@ -92,23 +94,23 @@ def _mean_voltage(
         recording: Recording with references and motion.
         t: Uniform times [s], one frame apart.
         j: Index of the joint.
-        part: Arrival of references, as one of `_PARTS`.
+        part: Arrival time of references, one of `_PARTS`.
     """
     assert recording.q_ref is not None
     frame = float((t[-1] - t[0]) / max(len(t) - 1, 1))
     out = np.zeros(len(t))
     for k in range(_FINE):
-        then = t + frame * ((k + 0.5) / _FINE - 0.5)
-        sent = np.searchsorted(recording.t, then - loop.delay - (part - 0.5) * frame + 1e-9, side="right") - 1
+        times = t + frame * ((k + 0.5) / _FINE - 0.5)
+        sent = np.searchsorted(recording.t, times - loop.delay - (part - 0.5) * frame + 1e-9, side="right") - 1
         reference = recording.q_ref[np.clip(sent, 0, None), j]
-        out += loop.output_at(reference - np.interp(then, recording.t, recording.q[:, j])) / _FINE
+        out += loop.output_at(reference - np.interp(times, recording.t, recording.q[:, j])) / _FINE
     return out
 
 
 def arrival_notes(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Note, ...]:
     """Notes on joints whose references arrive at an unknown time, with the viscous friction that has the same effect.
 
-    There is one more note for each recording in which such a drive reduces its voltage to protect itself.
+    Each recording in which such a drive reduces its voltage to protect itself adds a note.
 
     Args:
         robot: Robot with the names of these joints in ``unknown_arrivals``.

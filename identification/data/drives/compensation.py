@@ -1,9 +1,9 @@
-"""Undoes what a controller or recorder did to recorded torques, as the column map states it.
+"""Restores recorded torques that a controller compensated or a low pass filtered, as the column map states.
 
-From some torques a controller had subtracted gravity or friction: the model's is added. Gravity needs only positions.
-Friction needs velocities, and at standstill their sign changes with the noise at every sample. It is therefore added
-later (`identification.data.signals`), with the same velocities with which the model's friction is computed, so that the
-two cancel. Other torques went through a low pass, which is inverted first.
+If a controller had subtracted gravity or friction from a torque, the modelled gravity or friction is added. Gravity
+needs only positions. Friction needs velocities, whose sign changes with the noise at standstill. So friction is added
+later (`identification.data.signals`), with the same velocities as in the modelled friction, so that the two cancel. A
+low pass is inverted before anything is added.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from phantom_dyn.model.robot import Robot
 
 
 def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:
-    """Joints from whose torque a controller had subtracted ``part``, in the robot's order.
+    """Joints from whose torque a controller had subtracted gravity or friction, in the robot's order.
 
     Args:
-        table: Table with what the column map states.
+        table: Table with the compensation that the column map states.
         robot: Gives the joints.
         part: ``gravity`` or ``friction``.
 
@@ -36,6 +36,7 @@ def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:
 
 
 def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str) -> None:
+    """Raise an error if the robot lacks one of the joints; an empty name means all joints."""
     for joint in joints:
         if joint and joint not in robot.joint_names:
             raise LogError(
@@ -77,23 +78,23 @@ def before_low_pass(
 
 
 def put_back_sentences(table: Table, robot: Robot) -> tuple[str, ...]:
-    """Sentences on gravity and friction that are added to torques, which then hide errors of the model's own."""
-    weightless, smooth = (joints_without(table, robot, part) for part in ("gravity", "friction"))
-    rubbing = dict(zip(robot.joint_names, robot.viscous_friction + robot.coulomb_friction, strict=True))
-    rough = tuple(joint for joint in smooth if rubbing[joint] > 0)
+    """Warnings that the model's gravity or friction is added to torques, which hides errors of the model in it."""
+    no_gravity, no_friction = (joints_without(table, robot, part) for part in ("gravity", "friction"))
+    modelled = dict(zip(robot.joint_names, robot.viscous_friction + robot.coulomb_friction, strict=True))
+    with_modelled_friction = tuple(joint for joint in no_friction if modelled[joint] > 0)
     out = []
     for joints, what, wrong in (
-        (weightless, "gravity torque", "weights that are wrong in the model show"),
-        (rough, "friction", "friction that is wrong in the model shows"),
+        (no_gravity, "gravity torque", "weights that are wrong in the model show"),
+        (with_modelled_friction, "friction", "friction that is wrong in the model shows"),
     ):
         if joints:
             out.append(
                 f"{table.file}: the model's {what} was put back into the torque of {', '.join(joints)}, from which a "
                 f"controller had taken it, as the column map says: {wrong} as far as it was not taken out."
             )
-    if smooth and not rough:
+    if no_friction and not with_modelled_friction:
         out.append(
             f"{table.file}: the column map says that friction is compensated, but {robot.name} states none of "
-            f"{', '.join(smooth)}: nothing was put back."
+            f"{', '.join(no_friction)}: nothing was put back."
         )
     return tuple(out)

@@ -32,11 +32,11 @@ class NoTorqueError(LogError):
     """No joint has a torque, nor a current or voltage from which it could be computed."""
 
 
-def _constant(table: Table, joint: str, actuator: Actuator, column: str) -> float:
+def _torque_per_ampere(table: Table, joint: str, actuator: Actuator, column: str) -> float:
     """Torque on the joint side per ampere [N m/A].
 
     Raises:
-        LogError: If the robot states no torque constant; the message names the column that needs it.
+        LogError: If the robot states no torque constant; the message names ``column``, which needs it.
     """
     if actuator.torque_constant is None:
         raise LogError(
@@ -60,41 +60,44 @@ def per_speed(actuator: Actuator) -> float:
 
 
 def voltage_bound(actuator: Actuator) -> float:
-    """Torque at standstill under the largest voltage of a drive [N m or N]; infinite if that is not stated."""
+    """Torque at standstill under the largest voltage of a drive [N m or N]; infinite if this voltage is not known."""
     return per_volt(actuator) * actuator.voltage_limit if actuator.voltage_limit and per_volt(actuator) else np.inf
 
 
 def warm_share(table: Table, joint: str) -> Float[Array, " N"] | float:
-    """Resistance of a motor at its lowest temperature over its resistance at each time, shape ``(N,)``.
+    """Resistance of a motor at its lowest temperature, divided by its resistance at each time, shape ``(N,)``.
 
-    It is 1 if no temperature was measured. The temperature to which a stated resistance belongs is not known: in a data
-    sheet it is that of a cold motor, in a fit that of the running motor. So the stated resistance is taken to hold at
-    the lowest temperature of the recording.
+    It is 1 if no temperature was measured. The stated resistance is assumed to hold at the lowest temperature of the
+    recording, because its own temperature is not known: data sheets mean a cold motor, fits a running motor.
     """
-    warm = table.columns.get(f"temp.{joint}")
-    return 1.0 if warm is None else copper_share(warm)
+    temperature = table.columns.get(f"temp.{joint}")
+    return 1.0 if temperature is None else copper_share(temperature)
 
 
-def copper_share(warm: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Resistance of copper at the lowest temperature over its resistance at each temperature [deg C], shape ``(N,)``.
+def copper_share(temperature: Float[Array, " N"]) -> Float[Array, " N"]:
+    """Resistance of copper at the lowest temperature, divided by its resistance at each temperature, shape ``(N,)``.
 
-    It is 1 throughout if no temperature was measured.
+    Args:
+        temperature: Temperatures [deg C]. Values that are not finite count as the lowest temperature.
+
+    Returns:
+        The ratio; 1 throughout if no temperature was measured.
     """
-    # A temperature of zero throughout was not measured.
-    known = np.isfinite(warm)
-    if not known.any() or not np.any(warm[known]):
-        return np.ones(len(warm))
-    cold = float(warm[known].min())
-    return 1.0 / (1.0 + _COPPER * (np.where(known, warm, cold) - cold))
+    # Zero throughout means that the temperature was not measured.
+    known = np.isfinite(temperature)
+    if not known.any() or not np.any(temperature[known]):
+        return np.ones(len(temperature))
+    cold = float(temperature[known].min())
+    return 1.0 / (1.0 + _COPPER * (np.where(known, temperature, cold) - cold))
 
 
 def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"]:
     r"""Torque from the voltage of a motor that warms: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`.
 
-    Without a recorded velocity, positions are differentiated, after spikes and dropouts were removed. When positions
-    are filtered later, the back-EMF is computed again from the filtered positions, see `Recording.velocity_gain`.
+    Without a recorded velocity, positions are differentiated after spikes and dropouts are removed. This back-EMF is
+    preliminary: it is computed again once the positions are filtered, see `Recording.velocity_gain`.
     """
-    _constant(table, joint, actuator, f"u.{joint}")
+    _torque_per_ampere(table, joint, actuator, f"u.{joint}")
     if actuator.resistance is None:
         raise LogError(
             f"{table.file} has u.{joint} but neither tau. nor i. of it, and the robot states no resistance of {joint}: "
@@ -107,7 +110,7 @@ def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array
 
 
 def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) -> Float[Array, " nv"] | None:
-    """Decrease of the torque per speed, for joints whose back-EMF was computed from differences of positions.
+    """Decrease of the torque per speed by back-EMF, for joints whose back-EMF was computed from positions.
 
     Args:
         table: Columns under their standard names.
@@ -115,7 +118,7 @@ def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) 
         torque_from: For each joint, the quantity from which its torque was computed, see `torque_sources`.
 
     Returns:
-        The decrease [N m s/rad or N s/m], ``(nv,)``, zero for other joints; None without such joints.
+        The decrease [N m s/rad or N s/m], ``(nv,)``, zero for other joints; None if there are no such joints.
     """
     differenced = [torque_from.get(joint) == "u" and f"v.{joint}" not in table.columns for joint in robot.joint_names]
     if not any(differenced):
@@ -177,14 +180,14 @@ def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N
     if f"tau.{joint}" in table.columns:
         return table.columns[f"tau.{joint}"]
     if f"i.{joint}" in table.columns:
-        return table.columns[f"i.{joint}"] * _constant(table, joint, actuator, f"i.{joint}")
+        return table.columns[f"i.{joint}"] * _torque_per_ampere(table, joint, actuator, f"i.{joint}")
     if f"u.{joint}" in table.columns:
         return _voltage_torque(table, joint, actuator)
     return None if actuator.actuated else np.zeros(len(table.columns["t"]))
 
 
 def _missing(table: Table, joints: list[str], all_missing: bool) -> str:
-    """Message of the error that joints have no torque."""
+    """Error message for joints without a torque."""
     what = "no torque: there is no column" if all_missing else "no torque of"
     names = ", ".join(f"tau.{joint}" for joint in joints) if all_missing else ", ".join(joints)
     instead = ", or the references q_ref.<joint> of its position controllers, so that motion alone can be judged"
@@ -308,8 +311,8 @@ def computed_from_references(
 ) -> tuple[Float[Array, " nv"] | None, Float[Array, " nv"] | None]:
     """Gain and torque limit of joints whose voltage was computed from the reference; None without such joints.
 
-    This concerns voltages only, which a drive computes from the reference that it holds. A torque that equals a control
-    law to the last digit is a command of a controller that knows the reference at once.
+    Only voltages are considered, which a drive computes from the reference that it holds. A torque that equals a
+    control law to the last digit is instead the command of a controller that gets its reference without delay.
 
     Args:
         table: Columns under their standard names.
