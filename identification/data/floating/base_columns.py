@@ -1,7 +1,7 @@
-"""Reads the columns of a floating base (gyroscope ``w.``, accelerometer ``sf.``, ``contact.``), and its motion.
+"""Reads the columns of a floating base (``w.``, ``sf.``, ``contact.``), and computes the motion of the base.
 
-The readings go through the same low pass as the joints' positions. To find the effect of the sensors' white noise,
-random noise is drawn and goes through the same low pass.
+``w.`` are readings of a gyroscope, ``sf.`` of an accelerometer. They go through the same low pass as the joints'
+positions. To find the effect of the sensors' white noise, random noise is drawn and filtered in the same way.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def _require_contacts(table: Table, robot: Robot, contacts: Mapping[str, Array])
 
 
 def _uncovered_words(table: Table, robot: Robot, readings: BaseReadings) -> tuple[str, ...]:
-    """A sentence that names the joints for whose links there is no column of contacts."""
+    """A warning that names the joints on whose links no column states a contact."""
     if not readings.contacts:
         return ()
     covered = np.any([carrying_joints(robot, frame) for frame in readings.contacts], axis=0)
@@ -115,7 +115,7 @@ def _uncovered_words(table: Table, robot: Robot, readings: BaseReadings) -> tupl
 def carrying_joints(robot: Robot, frame: str) -> np.ndarray:
     """True for joints on which a force at a frame causes a torque, shape ``(nv,)``.
 
-    If a passive joint of a closed chain carries the frame, it is True for all joints, as closed chains transmit forces.
+    All values are True if a passive joint of a closed chain moves the frame, as closed chains transmit forces.
     """
     model = robot.model
     joint = model.frames[model.getFrameId(frame)].parentJoint
@@ -129,7 +129,7 @@ def carrying_joints(robot: Robot, frame: str) -> np.ndarray:
 
 
 def readings_at(base: BaseReadings | None, rows: slice) -> BaseReadings | None:
-    """The readings of some rows; None for None."""
+    """The readings of some rows; None if there are no readings."""
     if base is None:
         return None
     contacts = {frame: read_only(x[rows]) for frame, x in base.contacts.items()}
@@ -169,7 +169,9 @@ def _filtered(readings: Float[Array, "N 6"], rate_hz: float, cutoff_hz: float) -
 def sensors_of_base(recording: Recording) -> BaseSensors | None:
     """Frames of gyroscope and accelerometer, and the white noise of each; None for a fixed base.
 
-    The noise is estimated from third differences, in which motion nearly cancels. Their median ignores impacts.
+    The noise is estimated from third differences, in which motion nearly cancels. Their median ignores impacts. For
+    normal white noise, 1.4826 times the median magnitude of third differences is their standard deviation, and their
+    variance is 20 times that of the noise.
     """
     base = recording.base
     if base is None:

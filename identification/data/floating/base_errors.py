@@ -1,4 +1,4 @@
-"""Usual errors of the sensors on a floating base, and the change of the modelled torque that each of them causes.
+"""Typical errors of the sensors on a floating base, and the change of the modelled torque that each of them causes.
 
 The sizes are those of sensors of legged robots (Bosch BMI088 and similar): offsets of 20 mg and 1 deg/s, scales within
 1 %, a board mounted to within a degree and a centimetre, and readings some milliseconds later than those of joints.
@@ -36,7 +36,7 @@ SENSOR_ERRORS: dict[str, float] = {f"{kind} {axis}": size for kind, size in _SIZ
 
 
 def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str, Float[Array, "N nv"]]:
-    """For each error, the change of the modelled torque if one unit of it is removed from the readings (first order).
+    """For each error, the first-order change of the modelled torque if one unit of it is removed from the readings.
 
     Args:
         robot: The given model.
@@ -50,7 +50,7 @@ def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str
 
 def torque_of_base_errors(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
     """Change of the modelled torque if several errors of given sizes are removed from the readings at once."""
-    change = _without(robot, log, log.motion, sizes)
+    change = _change_without(robot, log, log.motion, sizes)
     return np.einsum("njk,nk->nj", torque_jacobian_of_base(robot, log.motion), change)
 
 
@@ -59,18 +59,18 @@ def base_without_errors(robot: Robot, log: Log, rows: slice, sizes: Iterable[tup
     motion = log.motion.at(rows)
     if motion.base is None:
         return None
-    return BaseMotion(*np.split(motion.base.columns + _without(robot, log, motion, sizes), 3, axis=1))
+    return BaseMotion(*np.split(motion.base.columns + _change_without(robot, log, motion, sizes), 3, axis=1))
 
 
-def _without(robot: Robot, log: Log, motion: Motion, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N 9"]:
-    """Change of `BaseMotion.columns` if errors of given sizes are removed."""
+def _change_without(robot: Robot, log: Log, motion: Motion, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N 9"]:
+    """Change of `BaseMotion.columns` if errors of given sizes are removed from the readings."""
     errors = [(name, size) for name, size in sizes if size]
     corrections = _corrections(robot, log, motion) if errors else {}
     return sum((size * corrections[name] for name, size in errors), np.zeros((len(motion.t), 9)))
 
 
 def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Array, "N 9"]]:
-    """For each error, the change of `BaseMotion.columns` if one unit of it is removed."""
+    """For each error, the change of `BaseMotion.columns` if one unit of the error is removed from the readings."""
     base, sensors = motion.base, log.base_sensors
     assert base is not None
     assert sensors is not None
@@ -92,6 +92,7 @@ def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Arra
         unit = np.tile(np.eye(3)[k], (len(w), 1))
 
         def along(x: Array, direction: Array) -> Array:
+            """Component of vectors along an axis of a sensor."""
             return (x @ direction[0])[:, None] * direction
 
         out[f"accelerometer offset {axis}"] = base_change(none, none, of_accelerometer)

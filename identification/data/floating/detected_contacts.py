@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Detects contacts from torques if no column states them: a leg that carries weight needs more torque than modelled.
 
-The detection is less certain than a switch in the foot, as errors of the model look like a light contact. So detected
-contacts are extended a little in time, and a warning says that they were detected.
+Such a detection is less certain than a switch in the foot, as an error of the model looks like a light contact. So
+detected contacts are extended a little in time, and a warning says that they were detected.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LOW_PASS_HZ = 20.0
 _MARGIN = 0.04
 """Time by which a contact is extended at both ends, as the low pass blurs them [s]."""
 _LEVEL_RATIO = 4.0
-"""Smallest ratio of the high to the low level of a leg's unmodelled torque with which it swings and stands in turn."""
+"""A leg both swings and stands in a recording if the high level of its unmodelled torque is this many times the low."""
 _LEVELS = (10.0, 90.0)
 """Percentiles that give the low and the high level."""
 _STANDING_SHARE = 0.05
@@ -96,7 +96,9 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
 
 
 def _standing(largest: Float[Array, " N"], torque: float) -> Bool[Array, " N"]:
-    """True while a leg stands.
+    """True while a leg stands: its unmodelled torque is above the geometric mean of its low and high levels.
+
+    If the levels do not differ enough for the leg to swing and stand in turn, one answer holds for the whole recording.
 
     Args:
         largest: Largest unmodelled torque of its joints [N m or N], shape ``(N,)``.

@@ -1,9 +1,8 @@
 """Checks the sensors on a floating base, and the columns that state contacts.
 
-Three facts are used. Over a second the base gains hardly any speed, so that the mean specific force equals gravity in
-size. Gravity keeps its direction in the world, so that in the axes of the base it turns with the angular velocity of
-the gyroscope. A leg in the air is free of contact forces, so that the model predicts its torques better than on the
-ground.
+Three facts are used. Over a second the base gains hardly any speed, so the magnitude of the mean specific force equals
+gravity. Gravity has a constant direction in the world, so in the axes of the base it turns with the angular velocity of
+the gyroscope. No contact force acts on a leg in the air, so the model predicts its torques better than on the ground.
 """
 
 from __future__ import annotations
@@ -28,20 +27,20 @@ _OFF = 0.1
 _NONE = 0.3
 """Mean specific force, as a share of gravity, below which gravity was subtracted."""
 _SLOW_HZ = 1.0
-"""Edge of a low pass below which the direction of the specific force is that of gravity [Hz]."""
+"""Edge of a low pass after which the specific force has nearly the direction of gravity [Hz]."""
 _TURNS = 0.05
-"""Smallest angular speed of that direction (root mean square) with which the gyroscope can be checked [rad/s]."""
+"""Smallest root mean square angular speed of the direction of gravity with which a gyroscope is checked [rad/s]."""
 _BETTER, _GOOD = 0.5, 0.8
-"""Other axes or units are correct if their squared residual is at most the first share of that of the given ones, and
-at most the second share of the squared turning."""
+"""Other axes or units count as correct if their squared residual is at most the first share of the squared residual of
+the given ones, and at most the second share of the squared angular speed of the direction of gravity."""
 _DISTINCT = 0.05
-"""Other axes are named only if the second best ones leave this share of the squares more: turning about a single axis
-determines only two of the axes."""
+"""The best axes are named only if the squared residual of the second best is larger, by at least this share of the
+squared angular speed of the direction of gravity: a rotation about a single axis determines only two of the axes."""
 _FASTER = 2.0
-"""If the specific force turns this many times faster than the gyroscope, the base accelerates."""
+"""The base accelerates if the direction of the specific force turns this many times faster than the gyroscope reads."""
 _SPINS, _FAR = 0.5, 0.05
-"""For robots that spin: the gyroscope is in deg/s if its residual (root mean square) is above the first number [rad/s],
-and if degrees leave less than the second share of the squares that any axes and signs leave."""
+"""The gyroscope of a robot that spins is in deg/s if its residual (root mean square) is above the first number [rad/s],
+and if the squared residual with deg/s is below the second share of that with any axes and signs."""
 _PER_G = 9.80665
 _DEGREE = np.pi / 180
 _WORSE = 1.5
@@ -51,7 +50,7 @@ _FEWEST = 100
 
 
 def check_base(recording: Recording, robot: Robot) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
-    """Warnings on the sensors of the base and on contacts, and certain faults; only those of the first that fails."""
+    """Warnings and certain faults of the first check that fails: specific force, then gyroscope, then contacts."""
     base = recording.base
     if base is None:
         return (), ()
@@ -100,8 +99,8 @@ def _gyroscope(
     recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float
 ) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
     """Warnings and faults if the direction of gravity does not turn with the angular velocity of the gyroscope."""
-    turns = [place_on_base(robot, frame).rotation for frame in (base.gyroscope, base.accelerometer)]
-    both = np.hstack([base.w @ turns[0].T, base.sf @ turns[1].T])
+    rotations = [place_on_base(robot, frame).rotation for frame in (base.gyroscope, base.accelerometer)]
+    both = np.hstack([base.w @ rotations[0].T, base.sf @ rotations[1].T])
     if len(both) < _FEWEST or 0.2 * rate_hz < _SLOW_HZ:
         return (), ()
     both = low_passed(both, _SLOW_HZ, rate_hz, order=4, padding=min(int(3 * rate_hz / _SLOW_HZ), len(both) - 1))
@@ -111,7 +110,7 @@ def _gyroscope(
     squared = max(float(np.mean(np.sum(turning**2, axis=1))), 1e-300)
 
     def residual(matrix: Array) -> float:
-        """Share of the squared turning that the gyroscope does not explain after its readings go through a matrix."""
+        """Share of the squared turning of gravity that the gyroscope, multiplied by a matrix, does not explain."""
         return float(np.mean(np.sum((turning + np.cross(w @ matrix.T, up)) ** 2, axis=1))) / squared
 
     given = residual(np.eye(3))
@@ -143,11 +142,11 @@ def _other_axes() -> list[Array]:
             matrix = np.zeros((3, 3))
             matrix[range(3), order] = signs
             out.append(matrix)
-    return out[1:]
+    return out[1:]  # the first one changes nothing
 
 
 def _axes_words(matrix: list[list[float]]) -> str:
-    """As in ``with x, -y and -z of the gyroscope in the axes of the root in place of x, y and z``."""
+    """Words for changed axes, as in ``with x, -y and -z of the gyroscope in the axes of the root in place of ...``."""
     words = [f"{'-' if min(row) < 0 else ''}{'xyz'[int(np.argmax(np.abs(row)))]}" for row in matrix]
     return f"with {words[0]}, {words[1]} and {words[2]} of the gyroscope in the axes of the root in place of x, y and z"
 
@@ -163,7 +162,8 @@ def _contacts(recording: Recording, base: BaseReadings, robot: Robot) -> tuple[s
         if min(touches.sum(), (~touches).sum()) < _FEWEST:
             continue
         rows = carrying_joints(robot, frame)
-        air, ground = (float(np.median(unmodelled[at][:, rows].max(axis=1))) for at in (~touches, touches))
+        largest = unmodelled[:, rows].max(axis=1)
+        air, ground = float(np.median(largest[~touches])), float(np.median(largest[touches]))
         if air > _WORSE * ground:
             out.append(
                 f"{recording.file}: contact.{frame} seems to be inverted: the model leaves {air:.2g} N m where it is "

@@ -1,7 +1,7 @@
 """Counts the equations that samples in stance would add, after the unknown contact forces are eliminated.
 
-`phantom-dyn check` reports them, but no diagnosis uses them: they need the inertia of the base and the place of every
-contact, and an error of either looks like an error of a joint.
+`phantom-dyn check` reports their number, but no diagnosis uses these equations: they need the inertia of the base and
+the place of every contact, and an error of either looks like an error of a joint.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from phantom_dyn.dynamics.moving_base import contact_null_space, wrench_and_torq
 from phantom_dyn.model.robot import Robot
 
 _RATE = 50.0
-"""Rate of the samples that are used [Hz]: a little more than twice the edge of the motion."""
+"""Rate of the samples that are used [Hz]: a little more than twice the edge of the motion's low pass."""
 _MARGIN = 0.04
-"""Time left out before and after a contact changes, as the low pass blurs it [s]."""
+"""Time excluded before and after each change of a contact, as the low pass blurs the change [s]."""
 
 
 def stance_words(recording: Recording, robot: Robot) -> str:
-    """A sentence on the number of equations that stance adds, and on how well the given model satisfies them."""
+    """A sentence that says how many equations stance adds, and how well the given model satisfies these equations."""
     base, file = recording.base, recording.file
     if base is None or recording.tau is None or robot.chain is not None:
         return f"{file}: stance adds nothing, as it needs base: floating, torques, and a robot without closed loops."
@@ -39,25 +39,25 @@ def stance_words(recording: Recording, robot: Robot) -> str:
     given = np.hstack([np.zeros((len(rows), 6)), tau[rows]])
     residuals: list[Array] = []
     modelled: list[Array] = []
-    swings = 0
+    untouched = 0
     for k, row in enumerate(rows):
         frames = [frame for frame, one in touches.items() if one[row]]
         held = (
             np.any([carrying_joints(robot, frame) for frame in frames], axis=0) if frames else np.zeros(robot.nv, bool)
         )
-        swings += int((~held).sum())
+        untouched += int((~held).sum())
         if frames:
             used = np.concatenate([np.ones(6, dtype=bool), held])
-            free = contact_null_space(robot, motion.q[row], frames, used)
-            residuals.append(free.T @ (given[k] - needed[k])[used])
-            modelled.append(free.T @ needed[k][used])
+            null_space = contact_null_space(robot, motion.q[row], frames, used)
+            residuals.append(null_space.T @ (given[k] - needed[k])[used])
+            modelled.append(null_space.T @ needed[k][used])
     if not residuals:
         return f"{file}: stance adds nothing, as nothing touches the ground."
     added = sum(map(len, residuals))
     residual_rms, modelled_rms = (np.sqrt(np.mean(np.concatenate(x) ** 2)) for x in (residuals, modelled))
     return (
         f"{file}: stance adds {added / len(rows):.1f} equations per sample that hold for any contact forces, beside "
-        f"{swings / len(rows):.1f} of joints free of contact. In those of stance the given model, its base included, "
-        f"leaves {residual_rms:.2g} of {modelled_rms:.2g} (root mean square, N and N m together). No diagnosis uses "
-        "them."
+        f"{untouched / len(rows):.1f} of joints free of contact. In those of stance the given model, its base "
+        f"included, leaves {residual_rms:.2g} of {modelled_rms:.2g} (root mean square, N and N m together). No "
+        "diagnosis uses them."
     )

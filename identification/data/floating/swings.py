@@ -1,4 +1,7 @@
-"""Finds the samples at which joints of a floating robot can be judged, as nothing touches the links they carry."""
+"""Finds the samples at which no contact force acts on a joint of a robot with a floating base.
+
+Only at these samples the joint can be diagnosed.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,18 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 _MARGIN = 0.02
-"""Time left out before a contact begins and after it ends [s], as thresholds on forces detect its beginning
-late and its end early."""
+"""Time excluded before a contact begins and after it ends [s]: a threshold on the force detects the beginning too late
+and the end too early."""
 _IMPACT = 0.01
-"""Time left out for all joints around a change of any contact [s]: the impact shakes the sensors of the base."""
+"""Time excluded for all joints around each change of any contact [s]: the impact shakes the sensors of the base."""
 _PERIODS = 6.0
-"""Periods of the band's edge in a typical swing: the filter of the band takes four of them."""
+"""Number of periods of the band's edge frequency in a typical swing; the band filter is four periods long."""
 _RATE_SHARE, _LOWEST, _HIGHEST = 0.1, 20.0, 50.0
-"""Limits of the band's edge: largest share of the sample rate, smallest edge and largest edge [Hz]."""
+"""Limits of the band's edge: largest share of the sample rate, smallest and largest frequency [Hz]."""
 
 
 def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> Bool[Array, "N nv"] | None:
-    """True where contact forces act on a joint, or may act, shape ``(N, nv)``; None for a fixed base.
+    """True where contact forces act or may act on a joint, shape ``(N, nv)``; None for a fixed base.
 
     Args:
         recording: States which frames touch something.
@@ -54,12 +57,12 @@ def _extended(true: Bool[Array, " N"], reach: float) -> Bool[Array, " N"]:
 def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: float) -> float | None:
     """Edge [Hz] of a band whose filter is two thirds as long as a typical swing; None without any contact.
 
-    Impacts of feet shake the whole robot, so that the spectra do not show how fast the swings are.
+    The spectra cannot show how fast the swings are, because impacts of the feet shake the whole robot.
 
     Args:
         recordings: State which frames touch something.
         robot: States which joints carry these frames.
-        moving_hz: Edge of the band that was chosen from the spectra [Hz].
+        moving_hz: Edge of the band that the spectra suggest [Hz].
     """
     lengths, rate = [], np.inf
     for recording in recordings:
@@ -69,14 +72,15 @@ def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: flo
         if touched is None or not touched.any():
             continue
         for column in touched.T:
+            # The lengths of runs of False, as every second change from the padded start ends a swing.
             edges = np.flatnonzero(np.diff(np.concatenate([[True], column, [True]])))
             lengths += (step * np.diff(edges)[::2]).tolist()
     if not lengths:
         return None
     # Each swing is weighted by its length, because a flickering contact makes many very short ones.
     ordered = np.sort(lengths)
-    usual = ordered[np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())]
-    return float(min(max(_PERIODS / usual, min(moving_hz, _LOWEST)), _RATE_SHARE * rate, _HIGHEST))
+    typical = ordered[np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())]
+    return float(min(max(_PERIODS / typical, min(moving_hz, _LOWEST)), _RATE_SHARE * rate, _HIGHEST))
 
 
 def require_swings(logs: Sequence[Log]) -> None:
