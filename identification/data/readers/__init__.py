@@ -1,1 +1,1 @@
-"""Readers: one format of recordings a file."""
+"""Readers of recordings: one module for each file format."""

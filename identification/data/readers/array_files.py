@@ -18,14 +18,14 @@ from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.libraries import is_installed, missing_library
 
 MOST_IN_LIST = 256
-"""Largest length of a list in a column; a longer list is an image or a point cloud, and not of joints."""
+"""Largest length of a list in a column; a longer list is an image or a point cloud, not values of joints."""
 _NAMES = ("joint_names", "joints", "joint_sequence", "names")
-"""Names of arrays of texts that hold the names of the joints."""
+"""Names under which an NPZ file may have an array with the names of its joints."""
 _SECONDS = "write seconds as floats"
 
 
 def numbered(name: str, values: Array) -> dict[str, Array]:
-    """The columns of an array ``(N, n)``, named as ``q[0]``; of an array ``(N,)``, the array under its own name."""
+    """An array ``(N, n)`` as columns with names such as ``q[0]``; an array ``(N,)`` as one column with its own name."""
     if values.ndim == 1:
         return {name: values}
     return {f"{name}[{k}]": values[:, k] for k in range(values.shape[1])}
@@ -93,9 +93,9 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
 
 
 def _read_only_view(array: Array) -> Array:
-    """The array made read-only, so that no later stage has to copy it.
+    """The array, made read-only so that no later stage has to copy it.
 
-    An array that NumPy has read may be a view of another array of the same shape. Then that one is made read-only.
+    NumPy may return a view of another array of the same shape. The other array is then made read-only and returned.
     """
     original = array.base
     if (
@@ -204,7 +204,7 @@ def read_parquet(path: Path) -> RawTable:
         Columns of the file; those that hold no numbers are listed under ``problems``.
 
     Raises:
-        LogError: As `open_parquet`.
+        LogError: If the file declares too large sizes, repeats a column name, or the library is not installed.
     """
     file = open_parquet(path)
     kinds = dict(zip(file.schema_arrow.names, file.schema_arrow.types, strict=True))

@@ -86,8 +86,8 @@ class ColumnMap:
         file: Name of the map, for messages.
         sources: Sources by standard name, or by quantity alone if the source has a ``{joint}`` or ``{number}``.
         ignored: Columns of the log to leave out.
-        compensated: As in `identification.data.recording.RawTable`.
-        low_pass: As in `identification.data.recording.RawTable`.
+        compensated: For each joint, or ``""`` for all, the parts that a controller subtracted from its torque.
+        low_pass: For each joint, or ``""`` for all, the cut-off of the low pass on its torque [Hz].
         rate: Rows per second of a log without a column of time [Hz]; None if it has one.
     """
 
@@ -123,6 +123,7 @@ def _offset(where: str, quantity: Quantity, source: _Source) -> float:
 
 
 def _source(where: str, quantity: Quantity, source: _Source) -> Source:
+    """An entry with its factor and offset in SI units, after all checks."""
     return Source(source.name, _factor(where, quantity, source), _offset(where, quantity, source))
 
 
@@ -190,7 +191,7 @@ def source_of(file: str, key: str, value: Any) -> Source:
 
 
 def read_column_map(path: str | Path) -> ColumnMap:
-    """A column map from a YAML file, see the head of this module for its form.
+    """Read a column map from a YAML file; the module's docstring shows its form.
 
     Args:
         path: The file.
@@ -216,7 +217,10 @@ def read_column_map(path: str | Path) -> ColumnMap:
 
 
 def _require_own_columns(file: str, sources: Mapping[str, Source]) -> None:
-    """Raise an error if two entries take the same column; several positions, or other values, may share one."""
+    """Raise an error if two entries take the same column.
+
+    Entries of the same quantity may share a column, except torques and currents.
+    """
     first: dict[str, str] = {}
     for key, source in sources.items():
         quantity = key.partition(".")[0]
@@ -240,7 +244,7 @@ def _rate(file: str, given: Any, content: Mapping[Any, Any]) -> float | None:
 
 
 def require_joints(columns: ColumnMap, joints: Sequence[str]) -> None:
-    """Raise an error for an entry of a joint that the robot does not have; a temperature may be of something else.
+    """Raise an error if an entry names a joint that the robot does not have; temperatures may be of other parts.
 
     Args:
         columns: A map that a user wrote.
@@ -287,7 +291,7 @@ def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | Non
 
 
 def _times(raw: RawTable, columns: ColumnMap, rate: float, out: Mapping[str, Array]) -> Array:
-    """Times of rows at the rate that a map states [s]."""
+    """Times of the rows [s], from the rate that a map states."""
     if "t" in raw.names and "t" not in columns.ignored:
         raise LogError(
             f"{columns.file}: rate is given, but {raw.file} has a column t: leave rate out, or add ignore: [t]."
@@ -296,7 +300,10 @@ def _times(raw: RawTable, columns: ColumnMap, rate: float, out: Mapping[str, Arr
 
 
 def matching(name: str, names: Sequence[str]) -> dict[str, str]:
-    """Columns that a name with ``{joint}`` or ``{number}`` in it means, by what stands in that place."""
+    """Columns that match a name with the placeholder ``{joint}`` or ``{number}``, by the text in its place.
+
+    For example, ``vel_{joint}`` matches ``vel_a`` and ``vel_b``, with the texts ``a`` and ``b``.
+    """
     place, inside = (_NUMBER, "([0-9]{1,4})") if _NUMBER in name else (_JOINT, "(.+)")
     before, after = name.split(place)
     pattern = re.compile(re.escape(before) + inside + re.escape(after))
@@ -306,7 +313,10 @@ def matching(name: str, names: Sequence[str]) -> dict[str, str]:
 def _expanded(
     columns: ColumnMap, raw: RawTable, joints: Sequence[str] | None
 ) -> tuple[dict[str, Source], tuple[str, ...]]:
-    """Sources with every placeholder replaced by its matches, and warnings; entries of single joints have priority."""
+    """Source of each standard column, and warnings on numbered joints.
+
+    An entry for all joints becomes one source per joint. An entry for a single joint has priority.
+    """
     out: dict[str, Source] = {}
     numbered: dict[str, dict[int, str]] = {}
     for key, source in columns.sources.items():
@@ -327,10 +337,10 @@ def _expanded(
         positions = numbered.get("q") or next(iter(numbered.values()))
         joint_of_number, warnings = joints_of_numbers(raw, positions, joints)
         for key, found in numbered.items():
-            strange = sorted(set(found) - set(positions))
-            if strange:
+            unknown = sorted(set(found) - set(positions))
+            if unknown:
                 raise LogError(
-                    f"{columns.file}: {raw.file} has {shortened(found[strange[0]])}, and no position has that number: "
+                    f"{columns.file}: {raw.file} has {shortened(found[unknown[0]])}, and no position has that number: "
                     "say in the map which column belongs to which joint."
                 )
             source = columns.sources[key]
@@ -360,12 +370,12 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
             raise LogError(
                 f"{columns.file}: {raw.file} has no column {shortened(name)}: {known_names(name, raw.names, 'columns')}"
             )
-    gone = {source.name for source in sources.values()} | set(columns.ignored)
-    # Columns with a number to which no joint of the robot belongs are left out with the others.
+    replaced = {source.name for source in sources.values()} | set(columns.ignored)
+    # Numbered columns are also left out if no joint of the robot has their number.
     for source in columns.sources.values():
         if _NUMBER in source.name:
-            gone |= set(matching(source.name, raw.names).values())
-    out = {name: values for name, values in raw.columns.items() if name not in gone}
+            replaced |= set(matching(source.name, raw.names).values())
+    out = {name: values for name, values in raw.columns.items() if name not in replaced}
     for key, source in sources.items():
         if source.name in raw.problems:
             raise LogError(raw.problems[source.name])
@@ -375,7 +385,7 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
     return RawTable(
         raw.file,
         out,
-        {name: text for name, text in raw.problems.items() if name not in gone and name not in sources},
+        {name: text for name, text in raw.problems.items() if name not in replaced and name not in sources},
         raw.place,
         (*raw.warnings, *number_warnings),
         columns.compensated,

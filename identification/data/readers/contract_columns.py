@@ -1,7 +1,7 @@
 """The standard columns of a log (``t``, ``q.<joint>``, ``p.<frame>.x``, ...): names, units, and the check of a file.
 
-`contract_table` takes the columns with these names from a file. It raises an error for what cannot be right (a missing
-column, a value that no sensor gives, a time that goes back), and warns of columns that it leaves out.
+`contract_table` takes the columns with these names from a file. It raises an error for a missing column, a value that
+no sensor gives, or a time that decreases, and warns of columns that it leaves out.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ Quantity = Literal[
 
 JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp")
 ALONE: tuple[Quantity, ...] = ("t", "supply")
-"""Columns of the whole robot, whose names have no joint or frame."""
+"""Quantities of the whole robot; the names of their columns contain no joint or frame."""
 
 _XYZ = ("x", "y", "z")
 FRAME_AXES: dict[str, tuple[str, ...]] = {"f": _XYZ, "p": _XYZ, "o": ("qx", "qy", "qz", "qw"), "w": _XYZ, "sf": _XYZ}
-"""Components of force, position, orientation (quaternion), angular velocity and specific force of a frame."""
+"""Components of each vector or quaternion of a frame."""
 
 FRAME_FLAGS: tuple[Quantity, ...] = ("contact",)
-"""Quantities of a frame with a single column."""
+"""Quantities of a frame that have a single column."""
 
 MEANT = {
     "f": "a force",
@@ -40,10 +40,10 @@ MEANT = {
     "w": "the angular velocity of a gyroscope",
     "sf": "the specific force of an accelerometer",
 }
-"""Names of the quantities of a frame, for messages."""
+"""Words for the quantities of a frame in messages."""
 
-# Largest value of each quantity, in SI units, far above what any sensor gives: a larger value is an error or has
-# another unit.
+# Largest value of each quantity in SI units, far above what any sensor gives. A larger value is an error, or in another
+# unit.
 LARGEST: dict[Quantity, float] = {
     "t": 1e11,
     "q": 1e6,
@@ -96,7 +96,8 @@ UNITS: dict[Quantity, dict[str, float]] = {
 # Quantities that may be in encoder counts; a speed is then in counts per second.
 COUNTED: tuple[Quantity, ...] = ("q", "q_ref", "x", "v", "v_ref")
 
-# A signal grew beyond all sensors if, in the last rows before, it went this many times farther than in its first half.
+# A simulation diverged if a signal went this many times farther in the last rows before the first impossible value than
+# in the first half of the rows before that value.
 _LAST_ROWS, _GREW = 20, 100.0
 
 FEWEST_ROWS = 50
@@ -109,7 +110,7 @@ SHORTEST_STEP, LONGEST_STEP = 1e-5, 1e9
 
 @dataclass(frozen=True)
 class Column:
-    """Meaning of a standard column: its quantity, its joint or frame, and its component if it is of a frame."""
+    """Meaning of a standard column: quantity, joint or frame, and for a vector of a frame the component."""
 
     quantity: Quantity
     of: str = ""
@@ -209,10 +210,11 @@ def _readable(raw: RawTable, wanted: Mapping[str, Column]) -> dict[str, Array]:
 
 
 def _bounded(columns: Mapping[str, Array], wanted: Mapping[str, Column]) -> Mapping[str, Array]:
-    """The columns, with the end of a simulation that diverged beyond all sensors held at their limits.
+    """The columns, with the values of a simulation that diverged clipped to the limits of `LARGEST`.
 
-    Values that are not finite, or larger than any sensor gives, are mistakes of the file unless all rows from the first
-    one on have some, and the signals grew before. Such a log is judged later, without what the user leaves out.
+    A value is impossible if it is not finite or larger than any sensor gives. A simulation diverged if, from some row
+    on, every row has an impossible value, and a signal grew before. Such a log is accepted here, because the user may
+    exclude its end. Other impossible values are refused by `_require_possible`.
     """
     limits = {name: LARGEST[wanted[name].quantity] for name in columns if name != "t"}
     with np.errstate(invalid="ignore"):
@@ -254,7 +256,7 @@ def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mappi
 
 
 def _kept_rows(raw: RawTable, columns: Mapping[str, Array]) -> Array:
-    """True for rows that differ from the row before.
+    """True for rows that differ from the row before in any column.
 
     Raises:
         LogError: If the time of such a row does not increase.
@@ -282,7 +284,7 @@ def _kept_rows(raw: RawTable, columns: Mapping[str, Array]) -> Array:
 
 
 def _require_rate(raw: RawTable, t: Array) -> None:
-    """Raise an error for a sample rate that no recorder has, as the unit of time must then be another one."""
+    """Raise an error for a sample rate that no recorder has: the time is then not in seconds."""
     step = float(np.median(np.diff(t)))
     if not SHORTEST_STEP * (1 - 1e-6) <= step <= LONGEST_STEP:
         raise LogError(
@@ -292,7 +294,7 @@ def _require_rate(raw: RawTable, t: Array) -> None:
 
 
 def _poses_alone(wanted: Mapping[str, Column]) -> bool:
-    """True for measured poses without torques and references; their times may be minutes apart."""
+    """True if a file has measured poses and neither torques nor references; its rows may then be minutes apart."""
     quantities = {column.quantity for column in wanted.values()}
     return "p" in quantities and not quantities & {"tau", "i", "u", "q_ref"}
 
@@ -315,7 +317,7 @@ def _require_rows(raw: RawTable, rows: int, poses_alone: bool) -> None:
 def _read_once(
     raw: RawTable, columns: Mapping[str, Float[Array, " N"]], kept: Bool[Array, " N"]
 ) -> tuple[Bool[Array, " N"], tuple[str, ...]]:
-    """True for rows to keep, and a warning, if a recorder wrote each reading of the robot several times."""
+    """The kept rows without repeated readings, and a warning if a recorder wrote each reading several times."""
     once, each = rows_once_read({name: values[kept] for name, values in columns.items()})
     if once.all() or once.sum() < FEWEST_ROWS:
         return kept, ()
@@ -336,8 +338,8 @@ def contract_table(raw: RawTable) -> Table:
         raw: Columns under the names of the file, or renamed by a column map.
 
     Returns:
-        Read-only columns in SI units, without repeated rows. Warnings state the number of these rows, and the columns
-        that were left out.
+        Read-only columns in SI units, without repeated rows. Warnings state the number of repeated rows, and the
+        columns that were left out.
 
     Raises:
         LogError: If a column is missing or misnamed, has no numbers or another length, a value is impossible, the time

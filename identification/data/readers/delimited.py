@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Reads CSV and similar text: separated by comma, semicolon, tab or spaces, with comment lines and a byte-order mark.
+"""Reads CSV and similar text tables.
 
-NumPy reads all columns as numbers at once, which is fast. Only if that fails, the lines are read one by one, so that
-the message can name line, column and value.
+Values may be separated by comma, semicolon, tab or spaces. Comment lines and a byte-order mark are allowed. NumPy reads
+all columns as numbers at once, which is fast. Only if this fails, the lines are read one by one, so that the error
+message can name line, column and value.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from identification.data.recording import RawTable
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, listed, shortened
 
-# A list in a cell; its parts may still be no numbers.
+# A list in a cell, such as ``[0.1, 0.2]``. Whether its parts are numbers is checked later.
 _LIST = re.compile(r"\[([^\[\]]*)\]", re.DOTALL)
+# Blank lines and comment lines.
 _SKIPPED = re.compile(rb"(?m)^[ \t\r]*(?:#[^\n]*)?\n")
 
 
 def _text(path: Path) -> bytes:
-    """Content of the file with lines that end in a line feed, after a check that it is text."""
+    """Content of a file in which every line ends with a line feed, after a check that it is text."""
     data = path.read_bytes()
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise LogError(f"{path.name} is UTF-16 text: save it as UTF-8.")
@@ -87,7 +89,7 @@ def _data_lines(data: bytes):
 
 
 def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
-    """Column names, separator, and whether the names are on a line of their own (and not in a comment)."""
+    """Column names, separator, and True if the names are on a line of their own, False if in a comment."""
     first = next(_data_lines(data), None)
     if first is None:
         raise LogError(f"{file} has only comments: a log needs a line of column names and rows of numbers; add them.")
@@ -112,7 +114,7 @@ def _require_unique(file: str, names: list[str]) -> None:
     seen: set[str] = set()
     for column, name in enumerate(names, start=1):
         if not name and column == 1:
-            # It may be the index of a pandas table, see `_without_index`.
+            # This may be the index of a pandas table, see `_without_index`.
             continue
         if not name:
             raise LogError(f"{file}: column {column} has no name: name every column in the first line.")
@@ -187,14 +189,15 @@ def _line_by_line(
 ) -> tuple[dict[str, Array], dict[str, str]]:
     """Columns that hold numbers, and a message for each other column."""
     _raise_uneven(file, data, names, separator, own_line)
-    numbered = list(islice(_data_lines(data), 1 if own_line else 0, None))
-    lines = [number for number, _ in numbered]
-    rows = [_cells(line, separator) for _, line in numbered]
+    numbered_lines = list(islice(_data_lines(data), 1 if own_line else 0, None))
+    lines = [number for number, _ in numbered_lines]
+    rows = [_cells(line, separator) for _, line in numbered_lines]
     columns, problems = {}, {}
     for k, name in enumerate(names):
         cells = [row[k] for row in rows]
         is_list = cells[:1] and _LIST.fullmatch(cells[0]) and column_of(name) is None
-        result = (_list_columns if is_list else _column_or_problem)(file, name, cells, lines)
+        read = _list_columns if is_list else _column_or_problem
+        result = read(file, name, cells, lines)
         if isinstance(result, str):
             problems[name] = result
         else:
@@ -217,19 +220,19 @@ def _list_columns(file: str, name: str, cells: list[str], lines: list[int]) -> d
 
 
 def _line_of(data: bytes, own_line: bool, row: int) -> str:
-    """Words for the line of a row (from 0)."""
-    numbered = next(islice(_data_lines(data), row + (1 if own_line else 0), None), None)
-    return f"line {numbered[0]}" if numbered else f"row {row + 1}"
+    """Where a row (counted from 0) is in the file, such as ``line 7``."""
+    found = next(islice(_data_lines(data), row + (1 if own_line else 0), None), None)
+    return f"line {found[0]}" if found else f"row {row + 1}"
 
 
 def read_delimited(path: Path) -> RawTable:
     """Columns of a text table under the file's own names.
 
     Args:
-        path: The file. Its first line without a comment holds the column names, or the last comment before numbers.
+        path: The file. The column names are in its first line that is no comment, or in the last comment before it.
 
     Returns:
-        Columns of the file; a column that holds anything but numbers is listed under ``problems``.
+        Columns of the file; a column with a value that is no number is listed under ``problems``.
 
     Raises:
         LogError: If the file is empty, no text, or no table, if it has no column names or repeats one, or if its rows

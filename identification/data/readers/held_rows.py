@@ -1,8 +1,8 @@
 """Finds rows that a recorder repeated until the robot was read again, as in a log at 200 Hz of a bus with 50 Hz.
 
-Several rows then have exactly the same values in all columns. As samples, they would make the robot stop and jump.
-A robot at rest, or a coarse encoder, repeats rows as well, but for different times. So only repeats at a constant rate
-are dropped.
+Several rows then have exactly the same values in all columns. Used as samples, they would mean that the robot stops and
+jumps. A robot at rest, or a coarse encoder, repeats rows too, but each a different number of times. So rows are dropped
+only if they are repeated at a constant rate.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Smallest share of repeated rows that are dropped, and smallest share of readings at the constant rate.
+# Repeated rows are dropped only if they are at least the first share of all rows, and if at least the second share of
+# the readings is repeated at one constant rate.
 _LEAST_REPEATED, _AT_ONE_RATE = 0.3, 0.9
 # Smallest number of readings with which a rate is determined.
 _FEWEST = 50
-# A reading that is repeated for more than this number of median times is a standstill, and is not used for the rate.
+# A reading that is repeated more often than this multiple of the median is a standstill, and is not used for the rate.
 _STANDSTILL = 3.0
 
 
 def rows_once_read(columns: Mapping[str, Float[Array, " N"]]) -> tuple[Bool[Array, " N"], float]:
     """True for rows with a new reading, and the number of rows per reading; all rows and 1 if no rows are repeated.
 
-    In a standstill, in which readings do not change, one row per reading is kept.
+    In a standstill, readings do not change. Rows are then kept at the rate of the readings.
 
     Args:
         columns: Columns of a log by name, with the time ``t``.
@@ -37,6 +38,7 @@ def rows_once_read(columns: Mapping[str, Float[Array, " N"]]) -> tuple[Bool[Arra
         return every, 1.0
     moving = rows[rows <= _STANDSTILL * np.median(rows)]
     rows_per_reading = float(moving.mean())
+    # At a constant rate, each reading has the mean number of rows, rounded down or up.
     at_one_rate = np.mean((moving == np.floor(rows_per_reading)) | (moving == np.ceil(rows_per_reading)))
     if 1.0 - 1.0 / rows_per_reading < _LEAST_REPEATED or at_one_rate < _AT_ONE_RATE:
         return every, 1.0

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Reads LeRobot datasets of formats v2.1 and v3: a folder with ``meta/info.json`` and Parquet files of episodes.
 
-An episode is a recording. Its path is the folder's path followed by ``episode_000003``, although there is no such file:
+An episode is a recording. Its path is the folder's path followed by ``episode_000003``. There is no file at this path:
 v2.1 has one file for each episode, below ``data/chunk-000``, and v3 has several episodes in one file.
 ``observation.state`` is read as the measured position and ``action`` as the reference. The dataset does not state the
 unit of its joints, so the user has to.
@@ -208,7 +208,7 @@ def _named(columns: Mapping[str, Array], features: Mapping[str, Any]) -> dict[st
 
 
 def _names(feature: Any) -> list[str]:
-    """Names in a feature, which are a list, or a mapping with a list such as ``{"motors": [...]}``; else empty."""
+    """Names that a feature states, as a list or in a mapping such as ``{"motors": [...]}``; empty without names."""
     names = feature.get("names") if isinstance(feature, dict) else None
     if isinstance(names, dict):
         names = next((value for value in names.values() if isinstance(value, list)), None)
@@ -245,13 +245,15 @@ def _lines(names: Sequence[str], joints: Sequence[str] | None) -> list[str]:
         for name, (joint, kind) in parts.items():
             if kind is None:
                 continue
-            meant = joints[positions.index(name)] if by_order and joints is not None and name in positions else joint
-            lines.append(_line(kind, meant, name, joints))
+            named_joint = (
+                joints[positions.index(name)] if by_order and joints is not None and name in positions else joint
+            )
+            lines.append(_line(kind, named_joint, name, joints))
     return lines
 
 
 def _joint_and_kind(rest: str, quantity: str) -> tuple[str, str | None]:
-    """Joint and quantity of ``.elbow_flex.pos`` or ``[3]``; the quantity is None if it is not used of an action."""
+    """Joint and quantity of ``.elbow_flex.pos`` or ``[3]``; None for quantities of an action other than positions."""
     if rest.startswith("["):
         return rest[1:-1], quantity
     name = rest[1:]
@@ -265,7 +267,7 @@ def _joint_and_kind(rest: str, quantity: str) -> tuple[str, str | None]:
 
 
 def _line(kind: str, joint: str, name: str, joints: Sequence[str] | None) -> str:
-    """Entry of one column, as a comment if it needs an answer by the user."""
+    """Entry of one column, commented out if the user has to decide something first."""
     quoted = json.dumps(name)
     unit = {"q": "deg", "q_ref": "deg", "v": "deg/s", "tau": "Nm"}[kind]
     entry = f"{kind}.{joint}: {{from: {quoted}, unit: {unit}}}"

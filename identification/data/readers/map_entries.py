@@ -1,6 +1,6 @@
-"""Writes the entries of a column map that correct a recording, and the advice to use them.
+"""Writes entries of a column map that correct a recording, as advice for the user.
 
-If the recording was read with a column map, the entries use the column names of the file.
+If the recording was read with the user's own column map, the entries contain the column names of the file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
 
     Args:
         recording: States the columns of the file, if it was read with a column map.
-        entries: Entries of a column map by key, with standard names for the columns.
+        entries: Entries of a column map by key, with standard column names.
     """
     where = "into a column map and give it with --columns"
     if recording.named:
@@ -30,7 +30,10 @@ def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
 
 
 def _in_names_of_file(recording: Recording, entries: Mapping[str, str]) -> dict[str, str]:
-    """Entries with the column names of the file in place of standard names."""
+    """Entries with the column names of the file in place of standard names.
+
+    An entry for all joints, such as ``q: {from: "q.{joint}", unit: deg}``, becomes one entry for each joint.
+    """
     out: dict[str, str] = {}
     for key, value in entries.items():
         repeated_for = next((quantity for quantity in JOINT_QUANTITIES if f'"{quantity}.{{joint}}"' in value), None)
@@ -67,12 +70,12 @@ def left_out_words(table: Table, robot: Robot) -> str:
 
 
 def joint_entries(robot: Robot, quantity: str, by_joint: dict[int, str]) -> dict[str, str]:
-    """Entries for a quantity of joints, a single one if the options of all joints are equal.
+    """Entries that give a quantity of each joint an option; a single entry if all joints have the same option.
 
     Args:
         robot: Gives the names of the joints.
         quantity: Quantity, such as ``tau``.
-        by_joint: Option of each joint by its index, such as ``gear: 100``.
+        by_joint: For the index of each joint its option, such as ``gear: 100``.
     """
     if len(set(by_joint.values())) == 1:
         return entries(robot, quantity, tuple(by_joint), next(iter(by_joint.values())))
@@ -80,7 +83,7 @@ def joint_entries(robot: Robot, quantity: str, by_joint: dict[int, str]) -> dict
 
 
 def entries(robot: Robot, quantity: str, joints: tuple[int, ...], option: str) -> dict[str, str]:
-    """Entries of a column map for a quantity of some joints, a single one if they are all joints."""
+    """Entries that give a quantity of some joints the same option; a single entry for all joints."""
     if len(joints) == robot.nv > 1 and not robot.passive_names:
         return {quantity: f'{{from: "{quantity}.{{joint}}", {option}}}'}
     return {key: value for j in joints for key, value in _entry(robot, quantity, j, option).items()}
@@ -93,13 +96,17 @@ def _entry(robot: Robot, quantity: str, j: int, option: str) -> dict[str, str]:
 
 
 def entries_after(earlier: Mapping[str, str], later: Mapping[str, str]) -> dict[str, str]:
-    """The later entries, with what the earlier ones say of the same columns: a map has one entry for a column.
+    """Entries that make two corrections one after the other, because a map can have only one entry for a column.
+
+    For example, ``q.a: {from: x, unit: deg}`` and then ``q.a: {from: q.a, sign: -1}`` become
+    ``q.a: {from: x, unit: deg, sign: -1}``.
 
     Args:
-        earlier: Entries that correct a first mistake.
-        later: Entries that correct a second one in the data that are corrected already.
+        earlier: Entries of the first correction.
+        later: Entries of the second correction, for the corrected columns.
     """
     out = dict(later)
+    # If the later entry is for all joints and the earlier one for a single joint, this joint gets its own later entry.
     for key in earlier:
         general = later.get(key.partition(".")[0])
         if key not in later and general is not None:

@@ -1,7 +1,7 @@
 """Assigns the robot's joints to numbered columns: by the names that the file states, or in the robot's order.
 
 UR's RTDE, libfranka, Unitree's LowState and arrays number their joints (``actual_q_0``, ``q[0]``). A warning states the
-assignment, as nothing in such a file confirms it.
+assignment, because the file cannot confirm it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from phantom_dyn.errors import LogError, listed, shortened
 def joints_of_numbers(
     raw: RawTable, positions: Mapping[int, str], joints: Sequence[str] | None
 ) -> tuple[dict[int, str], tuple[str, ...]]:
-    """Joint of each number, and a warning on the assignment.
+    """The joint of each number, and a warning that states the assignment.
 
     Args:
         raw: The file.
-        positions: Column of the position by number.
-        joints: Joint names of the robot, in its order; None without a robot: then the numbers are the names.
+        positions: For each number, the column of the position.
+        joints: Joint names of the robot, in its order; without a robot (None) the numbers are the names.
 
     Raises:
-        LogError: If there are fewer numbers than joints, or more that move; the message has a column map to complete.
+        LogError: If there are fewer numbers than joints, or a number beyond the joints has a position that is not
+            always zero; the message has a column map to complete.
     """
     numbers = sorted(positions)
     if len(raw.joint_names) == len(numbers):
@@ -48,7 +49,7 @@ def joints_of_numbers(
 
 
 def _moves(raw: RawTable, column: str) -> bool:
-    """False for a column that is always zero, as the columns of missing motors are."""
+    """False for a column that is always zero, like the columns of motors that do not exist."""
     values = raw.columns.get(column)
     return values is None or bool(np.any(values))
 

@@ -1,7 +1,7 @@
 """Built-in column maps (presets), as in ``--columns ur_rtde``: the YAML files in the folder ``presets``.
 
-They are column maps with four extensions. A list of entries has alternatives; the first one for which the file has a
-column is used. An entry without a column in the file is ignored, except for time and position. ``{topic}`` in a name
+They are column maps with four extensions. A list of entries gives alternatives: the first one whose column is in the
+file is used. An entry whose column is not in the file is ignored, except for time and position. ``{topic}`` in a name
 stands for any text. ``{only}`` in a key stands for the only joint of the robot.
 """
 
@@ -118,10 +118,12 @@ def map_of(preset: Preset, raw: RawTable, joints: Sequence[str] | None) -> Colum
 
 
 def _name(value: Any) -> str:
+    """Column name of an entry, which is a name alone or ``{from: NAME, ...}``."""
     return value if isinstance(value, str) else value["from"]
 
 
 def _key(label: str, key: str, joints: Sequence[str] | None) -> str:
+    """A key with the robot's only joint in place of ``{only}``."""
     if _ONLY not in key:
         return key
     if joints is not None and len(joints) != 1:
@@ -153,7 +155,7 @@ def _found(label: str, raw: RawTable, quantity: str, value: Any) -> Source | Non
 
 
 def _topics(name: str, names: Sequence[str]) -> list[str]:
-    """Texts that ``{topic}`` in a name may stand for, so that a column of the file has this name."""
+    """Texts in place of ``{topic}`` with which a name is that of a column of the file."""
     parts = re.split(r"(\{\w+\})", name)
     pattern = re.compile("".join(_PLACES.get(part, re.escape(part)) for part in parts))
     return list(dict.fromkeys(m.group(1) for column in names if (m := pattern.fullmatch(column))))

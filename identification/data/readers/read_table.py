@@ -1,8 +1,8 @@
 """Reads a table of standard columns from one or several files of any known format.
 
-The format is recognised by the first bytes of the file. The libraries behind the formats (pyarrow, rosbags) are
-imported only in the functions that need them, as they take long to load. Several files of one recording, such as
-positions in one and torques in another, are joined row by row.
+The first bytes of a file show its format. The libraries for some formats (pyarrow, rosbags) are imported only in the
+functions that need them, as they take long to load. Several files of one recording, such as positions in one and
+torques in another, are joined row by row.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _TIME_TOLERANCE = 0.01
 
 
 def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
-    """Table of a file, read by the reader for its content."""
+    """Table of a file or folder, read with the reader for its format."""
     episode = lerobot_episode(path)
     if episode is not None:
         _require_no_topic(path, topic, ref_topic)
@@ -99,7 +99,7 @@ def read_raw(path: str | Path, *, topic: str | None = None, ref_topic: str | Non
         if error.errno is not None:
             raise LogError(f"{path} cannot be read ({error.strerror}): give {LOG_FORMATS}.") from error
         raise LogError(_damaged(path, error)) from error
-    # The libraries behind the formats raise exceptions of any type on damaged bytes, MemoryError included.
+    # On damaged bytes, the libraries for the formats raise exceptions of any type, MemoryError included.
     except Exception as error:
         raise LogError(_damaged(path, error)) from error
 
@@ -140,7 +140,7 @@ def read_table(
     own_map = None if columns is None or preset is not None else read_column_map(columns)
     if own_map is not None and joints is not None:
         require_joints(own_map, (*joints, *other_joints))
-    users = own_map is not None
+    by_user = own_map is not None
     path, *others = (path,) if isinstance(path, str | Path) else path
     raw = read_raw(path, topic=topic, ref_topic=ref_topic)
     if others:
@@ -154,7 +154,8 @@ def read_table(
     elif own_map is None and (raw.numbered or raw.joint_names):
         own_map = _numbers_of_quantities(raw)
     table = contract_table(raw if own_map is None else mapped(raw, own_map, joints))
-    return table if users else replace(table, named={})
+    # Advice to change an entry names the file's columns only if the user wrote a map that can be changed.
+    return table if by_user else replace(table, named={})
 
 
 def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:
@@ -165,7 +166,7 @@ def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:
 
 
 def columns_joined(first: RawTable, others: Sequence[RawTable]) -> RawTable:
-    """One table with the columns of several files.
+    """One table with the columns of several files that have the same rows.
 
     Columns with the same name get the name of their file in front: ``joint1`` of ``pos.csv`` and of ``tau.csv`` become
     ``pos/joint1`` and ``tau/joint1``, which a column map can name. The time is that of the first file that has one.
@@ -199,6 +200,7 @@ def columns_joined(first: RawTable, others: Sequence[RawTable]) -> RawTable:
 
 
 def _renamed(raw: RawTable, twice: set[str]) -> RawTable:
+    """The table with the name of its file in front of the column names that several files have."""
     before = raw.file.rpartition(".")[0] or raw.file
     columns = {f"{before}/{name}" if name in twice else name: values for name, values in raw.columns.items()}
     problems = {f"{before}/{name}" if name in twice else name: problem for name, problem in raw.problems.items()}
@@ -210,6 +212,7 @@ def _rows(raw: RawTable) -> int:
 
 
 def _require_same_times(first: RawTable, other: RawTable) -> None:
+    """Raise an error if a row has different times in two files."""
     t, other_t = first.columns[_TIME], other.columns[_TIME]
     if len(t) < 2:
         return
@@ -223,10 +226,10 @@ def _require_same_times(first: RawTable, other: RawTable) -> None:
 
 
 def table_of(path: Files, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None) -> Table:
-    """Columns of a file, see `read_table`.
+    """Columns of a file under their standard names, see `read_table`.
 
-    If the column names are not standard, the only preset that fits is used. If none fits, or several do, the message of
-    the error proposes a column map.
+    If the column names are not standard and exactly one preset fits, this preset is used. Otherwise the error message
+    proposes a column map.
     """
 
     def read(columns: str | Path | None) -> Table:
@@ -247,10 +250,10 @@ def table_of(path: Files, robot: Robot, columns: str | Path | None, topic: str |
 
 
 def _recognised(table: Table, robot: Robot, preset: str) -> str:
-    """The warning that a preset was used without being named.
+    """The warning that a preset was used although the user did not name one.
 
     Raises:
-        LogError: If the file has motor currents, and the robot states no torque constants; the message asks for them.
+        LogError: If the file has motor currents but the robot states no torque constant; the message asks for it.
     """
     lacking = [
         joint

@@ -1,4 +1,4 @@
-"""Adds references from another topic or file to the states; each reference holds until the next one."""
+"""Adds references from another topic or file to a table of states; each reference holds until the next one."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from phantom_dyn.errors import LogError
 
 @dataclass(frozen=True)
 class SentReferences:
-    """References as they were sent.
+    """References at the times at which they were sent.
 
     Attributes:
         source: Topic or file, for messages.
-        t: Time at which each was sent [s], on the clock of the states.
+        t: Time at which each reference was sent [s], on the clock of the states.
         columns: Values by name of the column in the table, such as ``q_ref.elbow``.
     """
 
@@ -28,7 +28,7 @@ class SentReferences:
 
 
 def with_references(table: RawTable, reference: SentReferences) -> RawTable:
-    """The states with the reference that held at each of them; states before the first reference are left out.
+    """The states, each with the last reference sent before it; states before the first reference are left out.
 
     Args:
         table: States with a column ``t`` [s].

@@ -1,4 +1,4 @@
-"""Reads the files beside SAGE's ``state_motor.csv``: references in ``control.csv``, names in ``joint_list.txt``."""
+"""Reads the files in the folder of SAGE's ``state_motor.csv``: references (``control.csv``) and joint names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LARGEST = 1_000_000
 
 
 def with_neighbours(path: Path, raw: RawTable) -> RawTable:
-    """The states of a motion with the joint names and the references ``control[0]``, ... from the files beside it.
+    """The states of a motion, with joint names and references (``control[0]``, ...) from the files in the same folder.
 
     Args:
         path: The file ``state_motor.csv``.

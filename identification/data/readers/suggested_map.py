@@ -1,6 +1,6 @@
-"""Proposes a column map for a file with other column names, by guessing from words, numbers and units in the names.
+"""Proposes a column map for a file without standard column names, from words, numbers and units in its names.
 
-The proposal is shown to the user and never used to read a file, because a wrong guess would give a wrong recording.
+The proposal is only shown to the user. It is never used to read a file, because it may be wrong.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _WORDS: dict[Quantity, frozenset[str]] = {
 }
 _COMMANDED = frozenset("ref reference target cmd command commanded desired des goal action setpoint sp ctrl".split())
 _PLAIN = frozenset("actual measured meas state observation joint joints motor actuator axis feedback fb".split())
-"""Words that do not tell which quantity a column holds."""
+"""Words that do not show which quantity a column has."""
 _UNITS = {
     "degree": "deg",
     "degrees": "deg",
@@ -44,9 +44,9 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
         joints: Joint names of the robot; numbered columns are assigned to them in order.
 
     Returns:
-        YAML with one entry per line. Columns with a standard name need no entry. Comments ask for each joint without a
-        recognised position, ask for torques if neither torques nor references are recognised, and list a numbered
-        column beyond the last joint.
+        YAML with one entry per line; columns with a standard name need no entry. Comments ask for each position that
+        was not recognised, and for torques if neither torques nor references were recognised. A comment also lists a
+        numbered column beyond the last joint.
     """
     found: dict[tuple[Quantity, str], str] = {}
     numbered: dict[Quantity, dict[int, str]] = {}
@@ -62,7 +62,7 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
             numbered.setdefault(quantity, {}).setdefault(numbers[0], name)
     beyond: list[str] = []
     for quantity, columns in numbered.items():
-        # A log of an arm may contain one more column for the gripper; with more, the assignment is not clear.
+        # An arm's log may have one more column, for the gripper. With more columns the assignment is not clear.
         if len(columns) - len(joints) in ((0, 1) if len(joints) > 1 else (0,)):
             in_order = [columns[number] for number in sorted(columns)]
             for joint, name in zip(joints, in_order, strict=False):
@@ -75,6 +75,7 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
 
 
 def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> list[str]:
+    """Lines of the proposed map, from the column of each quantity and joint."""
     lines = [] if found["t", ""] == "t" else [f"t: {_source('t', found['t', ''])}"]
     # If torques are recorded, currents and voltages are not needed.
     torque = next((one for one in ("tau", "i", "u") if any((one, joint) in found for joint in joints)), "tau")
@@ -91,6 +92,7 @@ def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> lis
 
 
 def _source(quantity: Quantity, name: str) -> str:
+    """Value of an entry: the column's name, with a unit if the name contains one that is not the SI unit."""
     unit = next((_UNITS[word] for word in _parts(name) if word in _UNITS), None)
     column = quoted(name)
     return f"{{from: {column}, unit: {unit}}}" if unit and UNITS[quantity].get(unit, 1.0) != 1.0 else column

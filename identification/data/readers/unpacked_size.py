@@ -1,8 +1,8 @@
 """Refuses compressed logs that decompress to far more data than a recording can have (decompression bombs).
 
 The libraries that read these formats decompress a whole chunk, whatever size it declares. So the declared sizes are
-added up first. Chunks that may decompress to more than they declare are decompressed once in small steps, and the
-result is not kept.
+added up first. Chunks of a bag may decompress to more than they declare. They are decompressed once in small steps, and
+the result is not kept.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ from phantom_dyn.errors import LogError
 _ALLOWED_SIZE = 200_000_000
 """Decompressed size that is always allowed [bytes]: position and torque of seven joints for an hour at 1 kHz."""
 _ALLOWED_RATIO = 50
-"""Largest compression ratio that is allowed for larger logs; that of measured numbers is below ten."""
-_STEP_SIZE = 1_000_000
-_MAGIC_SIZE = 8  # bytes at the end of an MCAP file
+"""Largest compression ratio that is allowed for larger logs; the ratio of measured numbers is below ten."""
+_STEP_SIZE = 1_000_000  # bytes that are decompressed at once
+_MAGIC_SIZE = 8  # bytes at the start and at the end of an MCAP file
 _NUMBER_SIZE = 8  # bytes of a number in memory
+_FOOTER, _CHUNK, _CHUNK_INDEX = 2, 6, 8  # kinds of record in an MCAP file
+_BAG_CHUNK, _BAG_CHUNK_INDEX = b"\5", b"\6"  # kinds of record in a ROS 1 bag
 
 
 class DamagedError(ValueError):
@@ -36,7 +38,7 @@ class DamagedError(ValueError):
 
 
 def require_unpacked_size(path: Path, size: int) -> None:
-    """Raise an error for a log that decompresses to more than a log of its size can.
+    """Raise an error if a log decompresses to more than a file of its size can contain.
 
     Args:
         path: The file.
@@ -101,23 +103,23 @@ def require_small_mcap(path: Path) -> None:
     """Check the sizes of the chunks of an MCAP file.
 
     Raises:
-        LogError: If they decompress to more than a file of this size can.
+        LogError: If they decompress to more than a file of this size can contain.
         DamagedError: If a chunk decompresses to more than it declares, the index points to something else than a chunk,
             or a record is longer than the file (a reader allocates the declared memory).
     """
     with path.open("rb") as file:
-        file.seek(8)
+        file.seek(_MAGIC_SIZE)
         starts, chunks, indexed = set(), [], set()
         for start, kind, length in _mcap_records(file, path.stat().st_size):
             starts.add(start)
-            if kind == 6:
+            if kind == _CHUNK:
                 *_, declared, _, name = struct.unpack("<QQQII", file.read(32))
                 compression = file.read(name).decode()
                 (compressed,) = struct.unpack("<Q", file.read(8))
                 chunks.append((start, _Chunk(compression, file.tell(), min(compressed, length), declared)))
-            elif kind == 8:
+            elif kind == _CHUNK_INDEX:
                 indexed.add(_indexed_chunk(file.read(length), path.stat().st_size))
-            elif kind == 2:
+            elif kind == _FOOTER:
                 summary = struct.unpack("<Q", file.read(8))[0]
                 if summary and summary not in starts:
                     raise DamagedError("its summary is not where it should be")
@@ -134,10 +136,10 @@ def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
         kind, length = struct.unpack("<BQ", file.read(9))
         if start + 9 + length > size:
             raise DamagedError("a record is longer than the file")
-        if kind == 2 and start + 9 + length + _MAGIC_SIZE != size:
+        if kind == _FOOTER and start + 9 + length + _MAGIC_SIZE != size:
             raise DamagedError("its footer is not at its end")
         yield start, kind, length
-        if kind == 2:  # the footer, the last one
+        if kind == _FOOTER:  # the last record
             return
         start += 9 + length
 
@@ -158,7 +160,7 @@ def require_small_bag(path: Path) -> None:
     """Check the sizes of the chunks of a ROS 1 bag.
 
     Raises:
-        LogError: If they decompress to more than a file of this size can.
+        LogError: If they decompress to more than a file of this size can contain.
         DamagedError: If a chunk decompresses to more than it declares, or the index points to something else than a
             chunk.
     """
@@ -172,10 +174,10 @@ def require_small_bag(path: Path) -> None:
             fields = _bag_fields(file.read(min(head, size)))
             (length,) = struct.unpack("<I", file.read(4))
             kind = fields.get(b"op", b"")
-            if kind == b"\5":
+            if kind == _BAG_CHUNK:
                 declared = int.from_bytes(fields.get(b"size", b""), "little")
                 chunks.append((start, _Chunk(fields.get(b"compression", b"").decode(), file.tell(), length, declared)))
-            elif kind == b"\6":
+            elif kind == _BAG_CHUNK_INDEX:
                 indexed.add(int.from_bytes(fields.get(b"chunk_pos", b""), "little"))
             start += 8 + head + length
         if indexed - {place for place, _ in chunks}:

@@ -1,1 +1,1 @@
-"""Reads bags of ROS 1, ROS 2 and MCAP: topics, messages, and the values of joints in them."""
+"""Readers of ROS 1 bags, ROS 2 bags and MCAP files."""

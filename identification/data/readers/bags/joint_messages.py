@@ -64,7 +64,7 @@ def _joint_state(message: Any) -> JointValues:
 
 
 def _point(message: Any, name: str, older: str) -> Any:
-    """A point of a controller's state, under its newer name, or if that is missing or empty, under its older name."""
+    """A point of a controller's state under its newer name; if it is missing or empty, under its older name."""
     newer_point = getattr(message, name, None)
     older_point = getattr(message, older, None)
     if newer_point is None or (older_point is not None and not len(newer_point.positions)):
@@ -136,7 +136,7 @@ def _low_command(message: Any) -> JointValues:
 
 
 def _trajectory(message: Any) -> JointValues:
-    # References are sent as one point per message. A message with a whole trajectory has no reference for its own time.
+    # A message with one point is a reference for its own time. A message with a whole trajectory is not.
     positions = message.points[0].positions if len(message.points) == 1 else np.empty(0)
     return JointValues(tuple(message.joint_names), {"q_ref": positions}, _stamp(message))
 
@@ -179,4 +179,4 @@ REFERENCES: dict[str, Callable[[Any], JointValues]] = {
     "unitree_hg/msg/LowCmd": _low_command,
     "unitree_legged_msgs/msg/LowCmd": _low_command,
 }
-"""Reader of references for each type of message; their quantity is ``q_ref``."""
+"""Reader of references (``q_ref``) for each type of message."""

@@ -1,4 +1,7 @@
-"""Definitions of message types: from the bag, or built in, as SQLite bags of older ROS 2 versions hold none."""
+"""Registers definitions of message types: those in the bag, or built-in ones.
+
+SQLite bags of older ROS 2 versions contain no definitions.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Any
 from phantom_dyn.errors import LogError
 
 _MOST = 4096
-"""Largest fixed array in a definition: no message about joints has a longer one, and a reader allocates all of it."""
+"""Largest length of a fixed array in a definition: a reader allocates the whole array; joints need no longer one."""
 
 _CONTROLLER_STATE = """
 std_msgs/Header header
@@ -207,6 +210,7 @@ def register_types(file: str, store: Any, connections: Iterable[Any]) -> None:
 
 def _require_small(file: str, types: Any) -> None:
     """Raise an error for definitions with which a message of few bytes becomes millions of objects."""
+    # The description of a field with a fixed array is ``(kind, (element, length))``.
     for name, (_, fields) in types.items():
         lengths = [kind[1][1] for _, kind in fields if isinstance(kind[1], tuple) and isinstance(kind[1][1], int)]
         if not fields or max(lengths, default=0) > _MOST:

@@ -44,7 +44,7 @@ _FIELD_NAMES = {
     "temp": "temperature",
 }
 _TICK_TOLERANCE = 0.02
-"""Ticks are used as times if the recording is as long as by the times of receipt, to within this share."""
+"""Ticks are used as times if their range equals that of the times of receipt to within this share."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class _Topic:
 
 
 def _choose_topic(file: str, connections: Sequence[Any], topic: str | None, readers: Readers, option: str) -> list[Any]:
-    """Connections of the topic to read."""
+    """Connections of the named topic, or of the only topic that suits."""
     kinds = {c.topic: c.msgtype for c in connections if c.msgtype in readers}
     topics = sorted(kinds)
     wanted_kinds = "joint states" if option == "--topic" else "references"
@@ -101,6 +101,7 @@ def _choose_topic(file: str, connections: Sequence[Any], topic: str | None, read
 
 
 def _topic(reader: Any, connections: list[Any], readers: Readers, decode: Callable[[bytes, str], Any]) -> _Topic:
+    """Decode all messages of one topic."""
     read = readers[connections[0].msgtype]
     messages = [
         _Message(received, read(decode(raw, connection.msgtype)))
@@ -118,7 +119,7 @@ def _require_rosbags(file: str) -> None:
 def _opened(
     file: str, reader: Any, store: Any, decode: Callable[[bytes, str], Any], topic: str | None, ref_topic: str | None
 ) -> RawTable:
-    """The table of an open bag."""
+    """The table of a bag that is open, with a warning on topics of references that are not read."""
     connections = list(reader.connections)
     states = _choose_topic(file, connections, topic, STATES, "--topic")
     references = [] if ref_topic is None else _choose_topic(file, connections, ref_topic, REFERENCES, "--ref-topic")
@@ -126,7 +127,7 @@ def _opened(
     table = _table(
         file,
         _topic(reader, states, STATES, decode),
-        None if not references else _topic(reader, references, REFERENCES, decode),
+        _topic(reader, references, REFERENCES, decode) if references else None,
     )
     others = sorted({c.topic for c in connections if c.msgtype == CONTROLLER_STATE} - {states[0].topic})
     if not others or references:
@@ -158,7 +159,10 @@ def _require_distinct(file: str, topic: _Topic) -> None:
 
 
 def _of_main_joints(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str, ...]]:
-    """Messages about the set of joints with most values, as an arm and its gripper may share a topic, and warnings."""
+    """Messages about one set of joints, the one with most values, and a warning on the others.
+
+    For example, an arm and its gripper may share a topic.
+    """
     _require_distinct(file, topic)
     counts = Counter(frozenset(message.names) for message in topic.messages)
     main = max(counts, key=lambda names: (counts[names] * len(names), sorted(names)))
@@ -170,7 +174,7 @@ def _of_main_joints(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str
 
 
 def _field(file: str, topic: _Topic, messages: list[_Message], quantity: str) -> Array | None:
-    """Values of one quantity, shape ``(N, joints)``, in the order of the first message; None if it is always empty."""
+    """Values of one quantity, ``(N, joints)``, in the order of joints of the first message; None without values."""
     values = [message.joints.values.get(quantity, ()) for message in messages]
     lengths = np.array([len(one) for one in values])
     if not lengths.any():
@@ -193,7 +197,7 @@ def _field(file: str, topic: _Topic, messages: list[_Message], quantity: str) ->
 
 
 def _stamps(messages: list[_Message], same_as_before: Array) -> Array | None:
-    """Time stamps of the messages [ns]; None if they do not increase, or if the unit of ticks is another one.
+    """Time stamps of the messages [ns]; None if they do not increase, or if ticks are not milliseconds.
 
     Args:
         messages: The messages.
@@ -203,7 +207,7 @@ def _stamps(messages: list[_Message], same_as_before: Array) -> Array | None:
         return None
     stamps = np.array([message.joints.stamp for message in messages], dtype=np.int64)
     steps = np.diff(stamps)
-    # A message that was sent twice has the same stamp twice, which is no error.
+    # A message that was sent twice may repeat its stamp.
     if not (np.all((steps > 0) | ((steps == 0) & same_as_before)) and np.any(steps > 0)):
         return None
     if messages[0].joints.is_tick:
@@ -214,6 +218,7 @@ def _stamps(messages: list[_Message], same_as_before: Array) -> Array | None:
 
 
 def _received(messages: Iterable[_Message]) -> Array:
+    """Times at which messages were received [ns]."""
     return np.array([message.received for message in messages], dtype=np.int64)
 
 
@@ -280,8 +285,8 @@ def _reference(
         file: Name of the bag, for messages.
         references: The topic of the references.
         names: Joints of the states; references without names are in this order.
-        start: Stamp of the first state [ns]; None if the stamps of the states are from a clock of their own.
-        received: When each state was received [ns].
+        start: Stamp of the first state [ns]; None if states and references have stamps of different clocks.
+        received: Time at which each state was received [ns].
         t: Time of each state [s].
     """
     messages = [m for m in references.messages if len(m.joints.values["q_ref"])]

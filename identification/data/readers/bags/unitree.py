@@ -1,6 +1,6 @@
-"""Reads inertial sensor and foot contacts from Unitree's ``LowState``.
+"""Reads the inertial sensor and the foot contacts from Unitree's message ``LowState``.
 
-The messages name no frames: the sensor is assumed to be at the link ``imu``, as in the maker's files of quadrupeds. The
+The messages name no frames. The sensor is assumed to be at the link ``imu``, as in the maker's files of quadrupeds. The
 force of a foot is an integer without a unit, with one level in the air and another one on the ground.
 """
 
@@ -24,20 +24,19 @@ _G1 = (
     *(f"{side}_{part}_joint" for side in _SIDES for part in _ARM),
 )
 MOTOR_ORDERS = (_LEGS, _G1)
-"""Names of the joints as in the maker's own URDF files, by number of the motor."""
-
+"""Joint names in the order of the motors, as in the maker's own URDF files: quadrupeds and G1."""
 
 FEET = ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
 """Feet in the order of the maker's documentation."""
 _LEAST_SPREADS = 3.0
 """Smallest difference between the two levels of a force, in standard deviations of the lower level."""
 _LEAST_COUNTS = 10.0
-"""Smallest difference between the two levels of a force."""
+"""Smallest difference between the two levels of a force, in its own unit."""
 _SENSED = tuple(f"{quantity}.imu.{axis}" for quantity in ("w", "sf") for axis in "xyz")
 
 
 def base_of(message: Any) -> Float[Array, " 10"]:
-    """Angular velocity [rad/s], specific force [m/s^2], and forces of four feet, NaN if there are none."""
+    """Angular velocity [rad/s], specific force [m/s^2] and forces of four feet in a message; NaN without forces."""
     imu = message.imu_state if hasattr(message, "imu_state") else message.imu
     feet = getattr(message, "foot_force", getattr(message, "footForce", np.full(4, np.nan)))
     return np.concatenate([imu.gyroscope, imu.accelerometer, feet]).astype(float)
@@ -66,15 +65,18 @@ def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapp
 
 
 def threshold(force: Float[Array, " N"]) -> float | None:
-    """Force halfway between its two levels (two clusters with the smallest variance); None without two levels."""
+    """Force halfway between its two levels; None without two levels.
+
+    The sorted values are split into two clusters with the smallest sum of squared deviations from their means.
+    """
     if not np.isfinite(force).all():
         return None
     ordered = np.sort(force)
     count = np.arange(1, len(ordered))
     sums, squares = np.cumsum(ordered)[:-1], np.cumsum(ordered**2)[:-1]
-    squared_residuals = squares - sums**2 / count
-    right = (np.sum(ordered**2) - squares) - (ordered.sum() - sums) ** 2 / (len(ordered) - count)
-    k = int(np.argmin(squared_residuals + right))
+    low_deviation = squares - sums**2 / count
+    high_deviation = (np.sum(ordered**2) - squares) - (ordered.sum() - sums) ** 2 / (len(ordered) - count)
+    k = int(np.argmin(low_deviation + high_deviation))
     low, high = ordered[: k + 1], ordered[k + 1 :]
     distance = float(high.mean() - low.mean())
     if distance < max(_LEAST_COUNTS, _LEAST_SPREADS * float(low.std())):
