@@ -1,4 +1,4 @@
-"""Measure for every gate and named number of the diagnosis how many wrong answers it prevents and right ones it costs.
+"""Measure how many wrong answers each gate and named number of a diagnosis prevents, and how many right ones it costs.
 
     python benchmarks/ablation.py follow --cases CASES.yaml --store DIR    # run each case once and follow all numbers
     python benchmarks/ablation.py numbers --cases CASES.yaml --store DIR --minutes 60
@@ -9,12 +9,12 @@ CASES.yaml lists the sets. ``{make: field, sealed: FOLDER, each: 6}`` means a dr
 cases of `benchmarks/given_cases.py`, ``{make: loads, loads: FOLDER, each: 2}`` recordings with weighed loads. An
 entry with ``names: [..]`` takes only these cases.
 
-A first run of each case follows every number (`benchmarks/ablation_numbers.py`) and counts every gate. A number that
-decides no comparison, or none that half or twice its value would decide otherwise, cannot change the case and is not
-varied. A gate is left out if it refused something; a gate of the search, if it was the only one that refused it.
-Numbers are changed in groups, and a group that changes the answer is halved until the number is found. The groups
-grow with every case in which their numbers change no answer. A number that decides a case is left out of the groups
-of the next cases; with ``--again`` it is run there alone, after all others.
+A first run of each case follows every number (`benchmarks/ablation_numbers.py`) and counts every gate. It shows which
+changes cannot alter the answer; these are not run. A number is changed only if half or twice its value would alter a
+comparison. A gate is left out only if it refused something, and a gate of the search only if no other gate refused the
+same. Numbers are changed in groups. A group that changes the answer is halved until the responsible number is found.
+The groups grow with every case in which their numbers change no answer. A number that changed the answer of one case
+is not in the groups of the next cases; ``--again`` changes it there alone, after all others.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from benchmarks.markers import between_markers
 
 FOLDERS = ("identification/diagnosis", "identification/engine", "identification/gates")
 GROUP = 8  # numbers in the first group
-MOST_IN_A_GROUP = 32  # half of these rarely contain a number that decides, so halving costs little
+MOST_IN_A_GROUP = 32  # numbers in the largest group; half of these rarely change an answer, so halving costs little
 PACKAGES = ("identification", "phantom_dyn")
 # NumPy and deques accept only integers for these counts
 UNFOLLOWED = {
@@ -61,11 +61,11 @@ UNFOLLOWED = {
 
 
 def deciding(names: Sequence[str], differs: Callable[[Sequence[str]], bool]) -> list[str]:
-    """The numbers that change an answer by themselves, found by halving groups that change it.
+    """The numbers that change an answer alone, found by halving groups that change it.
 
     Args:
-        names: Numbers.
-        differs: Whether the answer differs with some of them changed.
+        names: Keys of the numbers.
+        differs: Function that returns True if the answer differs with these numbers changed.
     """
     if not names or not differs(names):
         return []
@@ -108,7 +108,7 @@ class Store:
 
 
 def follow(case: Case, numbers: Sequence[Named], unfollowed: set[str]) -> dict:
-    """Run a case with every number followed; a number that the code cannot take is added to ``unfollowed``."""
+    """Run a case with every number followed; numbers with which the code fails are added to ``unfollowed``."""
     while True:
         result = run(case, Variant(numbers=tuple(n for n in numbers if n.key not in unfollowed), follow=True))
         met = _named_in(result["error"], [n for n in numbers if n.key not in unfollowed]) if result["error"] else []
@@ -118,7 +118,11 @@ def follow(case: Case, numbers: Sequence[Named], unfollowed: set[str]) -> dict:
 
 
 def _named_in(error: str, numbers: Sequence[Named]) -> list[str]:
-    """Named numbers in the innermost line of a traceback that has some, or all of the innermost module."""
+    """Named numbers that may have caused an error, from its traceback.
+
+    These are the numbers in the innermost line that contains any, or without such a line all numbers of the innermost
+    modules.
+    """
     lines = error.splitlines()
     frames = [
         (".".join(Path(line.split('"')[1]).relative_to(CHECKOUT).with_suffix("").parts), lines[k + 1])
@@ -141,17 +145,17 @@ def vary_gates(case: Case, gates: Sequence[str], store: Store, until: float) -> 
 
 
 def vary_numbers(case: Case, numbers: Sequence[Named], store: Store, until: float, *, again: bool = False) -> None:
-    """Run a case with half and twice each number that may change its answer, in groups that are halved if they do.
+    """Run a case with half and twice each number that may change its answer, in groups, see `deciding`.
 
     Args:
         case: Case that was followed before.
         numbers: Named numbers.
         store: Results.
         until: Time after which no run starts [s].
-        again: If True, run each number alone that decides another case, instead of those that decide none so far.
+        again: If True, run only the numbers that change the answer of another case, each alone.
 
     Raises:
-        TimeoutError: If that time has come.
+        TimeoutError: If a run would start after ``until``.
     """
     by_key = {n.key: n for n in numbers}
     base = store.of(case.key)["follow"]
@@ -181,18 +185,18 @@ def groups_of(
     Args:
         names: Numbers that may change a case.
         elsewhere: For each number, in how many other cases it was run, and in how many of these it changed the answer.
-        again: If True, the numbers that changed the answer of another case, each alone, instead of the others.
+        again: If True, only the numbers that changed the answer of another case, each alone.
     """
     if again:
         yield from ([name] for name in names if elsewhere.get(name, (0, 0))[1])
         return
-    left = sorted(
+    remaining = sorted(
         (name for name in names if not elsewhere.get(name, (0, 0))[1]), key=lambda n: -elsewhere.get(n, (0,))[0]
     )
-    while left:
-        size = min(GROUP * 2 ** elsewhere.get(left[0], (0,))[0], MOST_IN_A_GROUP)
-        yield left[:size]
-        left = left[size:]
+    while remaining:
+        size = min(GROUP * 2 ** elsewhere.get(remaining[0], (0,))[0], MOST_IN_A_GROUP)
+        yield remaining[:size]
+        remaining = remaining[size:]
 
 
 def gate_names() -> tuple[str, ...]:
@@ -203,7 +207,7 @@ def gate_names() -> tuple[str, ...]:
 
 
 def chosen_cases(path: Path) -> list[Case]:
-    """The cases of a list of sets in mixed order, so that a run of any length covers every set."""
+    """The cases of a list of sets in random order, so that a run of any length covers every set."""
     cases = [case for entry in yaml.safe_load(path.read_text()) for case in cases_of(entry)]
     random.Random(3).shuffle(cases)
     return cases

@@ -140,9 +140,9 @@ class Trace:
 
     Attributes:
         asked: Number of comparisons that involved a number, by its key.
-        flips: How many of these turn out otherwise with half and with twice the number.
-        lost: How often a number went where it cannot be followed, such as into an array.
-        places: How often the comparisons of a number gave False and True in each line of code.
+        flips: How many of these have another result with half and with twice the number.
+        lost: How often a number was used where it cannot be followed, such as in an array.
+        places: For each line of code, how often the comparisons of a number gave False and True.
     """
 
     asked: dict[str, int] = field(default_factory=dict)
@@ -151,7 +151,13 @@ class Trace:
     places: dict[str, dict[str, list[int]]] = field(default_factory=dict)
 
     def compared(self, key: str, came_out: tuple[bool, bool], otherwise: Sequence[bool]) -> None:
-        """Count a comparison by its result, and whether half or twice a number changes it."""
+        """Count a comparison.
+
+        Args:
+            key: Key of a number in the comparison.
+            came_out: Whether the result contains False, and whether it contains True.
+            otherwise: Whether the result differs with half and with twice the number.
+        """
         self.asked[key] = self.asked.get(key, 0) + 1
         seen = self.places.setdefault(key, {}).setdefault(_line(), [0, 0])
         for k, so in enumerate(came_out):
@@ -177,7 +183,7 @@ def _line() -> str:
 class Followed:
     """A number, with the values that it would have if some named numbers were halved or doubled.
 
-    It is not a ``float``, so a conversion to one is noticed; the number counts as lost from there on.
+    It is not a ``float``, so that a conversion to a float is noticed. After a conversion it counts as lost.
     """
 
     __slots__ = ("others", "trace", "value")
@@ -272,7 +278,7 @@ def _add_operators() -> None:
 
 
 def _with_arrays(of: Callable, one: object, other: object) -> object:
-    """Follow an operation on scalars; a number that enters an array is lost."""
+    """Follow an operation on scalars; in an operation with an array, the number is lost."""
     if any(isinstance(x, list | tuple | str) or np.ndim(getattr(x, "value", x)) > 0 for x in (one, other)):  # type: ignore[arg-type]
         return of(*(x._lose() if isinstance(x, Followed) else x for x in (one, other)))
     return _combined(of, one, other)
@@ -282,7 +288,7 @@ _add_operators()
 
 
 def followed(named: Named, trace: Trace) -> object:
-    """The object that stands for a named number while a run is followed."""
+    """The object that replaces a named number while a run is followed."""
 
     def of(value: float, at: Sequence[float]) -> Followed:
         return Followed(value, {named.key: tuple(at)}, trace)
@@ -297,5 +303,5 @@ def followed(named: Named, trace: Trace) -> object:
 
 
 def plain(value: object) -> object:
-    """A value without followed numbers, for values that are only written down."""
+    """The plain value of a followed number, for values that are only written to files."""
     return value.value if isinstance(value, Followed) else value

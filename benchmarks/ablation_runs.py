@@ -104,7 +104,7 @@ def sealed_case(folder: Path, name: str, make: str) -> Case:
 
 
 def stored_result(folder: Path, case: Case) -> dict:
-    """Result of a stored diagnosis of a drawn case in the form of `run`, with the gates that refused by its ledger."""
+    """Result of a stored diagnosis in the form of `run`, with the gates that refused according to its ledger."""
     entry = json.loads((folder / "results" / f"{case.name}.json").read_text())
     said = entry["diagnosis"] or {"verdict": "failed", "findings": [], "ledger": []}
     with tempfile.TemporaryDirectory(prefix="ablation-") as place:
@@ -120,6 +120,7 @@ def stored_result(folder: Path, case: Case) -> dict:
 
 
 def _said(said: Mapping, outcome: Outcome) -> dict:
+    """The parts of a diagnosis and its outcome that are stored."""
     findings = [_short(one) for one in said["findings"]]
     return {"right": outcome.right, "wrong": outcome.wrong, "verdict": said["verdict"], "findings": findings}
 
@@ -225,7 +226,7 @@ def warm_up(case: Case) -> None:
 
 @dataclass
 class Met:
-    """How often each gate was asked, refused, and was the only one to refuse, by name."""
+    """For each gate by name: how often it was evaluated, refused a claim, and was the only gate to refuse."""
 
     asked: dict[str, int]
     refused: dict[str, int]
@@ -264,7 +265,7 @@ def leave_out(names: Iterable[str], met: Met | None = None) -> None:
 
 
 def count_alone(met: Met) -> None:
-    """Ask all gates of the search for every claim, and count each that refuses alone; answers do not change."""
+    """Evaluate all gates of the search for every claim, and count gates that refuse alone; answers do not change."""
     from identification.diagnosis.search import claims
     from identification.engine.claims import until_failed
 
@@ -319,12 +320,14 @@ def run(case: Case, variant: Variant) -> dict:
 
 
 def _short(finding: Mapping) -> str:
+    """A finding and its rivals in words."""
     at = f"{finding['effect']} {finding['joint'] or ''}".strip()
     listed = [" & ".join(f"{e['effect']} {e['joint'] or ''}".strip() for e in r["effects"]) for r in finding["rivals"]]
     return " or ".join([at, *sorted(listed)])
 
 
 def _child(case: Case, variant: Variant, out: Path) -> None:
+    """Run a variant in a child process, write its results into a folder, and end the process."""
     code = 1
     try:
         with (out / "said.txt").open("w") as said, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

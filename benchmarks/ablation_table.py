@@ -1,4 +1,4 @@
-"""Tables of `benchmarks/ablation.py`: what each gate and number prevents and costs for each make."""
+"""Tables of `benchmarks/ablation.py`: answers that each gate and number makes wrong or right, for each make."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from benchmarks.ablation_numbers import FACTORS, Named
 
 OF_SEARCH = ("possible size", "bodies can exist", "more than chance", "fair part of the gap", "in enough blocks")
 CHANCE = "more than chance"
-STRUCTURAL = ("explains more than others",)  # it compares sets; without it no search ends
-LEAST = 2  # least number of wrong answers that a gate has to prevent for one make
+STRUCTURAL = ("explains more than others",)  # never left out: without this comparison of sets no search ends
+LEAST = 2  # smallest number of wrong answers that a gate has to prevent for one make
 COUNTS = ("other answers", "wrong ones prevented", "right ones kept", "wrong ones made", "right ones lost")
 FACTOR_WORDS = tuple(str(factor) for factor in FACTORS)
 Results = Mapping[str, Mapping[str, Mapping]]
@@ -35,24 +35,24 @@ GUARDS: Mapping[str, str] = {
     "large enough": "the contract lists what is too small apart, as minor",
     "beyond the gain": "asked of recordings without torque alone, of which the sets hold none",
 }
-"""Gates that stay whatever the sets say, and why."""
+"""Gates that are kept whatever the tables show, and why."""
 
 
 def answer_of(result: Mapping) -> Answer:
-    """The part of a run's answer that is compared: verdict, findings in any order, right, wrong."""
+    """The parts of a run's answer that are compared: verdict, findings in any order, right, wrong."""
     findings = tuple(sorted(one.split(" or ")[0] for one in result["findings"]))
     return result["verdict"], findings, result["right"], result["wrong"]
 
 
 def base_of(runs: Mapping[str, Mapping]) -> Mapping:
-    """The answer to compare with: that of the followed run, or the stored one."""
+    """The run without a change: the followed run, or without one the stored diagnosis."""
     return runs["follow"] if "follow" in runs else runs["stored"]
 
 
 def gates_to_leave_out(result: Mapping, gates: Iterable[str]) -> list[str]:
-    """Gates that could change a case's answer, by the followed run or by the stored ledger.
+    """Gates whose removal could change a case's answer, according to the followed run or the stored ledger.
 
-    The gate against chance is checked in the next gate too, so no ledger shows it as the only one to refuse.
+    A ledger cannot show this for the gate against chance: the next gate checks chance too, so it would refuse as well.
     """
     if result.get("trace") is None:
         return [gate for gate in gates if gate in result.get("refused", ()) and gate not in (*STRUCTURAL, CHANCE)]
@@ -63,7 +63,7 @@ def gates_to_leave_out(result: Mapping, gates: Iterable[str]) -> list[str]:
 
 
 def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
-    """Numbers that could change a case when multiplied by `FACTORS[k]`, by the followed run."""
+    """Numbers that could change a case's answer when multiplied by `FACTORS[k]`, according to the followed run."""
     trace = result["trace"]
     if trace is None:
         return list(names)
@@ -75,7 +75,7 @@ def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
 
 @dataclass
 class Effect:
-    """What changing one gate or number does, each count by make.
+    """Counts by make of the answers that change if one gate is left out or one number is multiplied.
 
     Attributes:
         ran: Cases that were run with only this change.
@@ -84,8 +84,8 @@ class Effect:
         mended: Wrong answers that the change corrects.
         lost: Answers that are right only with the change.
         kept: Right answers that the change removes.
-        failed: Cases in which the diagnosis fails with the change. They do not count otherwise: that a number must not
-            have this value does not mean that it decides an answer.
+        failed: Cases in which the diagnosis fails with the change. They have no other count, because a value with which
+            the code fails does not show that the number decides an answer.
     """
 
     ran: Counter[str] = field(default_factory=Counter)
@@ -115,7 +115,7 @@ class Effect:
 
     @property
     def earns_its_place(self) -> bool:
-        """True if it prevents enough for one make, and costs no more than it prevents for the worst make."""
+        """True if it prevents at least `LEAST` wrong answers of one make, and costs no make more than it prevents."""
         worst = max((self.lost[make] - self.prevented[make] for make in self.ran), default=0)
         return max(self.prevented.values(), default=0) >= LEAST and worst <= 0
 
@@ -140,7 +140,10 @@ def of_numbers(results: Results, factor: float) -> dict[str, Effect]:
 
 
 def _changed_by(runs: Mapping[str, Mapping], factor: float) -> dict[str, Mapping]:
-    """The run of a case that shows the effect of each number; a run of the number alone takes precedence."""
+    """For each number, the run of a case that shows its effect: a run with this number alone, or with a group.
+
+    A group shows the effect of its numbers only if it does not change the answer.
+    """
     out: dict[str, Mapping] = {}
     for variant, result in runs.items():
         first, *names = variant.split()
@@ -169,24 +172,26 @@ MET = (
     "near a decision, or where it cannot be followed: not run",
     "with half or twice the diagnosis fails",
 )
-"""How a number can be met that was not found to decide."""
+"""How close a number came to a decision although no change of it was found to change an answer."""
 
 
 def met_as(results: Results, name: str) -> str:
-    """How close a number that decides nothing came to a decision, one of `MET`."""
-    asked, may, ran = False, 0, 0
+    """How close a number that changes no answer came to a decision, one of `MET`."""
+    compared, near_count, run_count = False, 0, 0
     for runs in results.values():
         trace = runs.get("follow", {}).get("trace")
         if trace is None:
             continue
-        asked = asked or bool(trace["asked"].get(name))
+        compared = compared or bool(trace["asked"].get(name))
         for k, factor in enumerate(FACTORS):
             near = bool(may_change(runs["follow"], [name], k))
-            may += near
-            ran += near and name in _changed_by(runs, factor)
-    if not may:
-        return MET[1] if asked else MET[0]
-    return MET[2 if ran == may else 3 if ran else 4]
+            near_count += near
+            run_count += near and name in _changed_by(runs, factor)
+    if not near_count:
+        return MET[1] if compared else MET[0]
+    if run_count == near_count:
+        return MET[2]
+    return MET[3] if run_count else MET[4]
 
 
 def by_make(counts: Mapping[str, int]) -> str:
@@ -195,7 +200,7 @@ def by_make(counts: Mapping[str, int]) -> str:
 
 
 def decided(gate: str, effect: Effect, refused: int) -> str:
-    """Text on the gate's place, from the number of cases whose answer it could have changed."""
+    """Words on whether a gate is kept; ``refused`` is the number of cases whose answer it could have changed."""
     if gate in GUARDS:
         return f"stays: {GUARDS[gate]}"
     if effect.earns_its_place:
@@ -204,7 +209,7 @@ def decided(gate: str, effect: Effect, refused: int) -> str:
 
 
 def gates_table(results: Results, gates: Sequence[str]) -> str:
-    """Table of what leaving out each gate does, with the number of cases."""
+    """Table of the effect of leaving out each gate, below the number of cases."""
     lines = [_cases_of(results), ""]
     lines += [f"| gate | run without it | {' | '.join(COUNTS)} | decided |", "|---" * (len(COUNTS) + 3) + "|"]
     for gate, one in of_gates(results, gates).items():
@@ -216,7 +221,7 @@ def gates_table(results: Results, gates: Sequence[str]) -> str:
 
 
 def numbers_table(results: Results, numbers: Sequence[Named]) -> str:
-    """Table of what half and twice each number does, how close the others came, and the number of cases."""
+    """Table of the effect of half and twice each number, and lists of the numbers without an effect."""
     known = {n.key: n for n in numbers}
     effects = {factor: of_numbers(results, factor) for factor in FACTORS}
     deciding = [
@@ -261,6 +266,7 @@ def _cases_of(results: Results) -> str:
 
 
 def _kinds_of(make: str, kinds: Mapping[tuple[str, str], int]) -> str:
+    """Number of cases of each kind of one make."""
     return f"{make} " + ", ".join(f"{count} {kind}" for (of, kind), count in sorted(kinds.items()) if of == make)
 
 

@@ -3,8 +3,8 @@
     python benchmarks/digits.py FOLDER [--only NAME ...]
 
 Cases are folders as for `given_cases`. 17 digits represent a double exactly; nine digits of a position in rad are
-nanoradians, which no encoder resolves. So verdict and findings have to be the same. Where two causes fit almost
-equally well, the ninth digit may decide between them; each must then be a rival of the other.
+nanoradians, which no encoder resolves. So verdict and findings have to be the same. If two causes fit almost equally
+well, the ninth digit may decide between them. Each cause must then be a rival of the other.
 """
 
 from __future__ import annotations

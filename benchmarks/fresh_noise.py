@@ -11,7 +11,7 @@ Array = np.ndarray
 def fresh_noise(noise: Float[Array, "N n"], count: int, rng: np.random.Generator) -> Float[Array, "count n"]:
     """Normal noise of any length with the autocovariance of given noise, for each column separately.
 
-    White noise is convolved with the given noise; the result has its autocovariance on average.
+    White noise is convolved with the given noise. On average, the result has the autocovariance of the given noise.
 
     Args:
         noise: Given noise at even steps.

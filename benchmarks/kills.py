@@ -1,4 +1,4 @@
-"""Kill runs at random moments and check what they leave: complete files of one run, no litter, no processes.
+"""Kill runs at random moments, and check that only complete files of one run remain, and no process.
 
     python benchmarks/kills.py --kills 200 --seed 1
 
@@ -157,7 +157,7 @@ def wrong_state(folder: Path) -> list[str]:
 
 
 def litter(folder: Path) -> list[str]:
-    """Temporary files and folders that were left, ours or those of a library."""
+    """Temporary files and folders that remain, of this project or of a library."""
     ours = [path for path in folder.rglob("*") if MARK in path.name or path.name.startswith(".")]
     return [f"litter: {path.relative_to(folder)}" for path in (*ours, *(folder / "tmp").iterdir())]
 
@@ -178,7 +178,7 @@ def prepared(folder: Path) -> float:
 
 
 def kill_one(folder: Path, rng: random.Random, seconds: float, tally: Tally, each: bool) -> None:
-    """Start a run, kill it at a random moment, and check what it leaves."""
+    """Start a run, kill it at a random moment, and check the files and processes that remain."""
     token, number = f"{rng.getrandbits(64):x}", rng.choice((signal.SIGTERM, signal.SIGKILL))
     child = started(folder, each, token)
     length = seconds * (1.6 if each else 1.1)
@@ -235,7 +235,7 @@ def killed(count: int, seed: int, folder: Path) -> Tally:
 
 
 def main() -> int:
-    """Kill runs and print what they left."""
+    """Kill runs and print what was wrong afterwards."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,4 +1,4 @@
-"""Measure how often two recordings with a known change distinguish what one recording cannot.
+"""Measure how often two recordings with a known change between them distinguish causes that one recording cannot.
 
 Run ``python -m benchmarks.known_changes``; cases are simulated on a hanging rod. A known mass distinguishes a load and
 a torque constant; two controller gains distinguish a delayed drive and viscous friction; friction that grew between two
@@ -122,7 +122,7 @@ def gain_case(rng: np.random.Generator) -> Case:
 
 
 def told_apart(found: Diagnosis, truth: str, other: str) -> bool:
-    """True if the truth is found, and the other effect is neither found nor a rival."""
+    """True if the true effect is found, and the other effect is neither found nor a rival."""
     named = {finding.effect for finding in found.findings}
     rivals = {at.effect for finding in found.findings for rival in finding.rivals for at in rival.effects}
     return bool(named & _SAME[truth]) and not (named | rivals) & _SAME[other]

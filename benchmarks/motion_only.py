@@ -1,4 +1,4 @@
-"""Measure how often positions and references alone show what a servo's model lacks.
+"""Measure how often positions and references alone show which effect a servo's model lacks.
 
 Run ``python -m benchmarks.motion_only``. Cases are simulated on a hanging rod with a proportional position servo, like
 hobby servos; only readings and references are recorded. The cause is drawn: a delayed drive, Coulomb friction that

@@ -85,15 +85,15 @@ def sets_with(diagnosis: Diagnosis, truth: Place) -> list[set[Place]]:
 
 
 def in_set(diagnosis: Diagnosis, truth: Place) -> bool:
-    """True if a finding that is the truth, or has it as a rival, also has other possible effects."""
+    """True if the diagnosis does not decide: the truth is one of several possible effects of a finding."""
     return any(len(one) > 1 for one in sets_with(diagnosis, truth))
 
 
 def struck(before: Diagnosis, after: Diagnosis, truth: Place) -> float:
     """Share of the first recording's rivals that are ruled out; 0 if the truth is lost."""
     rivals = set().union(*sets_with(before, truth)) - {truth}
-    left = sets_with(after, truth)
-    return len(rivals - set().union(*left)) / len(rivals) if left else 0.0
+    sets = sets_with(after, truth)
+    return len(rivals - set().union(*sets)) / len(rivals) if sets else 0.0
 
 
 def drawn(design: DesignProblem, duration: float, count: int, rng: np.random.Generator) -> list[Candidate]:
@@ -126,7 +126,7 @@ def motions(case: Case, logs: tuple[Log, ...], proposed: Motion, seed: int) -> d
 
 
 def decided_by(case: Case, logs: tuple[Log, ...], seed: int, count: int) -> int | None:
-    """Which of several random motions leaves the truth without a rival for two noises, or None.
+    """Number of the first random motion with which the truth is found without a rival for two noises, or None.
 
     The second noise is needed because the best of many motions may succeed by chance.
     """
@@ -158,7 +158,7 @@ def measured(make: str, seed: int, best_of: int = 0, most_joints: int | None = N
     Args:
         make: Make of the case.
         seed: Seed of the case.
-        best_of: Number of random motions to try if the proposed motion leaves rivals.
+        best_of: Number of random motions to try if the proposed motion does not rule out all rivals.
         most_joints: Largest number of joints, or None.
     """
     case = cases_of(make)(seed)

@@ -19,12 +19,12 @@ def paired_difference(one: Sequence[bool], other: Sequence[bool]) -> tuple[float
     The interval is None for a single case or without a difference: resampling cannot tell how rare a difference is that
     never occurred.
     """
-    apart = np.array(one, dtype=float) - np.array(other, dtype=float)
-    if not apart.any() or len(apart) < 2:
-        return float(apart.mean()), None
-    drawn = bootstrap((apart,), np.mean, method="percentile", rng=np.random.default_rng(20261))
+    differences = np.array(one, dtype=float) - np.array(other, dtype=float)
+    if not differences.any() or len(differences) < 2:
+        return float(differences.mean()), None
+    drawn = bootstrap((differences,), np.mean, method="percentile", rng=np.random.default_rng(20261))
     low, high = (float(x) for x in drawn.confidence_interval)
-    return float(apart.mean()), (low, high)
+    return float(differences.mean()), (low, high)
 
 
 def lines_of(title: str, rows: Sequence[Row], opened: int, best_of: int) -> list[str]:

@@ -2,7 +2,7 @@
 
     python benchmarks/search_fits.py ROBOT LOG [LOG ...] [OPTION ...]    # as for phantom-dyn diagnose
 
-A search that takes far longer than for any robot that the catalogue explains is stopped (`most_fits`).
+A search stops after a number of fits that no robot needs whose gap the catalogue can explain (`most_fits`).
 """
 
 from __future__ import annotations

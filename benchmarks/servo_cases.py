@@ -1,4 +1,4 @@
-"""Simulate servos on a bus from their equations: recordings, robot files and true causes.
+"""Simulate servos on a bus from their equations, and write recordings, robot files and true causes.
 
 This module does not import phantom_dyn or identification. An arm of one or two links moves in a vertical plane. The
 servo of each joint has a loop of its own: ``u = clip(k (reference - position))`` at 1 kHz from encoder counts, torque

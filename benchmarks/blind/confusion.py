@@ -33,6 +33,7 @@ def confusion(cases: Sequence[Judged]) -> Confusion:
 
 
 def _said(case: Judged) -> str:
+    """Column of a case: its leading finding, or the true effect if the finding is a twin of it."""
     return case.effect if case.top1 and case.kind == "single" else case.leading
 
 

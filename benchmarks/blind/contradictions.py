@@ -1,10 +1,13 @@
-"""Check whether the numbers in a ``diagnosis.json`` support its verdict, by the table of the file format's contract."""
+"""Check whether the numbers in a ``diagnosis.json`` support its verdict, as the file format's contract requires."""
 
 from __future__ import annotations
 
 import math
 
-FLOORS, SHARE, LITTLE, FAR = 1.5, 0.1, 0.1, 2.0
+FLOORS = 1.5  # a gap is closed if the residual is at most this many noise floors,
+SHARE = 0.1  # or at most this share of the gap remains
+LITTLE = 0.1  # a structured residual below this share of the explainable gap does not contradict
+FAR = 2.0  # a joint strays in simulation if its error is at least this many times that by noise
 
 
 def contradiction(diagnosis: dict) -> str | None:
@@ -30,12 +33,14 @@ def contradiction(diagnosis: dict) -> str | None:
 
 
 def _highest(joint: dict) -> float:
+    """Largest residual of a joint that may be noise."""
     interval = joint["noise_floor_interval"]
     highest = joint["noise_floor"] if interval is None else interval[1]
     return math.hypot(highest, joint.get("discrepancy") or 0.0)
 
 
 def _nearly_closed(joint: dict) -> bool:
+    """True if the residual of a joint may be noise, or if little of its gap remains."""
     floor = joint["noise_floor"]
     within = joint["rms_before"] if joint["rms_within_tolerance"] is None else joint["rms_within_tolerance"]
     after, gap = (joint["rms_after"] / floor) ** 2, (within / floor) ** 2 - 1.0

@@ -27,7 +27,7 @@ Place = tuple[str, str | None]
 
 
 def true_set(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
-    """A search that returns the true effects, without those that leave no trace in the recording."""
+    """A search that returns the true effects, without those that have no columns in the recording."""
 
     def given_set(search: Search, progress: Progress, *_: object) -> frozenset[Term]:
         by_place: dict[Place, list[Term]] = {}

@@ -87,7 +87,7 @@ def recorded(name: str, setup: Setup, run: Run) -> Case:
 
 
 def chosen_bound(bounds: Sequence[dict], seed: int) -> dict | None:
-    """One of the stated bounds, selected by the seed in turn over effects and joints; None if none can be simulated."""
+    """One of the stated bounds, chosen by the seed in turn over effects and joints; None if none can be simulated."""
     order = list(ONE_NUMBER)
     for shift in range(len(order)):
         mine = [
@@ -160,6 +160,7 @@ def report(outcomes: Sequence[Found]) -> str:
 
 
 def _drawn(jobs: int, draw, *each: Sequence) -> list:
+    """Results of ``draw`` for each set of arguments, in parallel."""
     with ProcessPoolExecutor(jobs) as pool:
         return list(pool.map(draw, *each))
 
@@ -170,9 +171,9 @@ def check(seeds: range, work: Path, jobs: int, command: Sequence[str]) -> list[F
     answers.mkdir(parents=True, exist_ok=True)
     names = _drawn(jobs, draw_without, seeds, [cases] * len(seeds))
     run_all(command, [n for n in names if n], cases, results, jobs=jobs, what="without an effect")
-    there = [seed for seed, name in zip(seeds, names, strict=True) if name]
-    count = len(there)
-    second = [n for n in _drawn(jobs, draw_with, there, [results] * count, [cases] * count, [answers] * count) if n]
+    drawn = [seed for seed, name in zip(seeds, names, strict=True) if name]
+    count = len(drawn)
+    second = [n for n in _drawn(jobs, draw_with, drawn, [results] * count, [cases] * count, [answers] * count) if n]
     with sealed(answers):
         run_all(command, second, cases, results, jobs=jobs, what="with an effect at its bound")
     return [

@@ -24,7 +24,7 @@ from benchmarks.blind.score import load_baselines, load_pairs, write_score
 from benchmarks.blind.worst import TABLE, finished, scored, worst_of_makes
 from benchmarks.gapbench.seal import sealed
 
-# Baselines and oracle run on this many cases of each kind: enough to distinguish them, in a third of the time.
+# Number of cases of each kind on which baselines and oracle run: enough to compare them, in a third of the time.
 BESIDE = 100
 INSIDE = ("single", "pair", "mixed")
 

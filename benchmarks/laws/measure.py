@@ -98,21 +98,21 @@ def answer_of(case: Case) -> Answer:
         judgement, shown, seconds = diagnosed(case)
     except PhantomDynError as error:
         return Answer(case, "refused", text=str(error))
-    left, found = judgement.unexplained, judgement.unexplained.dependence
+    unexplained, found = judgement.unexplained, judgement.unexplained.dependence
     findings = "; ".join(f"{finding.effect} {finding.joint}" for finding in judgement.findings)
     named = frozenset(
         f"{kind}.{finding.joint}" for finding in judgement.findings
         for kind in _FINDINGS.get(finding.effect, finding.effect).split()
     )  # fmt: skip
-    explained_by = case.law is not None and _names(case, named) and left.law is None
+    explained_by = case.law is not None and _names(case, named) and unexplained.law is None
     if found is None:
         return Answer(case, judgement.verdict, explained=explained_by, text=findings)
     right = case.law is not None and found.joint == case.joint and _names(case, frozenset(found.inputs))
     closed = 0.0
-    if left.law is not None and case.law is not None and found.joint == case.joint:
+    if unexplained.law is not None and case.law is not None and found.joint == case.joint:
         closed = found.predicted_share / max(_oracle(case, shown, judgement), 1e-9)
-    text = findings if left.law is None else f"{left.law.formula}   [{findings}]"
-    law = left.law is not None
+    text = findings if unexplained.law is None else f"{unexplained.law.formula}   [{findings}]"
+    law = unexplained.law is not None
     return Answer(case, judgement.verdict, True, law, right, explained_by, closed, seconds, text)
 
 

@@ -1,4 +1,4 @@
-"""Answers of every baseline to one case: ``python answers.py robot.urdf log.csv --json FILE``.
+"""Runs every baseline on one case: ``python answers.py robot.urdf log.csv --json FILE``.
 
 The script is called like the diagnosis, in a folder that contains only the case.
 """

@@ -1,8 +1,8 @@
 """Baseline: least squares over the same catalogue with independent samples, and model selection by BIC.
 
-Forward selection with removal. The score is ``sum_j n_j log(RSS_j / n_j) + k log n``, plus what changes within the
-tolerance cost. Each finding's rivals are the effects that could stand in its place, with the usual weights
-``exp(-BIC / 2)``.
+Effects are selected forwards, with removal. The score is ``sum_j n_j log(RSS_j / n_j) + k log n`` plus the prior's
+penalty on changes within the tolerances. The rivals of a finding are the effects that could replace it, with the usual
+weights ``exp(-BIC / 2)``.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ def bic(task: Task, chosen: Chosen, sigma: np.ndarray) -> float:
 
 
 def _can_join(chosen: Chosen, choice: Choice) -> bool:
+    """True if no chosen effect has the same name and joint."""
     return all((c.effect, c.joint) != (choice.effect, choice.joint) for c in chosen)
 
 
-def _ranked(task: Task, chosen: Chosen, sigma: np.ndarray) -> tuple[float, Chosen]:
-    """The sets with one effect more, the best first."""
+def _best_addition(task: Task, chosen: Chosen, sigma: np.ndarray) -> tuple[float, Chosen]:
+    """Score and effects of the best set with one more effect."""
     more = ((*chosen, choice) for choice in task.choices if _can_join(chosen, choice))
     return min(((bic(task, one, sigma), one) for one in more), key=lambda pair: pair[0], default=(np.inf, chosen))
 
@@ -47,7 +48,7 @@ def select(task: Task) -> tuple[Chosen, np.ndarray]:
     chosen: Chosen = ()
     sigma = residual_rms(task, fit(task, (), np.sqrt([row.c / row.count for row in task.rows])))
     while len(chosen) < MOST:
-        score, more = _ranked(task, chosen, sigma)
+        score, more = _best_addition(task, chosen, sigma)
         if score >= bic(task, chosen, sigma):
             break
         chosen = more
@@ -62,6 +63,7 @@ def select(task: Task) -> tuple[Chosen, np.ndarray]:
 
 
 def _finding(task: Task, chosen: Chosen, choice: Choice, sigma: np.ndarray, loss: tuple[float, float]) -> dict:
+    """A selected effect in the form of ``diagnosis.json``; ``loss`` is that without and with all effects."""
     rest = tuple(c for c in chosen if c is not choice)
     scores: dict[tuple[str, str | None], float] = {}
     for other in task.choices:
@@ -91,12 +93,13 @@ def _finding(task: Task, chosen: Chosen, choice: Choice, sigma: np.ndarray, loss
 
 
 def _loss(task: Task, theta: np.ndarray, sigma: np.ndarray) -> float:
+    """Mean square of the residuals, each row relative to its standard deviation."""
     return float(np.mean((residual_rms(task, theta) / sigma) ** 2))
 
 
 def independent_bic(task: Task) -> dict:
     """The answer in the form of ``diagnosis.json``."""
-    # A column that leaves no trace cannot be chosen; without it the products stay well conditioned.
+    # Columns of zeros are removed, because they cannot be chosen and make the normal equations ill-conditioned.
     seen = {int(k) for row in task.rows for k, d in zip(row.index, np.diag(row.a), strict=True) if d > 0}
     task = replace(task, choices=tuple(c for c in task.choices if set(c.columns) & seen))
     chosen, sigma = select(task)

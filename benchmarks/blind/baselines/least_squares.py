@@ -1,4 +1,4 @@
-"""Columns of this library and their products for both least-squares baselines."""
+"""Prepares a case for the least-squares baselines: the library's columns and their products."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Choice:
-    """An effect of the catalogue with its joint and shape: the indices of its columns, and their number."""
+    """An effect at a joint in one of its shapes: indices of its columns, and number of its parameters."""
 
     effect: str
     joint: str | None
@@ -109,7 +109,7 @@ def fit(task: Task, columns: tuple[int, ...], sigma: np.ndarray) -> np.ndarray:
         b[at] += row.b[mine] / s**2
     scale = np.sqrt(np.maximum(np.diag(a), 1e-300))
     theta = np.zeros(len(task.prior))
-    # The small diagonal splits exact twins evenly and keeps columns of zeros at zero.
+    # With the small diagonal, equal columns get equal coefficients, and columns of zeros get zero.
     normal = a / np.outer(scale, scale) + 1e-10 * np.eye(len(active))
     theta[active] = np.linalg.solve(normal, b / scale) / scale
     return theta

@@ -1,4 +1,4 @@
-"""Makes of sealed cases by name: those of `gapbench`, and the one that asks the library for corrected models."""
+"""Makes of sealed cases by name: those of `gapbench`, and ``real``, which adds effects to real recordings."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ ALONE = ("real",)  # cases that baselines and oracle cannot read: several logs, 
 
 
 def make_named(name: str) -> Make:
-    """The make of a name of `NAMES`."""
+    """The make with a name of `NAMES`."""
     return make_of(REAL) if name == "real" else makes.make_named(name)

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 # Pinocchio's names come from a compiled module, which has no stubs.
-"""Torques of the links of a robot, by Pinocchio, and what small changes of their inertias do to them."""
+"""Computes with Pinocchio the torques of a robot's links, and their change if inertial parameters change."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Body:
-    """A robot of links that hinge or slide.
+    """A robot with revolute or prismatic joints.
 
     Attributes:
-        model: Of Pinocchio, with the joints of the log alone.
-        dry: Coulomb torque that the file states for each joint, shape ``(n,)``; ``viscous`` its coefficient.
-        source: What the torque columns are: ``command``, ``current`` or ``sensor``.
+        model: Pinocchio's model, with only the joints of the log.
+        dry: Coulomb friction that the file states for each joint [N m or N], shape ``(n,)``.
+        viscous: Coefficients of viscous friction that the file states [N m s/rad or N s/m], shape ``(n,)``.
+        source: Source of the torque columns: ``command``, ``current`` or ``sensor``.
     """
 
     model: pin.Model
@@ -33,7 +34,7 @@ class Body:
 
     @property
     def linear(self) -> Array:
-        """Whether each joint slides, shape ``(n,)``."""
+        """True for prismatic joints, shape ``(n,)``."""
         return np.array(["P" in joint.shortname() for joint in list(self.model.joints)[1:]])
 
     @property
@@ -43,12 +44,12 @@ class Body:
 
 
 def body(urdf: str, yaml: str, joints: Sequence[str]) -> Body:
-    """The robot of a URDF and a ``robot.yaml``, with the given joints; every other joint is held at zero.
+    """The robot of a URDF and a ``robot.yaml`` with the given joints; all other joints are fixed at zero.
 
     Raises:
-        ValueError: If the joints come in another order than those of the file.
+        ValueError: If the joints are not in the order of the file.
     """
-    # A joint without limits would have a sine and a cosine for its position.
+    # Pinocchio represents the position of a continuous joint by a sine and a cosine.
     model = pin.buildModelFromXML(re.sub(r'type="continuous"', 'type="revolute"', _limited(urdf)))
     others = [model.getJointId(name) for name in list(model.names)[1:] if name not in joints]
     if others:
@@ -66,7 +67,7 @@ def body(urdf: str, yaml: str, joints: Sequence[str]) -> Body:
 
 
 def _limited(urdf: str) -> str:
-    """The file with limits at every joint without end, which a hinge has to have."""
+    """The URDF with limits for every continuous joint, as a revolute joint must have limits."""
     root = ET.fromstring(urdf)
     for joint in root.findall("joint"):
         if joint.get("type") == "continuous" and joint.find("limit") is None:
@@ -75,7 +76,7 @@ def _limited(urdf: str) -> str:
 
 
 def torques(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
-    """What the motion needs [N m or N], shape ``(M, n)``."""
+    """Torques of the rigid bodies along a motion [N m or N], shape ``(M, n)``."""
     data = model.createData()
     return np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
 
@@ -84,11 +85,11 @@ def regressor(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
     """Torques per unit of each link's ten parameters, in Pinocchio's order, shape ``(M, n, 10 n)``."""
     data = model.createData()
     rows = [pin.computeJointTorqueRegressor(model, data, *row).copy() for row in zip(q, v, a, strict=True)]
-    return np.reshape(rows, (len(q), model.nv, -1))  # of one joint it comes as one row
+    return np.reshape(rows, (len(q), model.nv, -1))  # for one joint, Pinocchio returns one row
 
 
 def with_body(model: pin.Model, link: int, mass: float, center: Array) -> pin.Model:
-    """The robot with a point mass on a link, its place in the frame of that link's joint [m]."""
+    """The robot with a point mass [kg] on a link, at a position in the frame of the link's joint [m]."""
     out = model.copy()
     out.inertias[link + 1] = out.inertias[link + 1] + pin.Inertia(
         mass, np.asarray(center, dtype=float), np.zeros((3, 3))
@@ -97,23 +98,24 @@ def with_body(model: pin.Model, link: int, mass: float, center: Array) -> pin.Mo
 
 
 def with_link(model: pin.Model, link: int, factor: float, shift: Array) -> pin.Model:
-    """The robot with one link's mass and inertia multiplied, and its centre moved [m]."""
+    """The robot with mass and inertia of one link multiplied by a factor, and its centre of mass shifted [m]."""
     out, old = model.copy(), model.inertias[link + 1]
     out.inertias[link + 1] = pin.Inertia(factor * old.mass, old.lever + shift, factor * old.inertia)
     return out
 
 
 def tilted(model: pin.Model, r: Array) -> pin.Model:
-    """The robot with gravity turned by the rotation vector ``r`` in the base frame."""
+    """The robot with gravity rotated by the rotation vector ``r`` [rad] in the base frame."""
     out = model.copy()
     out.gravity.linear = pin.exp3(np.asarray(r, dtype=float)) @ model.gravity.linear
     return out
 
 
 def tolerated(model: pin.Model, share: float) -> Array:
-    """Changes of the links' parameters by one sigma, shape ``(10 n, 5 n)``, rows in the order of `regressor`.
+    """Changes of the links' parameters by one standard deviation, ``(10 n, 5 n)``, rows in the order of `regressor`.
 
-    Of each link: its mass, its inertia about the centre, and the centre in three directions.
+    Each link has five changes: of its mass, of its inertia about the centre of mass, and of this centre in three
+    directions. The standard deviation is ``share`` of the given value, or of the centre's distance from the joint.
     """
     n, columns = model.nv, []
     for k in range(n):

@@ -1,4 +1,4 @@
-"""Links, gravity and springs, put into recorded torques; encoders, put into recorded positions."""
+"""Effects of links, gravity and springs, added to recorded torques; and of encoders, added to recorded positions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = np.ndarray
 def _of_links(
     scene: Scene, name: str, joint: str | None, changed: Callable, parameters: Callable, start: float, most: float
 ) -> Effect:
-    """An effect of a robot with other links or gravity; ``changed(s)`` is its model."""
+    """An effect of other links or another gravity; ``changed(s)`` is the model with the effect at strength ``s``."""
 
     def put(s: float) -> Rows:
         other = changed(s)
@@ -31,6 +31,7 @@ def _of_links(
 
 
 def payload(scene: Scene, _j: int, rng: Rng) -> Effect | None:
+    """A point mass on the last link; None if the last joint is revolute and gravity does not act."""
     if not scene.robot.weighs and not scene.robot.linear[-1]:
         return None
     heavy, center = 0.1 * sum(x.mass for x in scene.robot.model.inertias), rng.uniform(-0.08, 0.12, 3)
@@ -47,6 +48,7 @@ def payload(scene: Scene, _j: int, rng: Rng) -> Effect | None:
 
 
 def inertias(scene: Scene, j: int, rng: Rng) -> Effect:
+    """Another mass, inertia and centre of mass of one link."""
     side, way = rng.choice((-1.0, 1.0)), 0.05 * rng.uniform(-1.0, 1.0, 3)
     return _of_links(
         scene,
@@ -60,6 +62,7 @@ def inertias(scene: Scene, j: int, rng: Rng) -> Effect:
 
 
 def tilt(scene: Scene, _j: int, rng: Rng) -> Effect | None:
+    """A base that is tilted about a horizontal axis."""
     if not scene.robot.weighs:
         return None
     angle = rng.uniform(-np.pi, np.pi)
@@ -76,6 +79,7 @@ def tilt(scene: Scene, _j: int, rng: Rng) -> Effect | None:
 
 
 def spring(scene: Scene, j: int, rng: Rng) -> Effect:
+    """A linear spring on a joint, such as a cable."""
     rest, unit = scene.middle[j] + scene.reach[j] * rng.uniform(-1.0, 1.0), scene.torque[j] / scene.reach[j]
     return acting(
         scene,
@@ -88,7 +92,7 @@ def spring(scene: Scene, j: int, rng: Rng) -> Effect:
 
 
 def _reading(scene: Scene, j: int, read: Callable[[Array], Array]) -> Rows:
-    """The logs of an encoder that reads otherwise."""
+    """The logs with the readings of joint ``j`` replaced by a function of the true ones."""
     out = []
     for run in scene.runs:
         q = run.q.copy()
@@ -98,6 +102,7 @@ def _reading(scene: Scene, j: int, read: Callable[[Array], Array]) -> Rows:
 
 
 def encoder_offset(scene: Scene, j: int, rng: Rng) -> Effect | None:
+    """An offset of the encoder of a revolute joint; None without gravity."""
     if scene.robot.linear[j] or not scene.robot.weighs:
         return None
     side = rng.choice((-1.0, 1.0))
@@ -112,6 +117,7 @@ def encoder_offset(scene: Scene, j: int, rng: Rng) -> Effect | None:
 
 
 def eccentricity(scene: Scene, j: int, rng: Rng) -> Effect | None:
+    """A periodic error of an encoder on a revolute joint."""
     if scene.robot.linear[j]:
         return None
     phase, order = float(rng.uniform(-np.pi, np.pi)), int(rng.choice((1, 1, 2)))
@@ -126,6 +132,7 @@ def eccentricity(scene: Scene, j: int, rng: Rng) -> Effect | None:
 
 
 def coarse(scene: Scene, j: int, _: Rng) -> Effect:
+    """An encoder with larger steps."""
     unit = 0.01 * scene.reach[j]
     return Effect(
         "encoder_quantization",

@@ -1,7 +1,7 @@
-"""A sealed case of this make as a pure function of its kind and seed, given the recordings.
+"""Draws a sealed case of this make from its kind and seed; equal recordings give equal cases.
 
-The answer has the form that the scorer reads (``blind-answer/2``), with ``context``: what the diagnosis of the same
-part says while nothing has been added (see `context_of`), and ``part``: which recording, and how it was cut.
+The answer has the scorer's format (``blind-answer/2``) and two more keys: ``context`` is the diagnosis of the same part
+without an added effect (see `context_of`), and ``part`` states how the recording was cut.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from benchmarks.gapbench.makes.plain_numbers import plain
 
 Array = np.ndarray
 KINDS = ("null", "single", "pair", "outside")
-SMALLEST, LARGEST = 1.0, 30.0  # sizes that are asked for [noise floors]
-WIDER = 2.0  # times the judged band: what laws are computed from is not cut where it is judged
-SWING = 2.0  # periods of that: how long a low pass swings at the ends of a log
-CUTS = 8  # ways to cut a recording that an effect is put into; nulls take every one
+SMALLEST, LARGEST = 1.0, 30.0  # range of the wanted gaps [noise floors]
+WIDER = 2.0  # low pass of the motion for the laws, in judged bands: wider, so that it does not cut inside the band
+SWING = 2.0  # length of the low pass's transients at the ends of a log, in periods of its edge
+CUTS = 8  # number of ways to cut a recording to which an effect is added; nulls may use more
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,15 @@ class Case:
 
 @dataclass(frozen=True)
 class Part:
-    """Part two of a recording with everything that is known of it.
+    """Part two of a recording, and the results of both parts.
 
     Attributes:
-        source: Whose it is.
-        which: How it was cut.
-        edge: What is left out at both ends of every log [s].
-        first: What part one says.
-        null: Diagnosis of the logs with nothing added.
-        ruler: Of the logs, their ends included.
+        source: The recorded robot.
+        which: Number of the cut, see `parts`.
+        edge: Time that is excluded at both ends of every log [s].
+        first: Results of part one: the corrected model.
+        null: Diagnosis of part two without an added effect.
+        ruler: Measures effects in part two, with the ends of its logs.
     """
 
     source: Source
@@ -67,7 +67,7 @@ class Part:
 
 
 def trimmed(runs: Rows, edge: float) -> Rows:
-    """The logs as they are written: without a time at both ends [s], where filters swing; times from zero on."""
+    """The logs of a case: without ``edge`` seconds at both ends, where filters have transients, and from time zero."""
     out = []
     for run in runs:
         inside = (run.t >= run.t[0] + edge) & (run.t <= run.t[-1] - edge)
@@ -76,12 +76,12 @@ def trimmed(runs: Rows, edge: float) -> Rows:
 
 
 def case_id(seed: int, kind: str) -> str:
-    """A name that says nothing about the answer and is no name of another make."""
+    """An id that does not reveal the answer and that no other make uses."""
     return "r" + hashlib.sha256(f"real {kind} {seed}".encode()).hexdigest()[:12]
 
 
 def resolved_kind(seed: int, kind: str) -> str:
-    """``mixed`` becomes ``null`` or ``single`` by the seed alone."""
+    """The kind itself, or for ``mixed`` either ``null`` or ``single``, chosen by the seed."""
     if kind == "mixed":
         return ("null", "single")[hashlib.sha256(f"real {seed}".encode()).digest()[0] % 2]
     if kind not in KINDS:
@@ -91,13 +91,13 @@ def resolved_kind(seed: int, kind: str) -> str:
 
 @lru_cache(maxsize=2)
 def part(place: int, which: int) -> Part:
-    """Part two of a recording: the number of its source, and of the cut."""
+    """Part two of a recording, from the number of its source and the number of the cut."""
     source = SOURCES[place]()
     one, two = parts(source, which)
     first = corrected_by(source, one)
     high = min(WIDER * first.band, *(0.4 / float(np.median(np.diff(run.t))) for run in two))
     grids = tuple(even(run, high) for run in two)
-    # Of what the correction can say in a URDF the links' torques are better than those of the given model.
+    # The corrected URDF gives better torques of the links than the given model, even if it cannot hold all corrections.
     robot = body(first.urdf or source.urdf, source.yaml, source.joints)
     null = null_diagnosis(source, first, trimmed(two, SWING / high))
     scene = scene_of(robot, source.joints, two, grids, float(null["band_hz"][1]))
@@ -106,16 +106,20 @@ def part(place: int, which: int) -> Part:
 
 
 def _closed(known: Part, effect: Effect) -> bool:
-    """Whether the family of an effect is named at its joint while nothing has been added."""
+    """True if the diagnosis without an added effect names the family of this effect at its joint."""
     return bool(places(effect.name, effect.joint) & named(known.null["findings"]))
 
 
 def _target(rng: Rng) -> float:
+    """A random gap [noise floors], uniform in its logarithm."""
     return float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
 
 
 def _drawn(known: Part, first: int, rng: Rng, but: Sequence[Effect] = ()) -> Sized | None:
-    """The first effect, from a number on, that this recording can show at some joint; None where there is none."""
+    """The first effect, beginning with number ``first``, that this recording can show at a joint; None without one.
+
+    Effects of families that the context or the effects ``but`` name at the same joint are skipped.
+    """
     scene, taken = known.ruler.scene, frozenset().union(*(places(e.name, e.joint) for e in but))
     for k in range(len(EFFECTS)):
         law, target = EFFECTS[(first + k) % len(EFFECTS)], _target(rng)
@@ -170,7 +174,7 @@ def _packed(seed: int, kind: str, known: Part, runs: Rows, parts_of: Sequence[Si
 
 
 def _both(known: Part, one: Sized, two: Sized) -> Rows:
-    """Both effects in one log: torques and readings that each changes are added."""
+    """Logs with two effects: the changes of torques and positions by each are added."""
     out = []
     for run, a, b in zip(known.ruler.scene.runs, one.effect.put(one.size), two.effect.put(two.size), strict=True):
         out.append(replace(run, q=a.q + b.q - run.q, tau=a.tau + b.tau - run.tau))
@@ -181,8 +185,8 @@ def draw_case(seed: int, kind: str = "mixed") -> Case:
     """The case of a seed and a kind.
 
     Raises:
-        FileNotFoundError: If the recording of the seed is not on this machine; says how to get it.
-        NoCase: If no effect fits into its part.
+        FileNotFoundError: If the recording of the seed is not on this machine; the message says how to get it.
+        NoCase: If the recording can show no effect of this kind.
     """
     kind = resolved_kind(seed, kind)
     place, which = seed % len(SOURCES), seed // len(SOURCES)
@@ -206,7 +210,7 @@ def draw_case(seed: int, kind: str = "mixed") -> Case:
 
 
 def write_case(case: Case, cases: Path) -> Path:
-    """Writes what the diagnosis may see, and nothing else; returns the folder of the case."""
+    """Write the inputs of the diagnosis without the answer; return the folder of the case."""
     folder = cases / case.answer["id"]
     write_inputs(folder, case.source, case.runs, case.corrected)
     return folder

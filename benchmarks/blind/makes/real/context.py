@@ -1,4 +1,4 @@
-"""What was said of a part while nothing had been added: kept apart from what an effect changes."""
+"""Removes from a diagnosis the findings that it also has without an added effect: the context of a case."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def named(findings: Iterable[Mapping]) -> frozenset[Place]:
 
 
 def context_of(null: Mapping, part_one: Mapping) -> dict:
-    """What an answer says of the part as it was recorded.
+    """The context that an answer lists: the diagnoses of both parts without an added effect.
 
     Args:
-        null: Diagnosis of part two with nothing added.
+        null: Diagnosis of part two without an added effect.
         part_one: Diagnosis of part one, with which the model was corrected.
     """
     return {
@@ -69,10 +69,11 @@ def context_of(null: Mapping, part_one: Mapping) -> dict:
 
 
 def without_context(answer: Mapping, diagnosis: dict) -> dict:
-    """A diagnosis with what it says of the effect alone: as it is for a null, and for answers without a context.
+    """A diagnosis without its context; unchanged for a null, and for answers without a context.
 
-    Findings of a family at a joint that was named before are taken out. A verdict `unknown` that was there before is
-    none of the effect's where something new is found. What is left is measured in the floors of the answer.
+    Findings are removed if the context names their family at their joint. If the context already has the verdict
+    `unknown` and there is a new finding, the verdict becomes `partly_explained`. Residuals are stated in the noise
+    floors of the answer.
     """
     context = answer.get("context")
     if context is None or answer["kind"] == "null":
@@ -89,5 +90,5 @@ def without_context(answer: Mapping, diagnosis: dict) -> dict:
 
 
 def entry_without_context(answer: Mapping, entry: dict) -> dict:
-    """What the runner kept of a diagnosis, with what that says of the effect alone."""
+    """A result of the runner whose diagnosis has no context, see `without_context`."""
     return {**entry, "diagnosis": without_context(answer, entry["diagnosis"]) if entry["diagnosis"] else None}

@@ -1,4 +1,4 @@
-"""Drives: cogging, torque constant, offset, delay, lag and rotor, put into recorded torques."""
+"""Effects of drives, added to recorded torques: cogging, torque constant, offset, delay, lag and rotor inertia."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ Array = np.ndarray
 
 
 def cogging(scene: Scene, j: int, rng: Rng) -> Effect | None:
+    """A torque that is a sine of the position of a revolute joint."""
     if scene.robot.linear[j]:
         return None
     # At least a dozen cycles within the motion, and at its usual speed within the judged band.
@@ -26,19 +27,20 @@ def cogging(scene: Scene, j: int, rng: Rng) -> Effect | None:
     def parameters(s: float) -> dict:
         return {"order": [order], "amplitude": [s * scene.torque[j]], "phase": [phase]}
 
-    # It acts on the joint, so the drive has to give the opposite.
+    # Cogging acts on the joint, so the drive has to give the opposite torque.
     return acting(
         scene, "cogging", j, parameters, lambda p, g: -p["amplitude"][0] * np.sin(order * g.q[:, j] + phase), 0.05
     )
 
 
 def torque_constant(scene: Scene, j: int, rng: Rng) -> Effect | None:
+    """A wrong torque constant, which scales the recorded torque of one joint."""
     if scene.robot.source == "sensor":
-        return None  # it sits behind the drive
+        return None  # a sensor measures the torque of the drive itself
     side = rng.choice((-1.0, 1.0))
 
     def put(s: float) -> Rows:
-        # True torque is the ratio times the recorded one.
+        # The true torque is the ratio times the recorded one.
         scale = np.ones(scene.n)
         scale[j] = 1.0 / (1.0 + side * s)
         return tuple(replace(run, tau=run.tau * scale) for run in scene.runs)
@@ -47,6 +49,7 @@ def torque_constant(scene: Scene, j: int, rng: Rng) -> Effect | None:
 
 
 def torque_offset(scene: Scene, j: int, rng: Rng) -> Effect:
+    """A constant torque on a joint."""
     unit = rng.choice((-1.0, 1.0)) * scene.torque[j]
     return acting(
         scene, "torque_offset", j, lambda s: {"torque": s * unit}, lambda p, g: np.full(len(g.t), -p["torque"]), 0.05
@@ -54,7 +57,7 @@ def torque_offset(scene: Scene, j: int, rng: Rng) -> Effect:
 
 
 def _advanced(run: Run, time: float, which: slice | int) -> Array:
-    """Torques as they were asked for a time earlier, shape ``(N, n)``."""
+    """Torques with some columns shifted to an earlier time by ``time`` seconds, shape ``(N, n)``."""
     tau = run.tau.copy()
     columns = range(tau.shape[1]) if isinstance(which, slice) else (which,)
     for k in columns:
@@ -63,25 +66,27 @@ def _advanced(run: Run, time: float, which: slice | int) -> Array:
 
 
 def input_delay(scene: Scene, j: int, rng: Rng) -> Effect | None:
+    """A delay between commanded and true torque, of one joint or of all."""
     if scene.robot.source != "command":
-        return None  # what was measured has it already
+        return None  # a measured torque is delayed already
     common = scene.n == 1 or rng.random() < 0.5
     which = slice(None) if common else j
 
     def put(s: float) -> Rows:
-        # The true torque is the recorded one of a time before: it was written down that much earlier.
+        # The true torque follows the command later, so the command was logged earlier than the torque acts.
         return tuple(replace(run, tau=_advanced(run, s, which)) for run in scene.runs)
 
     return Effect("input_delay", None if common else scene.joints[j], put, lambda s: {"delay": s}, 0.005, 0.04)
 
 
 def actuator_lag(scene: Scene, j: int, rng: Rng) -> Effect | None:
+    """A first-order lag between commanded and true torque, of one joint or of all."""
     if scene.robot.source != "command":
         return None
     common = scene.n == 1 or rng.random() < 0.5
 
     def law(s: float, g: Grid) -> Array:
-        # A first-order drive gives what was asked less the time constant times the rate of what it gives.
+        # The command of a first-order drive is its torque plus the time constant times the rate of its torque.
         rate = s * np.gradient(g.tau, g.step, axis=0)
         return rate if common else on_joint(g, j, rate[:, j])
 
@@ -92,6 +97,7 @@ def actuator_lag(scene: Scene, j: int, rng: Rng) -> Effect | None:
 
 
 def rotor(scene: Scene, j: int, _: Rng) -> Effect | None:
+    """A rotor inertia that the model lacks."""
     if scene.robot.source == "sensor":
         return None
     unit = scene.torque[j] / scene.push[j]

@@ -1,4 +1,4 @@
-"""Friction of joints, put into recorded torques."""
+"""Laws of joint friction, added to recorded torques."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ def coulomb(scene: Scene, j: int, _: Rng) -> Effect:
 
 
 def by_direction(scene: Scene, j: int, rng: Rng) -> Effect:
+    """Coulomb and viscous friction that differ by the direction of motion."""
     side, more, faster = rng.choice((-1.0, 1.0)), rng.uniform(0.3, 0.8), rng.uniform(-0.8, 0.8)
     level, slope = scene.torque[j], 0.6 * scene.torque[j] / scene.speed[j]
 
@@ -66,9 +67,9 @@ def stribeck(scene: Scene, j: int, rng: Rng) -> Effect:
 
 
 def bristle(q: Array, torque: float, displacement: float) -> Array:
-    """Dahl's friction along positions: ``dF/dx = (T - F sign(dx)) / d``, from rest, shape ``(M,)``.
+    """Dahl's friction along positions: ``dF/dx = (T - F sign(dx)) / d``, from zero, shape ``(M,)``.
 
-    Between two samples the joint goes one way, and the law is solved exactly.
+    The joint is assumed to move in one direction between two samples. The law is then solved exactly.
     """
     out = np.zeros(len(q))
     for k, step in enumerate(np.diff(q)):
@@ -90,6 +91,8 @@ def presliding(scene: Scene, j: int, rng: Rng) -> Effect:
 
 
 def loaded(scene: Scene, j: int, _: Rng) -> Effect:
+    """Coulomb friction in proportion to the torque of the links."""
+
     def law(p: dict, g: Grid) -> Array:
         passed = body.torques(scene.robot.model, g.q, g.v, g.a)[:, j]
         return p["ratio"] * np.abs(passed) * g.side[:, j]
@@ -98,6 +101,7 @@ def loaded(scene: Scene, j: int, _: Rng) -> Effect:
 
 
 def coupling(scene: Scene, j: int, rng: Rng) -> Effect | None:
+    """Friction and inertia of a motor that moves with a sum of two neighbouring joints."""
     if scene.n < 2:
         return None
     i = min(j, scene.n - 2)

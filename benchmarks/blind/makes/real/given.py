@@ -1,7 +1,7 @@
-"""What part one of a recording gives: the corrected model, and what a diagnosis says of part two with nothing added.
+"""Corrects a model with part one of a recording, and diagnoses part two without an added effect.
 
-Both are asked of the command line, in a process of its own, and kept in a folder whose name stands for the data and for
-the code that was asked.
+Both are results of the command line in a process of its own. They are kept in a folder whose name contains a hash of
+the data and of the code, so that each is computed once.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ COMMAND = (sys.executable, "-m", "identification.cli", "diagnose")
 
 @dataclass(frozen=True)
 class PartOne:
-    """What part one says of the robot.
+    """Results of the diagnosis of part one.
 
     Attributes:
-        corrected: ``corrected.yaml``; empty where nothing was found.
-        urdf: As much of it as a URDF can say; empty where there is none.
-        diagnosis: ``diagnosis.json``.
+        corrected: Text of ``corrected.yaml``; empty if nothing was found.
+        urdf: Text of ``corrected.urdf``, with the corrections that a URDF can hold; empty without this file.
+        diagnosis: Content of ``diagnosis.json``.
     """
 
     corrected: str
@@ -47,7 +47,7 @@ class PartOne:
 
 
 def log_text(run: Run, joints: Sequence[str]) -> str:
-    """A log as CSV, with what is needed to write it again to the last bit that a recording has."""
+    """A log as CSV with twelve digits, more than a recording resolves."""
     header = ["t", *(f"q.{x}" for x in joints), *(f"tau.{x}" for x in joints)]
     rows = np.column_stack([run.t, run.q, run.tau])
     return "\n".join([",".join(header), *(",".join(f"{x:.12g}" for x in row) for row in rows), ""])
@@ -59,7 +59,7 @@ def log_names(count: int) -> tuple[str, ...]:
 
 
 def write_inputs(folder: Path, source: Source, runs: Sequence[Run], corrected: str) -> list[str]:
-    """Writes model and logs into a folder; returns the words that follow ``diagnose``."""
+    """Write model and logs into a folder; return the arguments of ``diagnose``."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.urdf").write_text(source.urdf)
     if source.yaml:
@@ -74,7 +74,7 @@ def write_inputs(folder: Path, source: Source, runs: Sequence[Run], corrected: s
 
 @cache
 def _code() -> bytes:
-    """Stands for the code that diagnoses."""
+    """Hash of the code of the diagnosis."""
     out = hashlib.sha256()
     for package in ("phantom_dyn", "identification"):
         for path in sorted((CHECKOUT / package).rglob("*.py")):
@@ -83,6 +83,7 @@ def _code() -> bytes:
 
 
 def _key(source: Source, runs: Sequence[Run], corrected: str) -> str:
+    """Name of the folder for the results of a diagnosis: a hash of the code, the model and the logs."""
     out = hashlib.sha256(_code() + source.urdf.encode() + source.yaml.encode() + corrected.encode())
     for run in runs:
         for values in (run.t, run.q, run.tau):
@@ -91,7 +92,14 @@ def _key(source: Source, runs: Sequence[Run], corrected: str) -> str:
 
 
 def _said(source: Source, runs: Sequence[Run], corrected: str, out: Sequence[str], keep: Sequence[str]) -> Path:
-    """Folder with the files of a diagnosis that are to be kept, as many as ``out`` had it write.
+    """Folder with the kept files of a diagnosis, which runs only if the folder does not exist.
+
+    Args:
+        source: The recorded robot.
+        runs: Its logs.
+        corrected: Text of a ``corrected.yaml`` to diagnose with; empty for none.
+        out: Options of the command that make it write files.
+        keep: Paths of the files to keep.
 
     Raises:
         ValueError: If the command refuses the recording.
@@ -132,7 +140,7 @@ def _said(source: Source, runs: Sequence[Run], corrected: str, out: Sequence[str
 
 
 def corrected_by(source: Source, one: Sequence[Run]) -> PartOne:
-    """The model corrected by part one; taken from the folder if it is there."""
+    """The diagnosis of part one and the model that it corrects."""
     names = ("corrected.yaml", "corrected.urdf", "diagnosis.json")
     place = _said(source, one, "", ("--out", "report"), [f"report/{name}" for name in names])
 
@@ -143,6 +151,6 @@ def corrected_by(source: Source, one: Sequence[Run]) -> PartOne:
 
 
 def null_diagnosis(source: Source, first: PartOne, two: Sequence[Run]) -> dict:
-    """What is said of part two with the corrected model while nothing has been added."""
+    """The diagnosis of part two with the corrected model, without an added effect."""
     name = "diagnosis.json"
     return json.loads((_said(source, two, first.corrected, ("--json", name), (name,)) / name).read_text())

@@ -1,8 +1,8 @@
-"""The effects that a recording can be given after the fact, each from its law, with one number for its strength.
+"""The effects that can be added to a finished recording, each by its law, with one number for its strength.
 
-What acts on the torque is put into the recorded torque: the drive of a robot that has the effect and makes the same
-motion needs so much more. What acts on time or on an encoder changes the columns. Effects that change the motion
-(a limit of the torque, play, a spring in the transmission) would need a simulation of both robots and are left out.
+An effect on the torque is added to the recorded torque: for the same motion, the drive of a robot with the effect needs
+this additional torque. An effect on time or on an encoder changes the recorded columns. Effects that change the motion
+(a torque limit, backlash, a spring in the transmission) are not included, because they would need a simulation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A run on an even grid, low-passed, with its derivatives and the direction in which each joint moves."""
+"""Filters a run at uniform times, and computes its derivatives and the direction in which each joint moves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 from benchmarks.blind.makes.real.recordings import Run
 
 Array = np.ndarray
-FEIGNED = 3.0  # deviations of the positions' noise: a joint that comes back by less has not turned
+FEIGNED = 3.0  # standard deviations of the position noise by which a joint must move back to have reversed
 
 
 @dataclass(frozen=True)
@@ -19,10 +19,11 @@ class Grid:
     """Motion and torque of one run below a frequency.
 
     Attributes:
-        t: Even times [s], shape ``(M,)``.
-        q: Positions, shape ``(M, n)``; ``v`` and ``a`` their derivatives; ``tau`` the torques.
-        side: Direction of motion, 1 or -1, shape ``(M, n)``: at rest that of the motion before, until the next begins.
-        back: Way by which a joint has to come back to have turned [rad or m], shape ``(n,)``.
+        t: Uniform times [s], shape ``(M,)``.
+        q, v, a: Positions and their derivatives, shape ``(M, n)``.
+        tau: Torques [N m or N], shape ``(M, n)``.
+        side: Direction of motion, 1 or -1, shape ``(M, n)``; at rest the direction of the motion before.
+        back: Distance by which a joint must move back to have reversed [rad or m], shape ``(n,)``.
     """
 
     t: Array
@@ -35,24 +36,25 @@ class Grid:
 
     @property
     def step(self) -> float:
-        """Of the grid [s]."""
+        """Time step [s]."""
         return float(self.t[1] - self.t[0])
 
 
 def low_passed(x: Array, step: float, high: float) -> Array:
-    """Without what is faster than ``high`` [Hz], forwards and backwards, so that nothing comes late."""
+    """Low pass at ``high`` [Hz], forwards and backwards so that it causes no delay."""
     return sosfiltfilt(butter(4, high, fs=1.0 / step, output="sos"), x, axis=0)
 
 
 def directions(q: Array, back: Array) -> Array:
     """Direction of each joint's motion, 1 or -1, shape ``(M, n)``.
 
-    A joint has turned once it has come back from its farthest place by more than what noise feigns; it turned when it
-    was there last. A joint that rests so keeps the direction in which it came until it leaves the other way.
+    A joint has reversed if it has moved back from its farthest position by more than noise could. The time of the
+    reversal is the last sample near the farthest position. So a joint that rests keeps its direction until it moves
+    away in the other direction.
 
     Args:
         q: Positions [rad or m], shape ``(M, n)``.
-        back: Way that counts as coming back [rad or m], shape ``(n,)``.
+        back: Smallest distance of a reversal [rad or m], shape ``(n,)``.
     """
     out = np.empty_like(q)
     for j, (place, least) in enumerate(zip(q.T, back, strict=True)):
@@ -71,14 +73,14 @@ def directions(q: Array, back: Array) -> Array:
 
 
 def even(run: Run, high: float) -> Grid:
-    """A run at its own median rate, without what is faster than ``high`` [Hz]."""
+    """A run at uniform times of its median rate, after a low pass at ``high`` [Hz]."""
     step = float(np.median(np.diff(run.t)))
     t = np.arange(int((run.t[-1] - run.t[0]) / step) + 1) * step + run.t[0]
     read = CubicSpline(run.t, run.q)(t)
     q = low_passed(read, step, high)
     v = np.gradient(q, step, axis=0)
     tau = low_passed(CubicSpline(run.t, run.tau)(t), step, high)
-    # Differences of neighbours: what is left of the motion in them is small beside the noise of any encoder.
+    # In differences of neighbouring samples, the motion above the low pass is small compared with encoder noise.
     back = FEIGNED * np.std(np.diff(read - q, axis=0), axis=0) / np.sqrt(2.0)
     return Grid(t, q, v, np.gradient(v, step, axis=0), tau, directions(q, back), back)
 

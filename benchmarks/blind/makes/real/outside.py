@@ -1,4 +1,4 @@
-"""Causes that the catalogue does not hold, put into a recording: at one joint, over the whole of part two."""
+"""Causes outside the catalogue, added to the torque of one joint over the whole of part two."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Array = np.ndarray
 
 
 def _times(scene: Scene) -> list[Array]:
-    """Time of each sample of each grid since the beginning of part two, its runs one after the other [s]."""
+    """Time of each sample since the beginning of part two [s], as if its runs followed each other without a pause."""
     lengths = [g.t[-1] + g.step for g in scene.grids]
     return [g.t + before for g, before in zip(scene.grids, np.cumsum([0.0, *lengths[:-1]]), strict=True)]
 
 
 def _put(scene: Scene, j: int, more: list[Array]) -> Rows:
-    """The logs when one joint's drive has to give a torque more, one array a run."""
+    """The logs with an additional torque of one joint's drive, given as one array per run."""
     out = []
     for run, grid, values in zip(scene.runs, scene.grids, more, strict=True):
         added = np.zeros((len(grid.t), scene.n))
@@ -29,7 +29,7 @@ def _put(scene: Scene, j: int, more: list[Array]) -> Rows:
 
 
 def warm_up(scene: Scene, j: int, rng: Rng) -> Effect:
-    """Dry friction that decays from above its mean to below it."""
+    """Coulomb friction that decays exponentially, minus its mean over time."""
     times = _times(scene)
     end = times[-1][-1]
     slow = rng.uniform(0.2, 0.45) * end
@@ -60,7 +60,7 @@ def shaker(scene: Scene, j: int, rng: Rng) -> Effect:
 
 
 def drifting_offset(scene: Scene, j: int, _: Rng) -> Effect:
-    """A torque that goes from one value to the opposite one."""
+    """A torque that changes linearly from one value to its opposite."""
     times = _times(scene)
     shape = [2.0 * t / times[-1][-1] - 1.0 for t in times]
     unit = scene.torque[j]

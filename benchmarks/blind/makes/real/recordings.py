@@ -1,4 +1,4 @@
-"""Real recordings as arrays, with the model that their robot is given, and how they are cut into two parts."""
+"""Reads real recordings as arrays with the model of their robot, and cuts them into two parts."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from phantom_dyn.model.robot_files import examples_folder, find_example
 Array = np.ndarray
 CHECKOUT = Path(__file__).resolve().parents[4]
 EXAMPLES = CHECKOUT / "examples" / "data"
-SHORTEST = 3.0  # of a piece [s]: a shorter one holds no motion
-PIECES = (2, 4, 6)
+SHORTEST = 3.0  # shortest piece [s]: a shorter one has hardly any motion
+PIECES = (2, 4, 6)  # numbers of pieces into which a long recording may be cut
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Run:
     tau: Array
 
     def between(self, first: int, end: int) -> Run:
-        """Some of its samples, from time zero on."""
+        """Its samples from ``first`` to before ``end``, with times from zero."""
         return Run(self.t[first:end] - self.t[first], self.q[first:end], self.tau[first:end])
 
 
@@ -40,10 +40,11 @@ class Source:
     """A recorded robot.
 
     Attributes:
-        name: Of the robot in answers.
-        joints: From the base outwards.
-        urdf, yaml: The model that is given for part one; the second may be empty.
-        runs: What was recorded.
+        name: Name of the robot in answers.
+        joints: Names of the joints from the base outwards.
+        urdf: Text of the given URDF.
+        yaml: Text of the given ``robot.yaml``; may be empty.
+        runs: The recorded logs.
     """
 
     name: str
@@ -133,14 +134,14 @@ def _pieces(run: Run, count: int) -> list[Run]:
 
 
 def parts(source: Source, which: int) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
-    """The two parts of a recording: what the corrected model is made from, and what the effect is put into.
+    """The two parts of a recording: one to correct the model with, and one to add the effect to.
 
-    Several runs are dealt out; a long one is cut into 2, 4 or 6 pieces, which go to the parts in turn, and later
-    numbers leave a little more of its beginning out, so that the cuts fall elsewhere.
+    Several runs are shuffled and assigned to the parts in turn. A single long run is cut into 2, 4 or 6 pieces, which
+    are assigned in turn. Larger numbers ``which`` also skip a little of its beginning, so that the cuts are elsewhere.
 
     Args:
         source: The recording.
-        which: Whole number; every other one exchanges the parts of the one before.
+        which: Number of the cut; an odd number exchanges the parts of the even number before.
     """
     order, runs = which // 2, list(source.runs)
     if len(runs) > 1:
@@ -151,6 +152,6 @@ def parts(source: Source, which: int) -> tuple[tuple[Run, ...], tuple[Run, ...]]
         possible = [count for count in PIECES if seconds / count >= SHORTEST]
         skipped = 0.03 * (order // len(possible) % 6)
         runs = _pieces(run.between(int(skipped * len(run.t)), len(run.t)), possible[order % len(possible)])
-    # Neighbours go to different parts, so that a slow change of the robot goes to both.
+    # Neighbouring pieces belong to different parts, so that a slow change of the robot affects both parts.
     one, two = tuple(runs[0::2]), tuple(runs[1::2])
     return (two, one) if which % 2 else (one, two)

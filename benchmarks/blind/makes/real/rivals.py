@@ -1,7 +1,7 @@
-"""Answers that a recording cannot part from the truth: the columns of each rival against the change by the true effect.
+"""Finds the effects that a recording cannot distinguish from the true effect.
 
-A rival stands beside the truth where its best coefficients, with the model moved by about its tolerance, leave less
-than a tenth of a noise floor, with no more parameters.
+A rival cannot be distinguished if its columns explain the change by the true effect to within a tenth of a noise floor.
+The model may then differ from the given one within about its tolerance, and the rival may not have more parameters.
 """
 
 from __future__ import annotations
@@ -15,17 +15,18 @@ from benchmarks.blind.makes.real.friction_laws import bristle
 from benchmarks.blind.makes.real.sizing import REACHED, Ruler, Sized, each, in_band, stacked
 
 Array = np.ndarray
-SAME = 0.1  # noise floors that a twin may leave
-SMALL = 1e-4  # step of the differences along angles [rad]
+SAME = 0.1  # largest residual of a rival that cannot be distinguished [noise floors]
+SMALL = 1e-4  # step of finite differences by angles [rad]
 INERTIAL = ("rotor_inertia", "payload", "inertial_parameters", "torque_constant")
 COUNTS = {"inertial_parameters": 10, "payload": 4, "base_tilt": 2}
-REACHES = (0.02, 0.05, 0.12)  # of half the range: displacements of a bristle that are tried
-SLIDES = (0.05, 0.1, 0.2)  # of the top speed: Stribeck velocities that are tried
+REACHES = (0.02, 0.05, 0.12)  # presliding displacements that are tried, as shares of half the range of motion
+SLIDES = (0.05, 0.1, 0.2)  # Stribeck velocities that are tried, as shares of the top speed
 
-Rival = tuple[str, str | None, int, Array]  # effect, joint, how many parameters, columns (K, n, m)
+Rival = tuple[str, str | None, int, Array]  # effect, joint, number of parameters, columns (K, n, m)
 
 
 def _at(by: Ruler, j: int, *shapes: Array) -> Array:
+    """Columns ``(K, n, m)`` that act on joint ``j`` alone."""
     out = np.zeros((*by.q.shape, len(shapes)))
     for k, shape in enumerate(shapes):
         out[:, j, k] = shape
@@ -33,12 +34,12 @@ def _at(by: Ruler, j: int, *shapes: Array) -> Array:
 
 
 def _rate(by: Ruler) -> Array:
-    """Rate of the torques, which delays and lags take times their time, shape ``(K, n)``."""
+    """Rate of the torques, shape ``(K, n)``: a delay or lag changes them by about this rate times its time."""
     return in_band(by.scene, lambda k: np.gradient(by.scene.grids[k].tau, by.scene.grids[k].step, axis=0))
 
 
 def _shaped(by: Ruler, j: int) -> Iterator[Rival]:
-    """Laws of friction that have a shape."""
+    """Friction laws with a nonlinear parameter, for a few values of this parameter."""
     scene, name = by.scene, by.scene.joints[j]
     for share in REACHES:
         reach = share * scene.reach[j]
@@ -54,7 +55,7 @@ def _shaped(by: Ruler, j: int) -> Iterator[Rival]:
 
 
 def rivals(by: Ruler) -> Iterator[Rival]:
-    """Every rival that is linear, or is made so by trying a few shapes."""
+    """All rivals that are linear in their parameters, or become linear for given values of the others."""
     scene, model = by.scene, by.scene.robot.model
     usual, rate = body.torques(model, by.q, by.v, by.a), _rate(by)
     late = [] if scene.robot.source != "command" else ["input_delay", "actuator_lag"]
@@ -86,14 +87,20 @@ def rivals(by: Ruler) -> Iterator[Rival]:
         yield "encoder_offset", name, 1, (body.torques(model, moved, by.v, by.a) - usual)[:, :, None]
 
 
-def left(wanted: Array, columns: Array, doubt: Array) -> float:
-    """What the best coefficients leave, root mean square, inside the tolerance."""
+def residual(wanted: Array, columns: Array, doubt: Array) -> float:
+    """Root mean square residual of the best fit; infinite if the fit needs a model beyond two standard deviations.
+
+    Args:
+        wanted: Change by the true effect [noise floors], shape ``(K n,)``.
+        columns: Columns of the rival [noise floors], shape ``(K n, m)``.
+        doubt: Columns of the model's tolerances, one standard deviation each [noise floors].
+    """
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 0.0] / size[size > 0.0]
     free = columns.shape[1]
     if not free:
         return np.inf
-    # Two deviations of one move cost as much as what a twin may leave in all samples.
+    # A change of the model by two standard deviations costs as much as the largest allowed residual in all samples.
     price = 0.5 * SAME * np.sqrt(len(wanted)) * np.eye(doubt.shape[1])
     price = np.concatenate([np.zeros((doubt.shape[1], free)), price], axis=1)
     stack = np.concatenate([np.concatenate([columns, doubt], axis=1), price])
@@ -104,7 +111,7 @@ def left(wanted: Array, columns: Array, doubt: Array) -> float:
 
 
 def alike(by: Ruler, one: Sized) -> list[dict]:
-    """Effect and joint of every rival that this recording cannot part from the true effect."""
+    """Effect and joint of every rival that this recording cannot distinguish from the true effect."""
     wanted, doubt = stacked(by, one.changed[:, :, None])[:, 0], stacked(by, by.doubt)
     numbers = one.effect.parameters(one.size)
     own = COUNTS.get(one.effect.name, sum(len(x) if isinstance(x, list) else 1 for x in numbers.values()))
@@ -117,6 +124,6 @@ def alike(by: Ruler, one: Sized) -> list[dict]:
         inertial = one.effect.name in INERTIAL and name == "inertial_parameters"
         if count > own and not inertial:
             continue
-        if (name, joint) not in out and left(wanted, stacked(by, columns), doubt) < SAME:
+        if (name, joint) not in out and residual(wanted, stacked(by, columns), doubt) < SAME:
             out[name, joint] = {"effect": name, "joint": joint}
     return list(out.values())

@@ -1,4 +1,4 @@
-"""A part of a recording that gets an effect, and what an effect is: logs and parameters at a strength."""
+"""Part two of a recording with the typical sizes of its motion, and effects that can be added to its logs."""
 
 from __future__ import annotations
 
@@ -19,17 +19,20 @@ Rows = tuple[Run, ...]
 
 @dataclass(frozen=True)
 class Scene:
-    """Part two as it was recorded, with what its motion is like.
+    """Part two of a recording without an added effect, with the typical sizes of its motion, each of shape ``(n,)``.
 
     Attributes:
-        robot: The given model.
-        joints: From the base outwards.
-        runs: As recorded; ``grids`` the same on even grids.
+        robot: The corrected model.
+        joints: Names of the joints from the base outwards.
+        runs: The recorded logs.
+        grids: The same logs at uniform times.
         band: End of the judged band [Hz].
-        torque: Root mean square of each joint's torque [N m or N], shape ``(n,)``.
-        speed: Top speed [rad/s or m/s]; ``usual``: root mean square of it.
-        middle: Middle of the motion [rad or m]; ``reach``: half of its range.
-        push: Root mean square of the acceleration.
+        torque: Root mean square of each joint's torque [N m or N].
+        speed: Top speed (99th percentile) [rad/s or m/s].
+        usual: Root mean square of the speed [rad/s or m/s].
+        middle: Middle of the range of motion [rad or m].
+        reach: Half of the range of motion [rad or m].
+        push: Root mean square of the acceleration [rad/s^2 or m/s^2].
     """
 
     robot: Body
@@ -51,11 +54,11 @@ class Scene:
 
 
 def scene_of(robot: Body, joints: tuple[str, ...], runs: Rows, grids: tuple[Grid, ...], band: float) -> Scene:
-    """Part two with its ordinary sizes."""
+    """Compute the typical sizes of part two."""
     q, v, a, tau = (np.concatenate([getattr(g, x) for g in grids]) for x in ("q", "v", "a", "tau"))
     low, high = q.min(axis=0), q.max(axis=0)
 
-    def usual(x: Array) -> Array:
+    def rms(x: Array) -> Array:
         return np.sqrt(np.mean(x**2, axis=0))
 
     return Scene(
@@ -64,25 +67,26 @@ def scene_of(robot: Body, joints: tuple[str, ...], runs: Rows, grids: tuple[Grid
         runs,
         grids,
         band,
-        torque=usual(tau),
+        torque=rms(tau),
         speed=np.quantile(np.abs(v), 0.99, axis=0),
-        usual=usual(v),
+        usual=rms(v),
         middle=0.5 * (low + high),
         reach=0.5 * (high - low),
-        push=usual(a),
+        push=rms(a),
     )
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect of a shape that is drawn.
+    """One effect whose strength is still free.
 
     Attributes:
-        name: In the contract's words.
-        joint: The joint, both joints of a coupling, None for the whole robot.
-        put: The logs with the effect at a strength.
-        parameters: Its parameters at a strength.
-        start: Ordinary strength; ``most`` the largest that makes sense.
+        name: Name of the effect in the catalogue.
+        joint: The joint, ``a+b`` for a coupling, None for the whole robot.
+        put: Function that gives the logs with the effect at a strength.
+        parameters: Function that gives the effect's parameters at a strength.
+        start: Strength with which the search begins.
+        most: Largest plausible strength.
     """
 
     name: str
@@ -97,7 +101,7 @@ Law = Callable[[Scene, int, Rng], Effect | None]
 
 
 def needed(scene: Scene, runs: Rows, torque: Callable[[Grid], Array]) -> Rows:
-    """The logs when the drives have to give a torque more, which a law computes from a run, shape ``(M, n)``."""
+    """The logs with an additional torque of the drives, which ``torque`` computes for each grid, shape ``(M, n)``."""
     return tuple(
         replace(run, tau=run.tau + at_rows(run, grid, torque(grid)))
         for run, grid in zip(runs, scene.grids, strict=True)
@@ -105,7 +109,7 @@ def needed(scene: Scene, runs: Rows, torque: Callable[[Grid], Array]) -> Rows:
 
 
 def on_joint(grid: Grid, j: int, values: Array) -> Array:
-    """Torques that are zero but for one joint."""
+    """Torques ``(M, n)`` with the given values on one joint and zero on all others."""
     out = np.zeros_like(grid.tau)
     out[:, j] = values
     return out
@@ -120,7 +124,7 @@ def acting(
     start: float,
     most: float = np.inf,
 ) -> Effect:
-    """An effect that adds ``law(parameters, run)`` to what one joint's drive has to give, shape ``(M,)``."""
+    """An effect that adds ``law(parameters, grid)``, shape ``(M,)``, to the torque of one joint's drive."""
 
     def put(s: float) -> Rows:
         p = parameters(s)

@@ -1,8 +1,8 @@
-"""How much of a recording an effect changes: what the model cannot explain of the change, in noise floors.
+"""Measures in noise floors how much an effect changes the residual of a recording, and chooses the effect's strength.
 
-The residual is the torque of the log less what the links need for its positions, both below the end of the judged band.
-Its change by an effect is the effect's own trace. The noise floor of a joint is what the corrected model leaves of part
-two while nothing is added.
+The residual is the logged torque minus the torque of the links for the logged motion, both below the end of the judged
+band. The noise floor of a joint is the residual of the corrected model in part two without an added effect. Part of
+the change may be within the tolerances of the model; only the rest can be found.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from benchmarks.blind.makes.real.scene import Effect, Rows, Scene
 from benchmarks.gapbench.makes import enough_beyond
 
 Array = np.ndarray
-REACHED = 1.0 / 3.0  # of the largest gap: a joint beyond it is one that the effect reaches
-EDGE = 1.0  # periods of the band's end: left out at both ends of a run, where the filter swings
-SAMPLES = 2000  # of all runs together that fits are made on
-INERTIA = FRICTION = 0.05  # stated tolerances, one sigma
-LEAST = 1.0  # noise floors: what leaves less is no effect
-CLOSE = 1.1  # factor within which a size counts as reached
-TRIES = 10
+REACHED = 1.0 / 3.0  # an effect changes a joint if the joint's gap is at least this share of the largest gap
+EDGE = 1.0  # periods of the band's end that are excluded at both ends of a run, where the filter has transients
+SAMPLES = 2000  # number of samples in fits, over all runs
+INERTIA = FRICTION = 0.05  # stated tolerances: one standard deviation, relative
+LEAST = 1.0  # smallest gap of an effect [noise floors]
+CLOSE = 1.1  # the search for a strength ends if the next strength differs by less than this factor
+TRIES = 10  # largest number of strengths that are tried
 
 
 @dataclass(frozen=True)
 class Ruler:
-    """Part two as it was recorded, thinned, with the doubts of its model.
+    """Part two without an added effect, at fewer samples, with all that is needed to measure an effect.
 
     Attributes:
         scene: Part two.
         floor: Noise floor of each joint [N m or N], shape ``(n,)``.
-        regressor: Torques per unit of each inertial parameter at the kept samples, shape ``(K, n, 10 n)``.
-        q, v, a, tau, side: Of the kept samples, shape ``(K, n)``.
-        doubt: What one sigma of each tolerance does, shape ``(K, n, m)``.
+        regressor: Torque per unit of each inertial parameter at the kept samples, shape ``(K, n, 10 n)``.
+        q, v, a, tau, side: Motion, torque and direction of motion at the kept samples, shape ``(K, n)``.
+        doubt: Torque by one standard deviation of each tolerance of the model [N m or N], shape ``(K, n, m)``.
     """
 
     scene: Scene
@@ -53,7 +53,7 @@ class Ruler:
 
 
 def kept(scene: Scene, k: int) -> slice:
-    """Samples of a run's grid that are judged."""
+    """The samples of the grid of run ``k`` that are used."""
     grid = scene.grids[k]
     edge = int(EDGE / (scene.band * grid.step))
     every = max(1, sum(len(g.t) for g in scene.grids) // SAMPLES)
@@ -61,7 +61,7 @@ def kept(scene: Scene, k: int) -> slice:
 
 
 def in_band(scene: Scene, values: Callable[[int], Array]) -> Array:
-    """Values on the grids, given by the number of the run, below the end of the band and at the kept samples."""
+    """Values of all runs after the low pass of the band, at the kept samples; ``values(k)`` are those of run ``k``."""
     return np.concatenate(
         [low_passed(values(k), g.step, scene.band)[kept(scene, k)] for k, g in enumerate(scene.grids)]
     )
@@ -86,7 +86,7 @@ def ruler(scene: Scene, floor: Array) -> Ruler:
 
 
 def change(by: Ruler, before: Rows, after: Rows) -> Array:
-    """What the change of the logs does to the residual [N m or N], shape ``(K, n)``."""
+    """Change of the residual if the logs ``before`` become the logs ``after`` [N m or N], shape ``(K, n)``."""
     scene, out = by.scene, []
     for k, (old, new) in enumerate(zip(before, after, strict=True)):
         grid, where = scene.grids[k], kept(scene, k)
@@ -107,30 +107,30 @@ def each(by: Ruler, changed: Array) -> Array:
 
 
 def gap(by: Ruler, changed: Array) -> float:
-    """Root mean square of a change over the joints that it reaches [noise floors]."""
+    """Root mean square of a change over the joints that it changes most, see `REACHED` [noise floors]."""
     x = each(by, changed)
     return float(np.sqrt(np.mean(x[x >= REACHED * x.max()] ** 2)))
 
 
 def stacked(by: Ruler, columns: Array) -> Array:
-    """Columns of shape ``(K, n, m)`` in noise floors, shape ``(K n, m)``."""
+    """Columns of shape ``(K, n, m)`` as columns in noise floors over all samples and joints, shape ``(K n, m)``."""
     return (columns / by.floor[:, None]).reshape(-1, columns.shape[2])
 
 
 def beyond_tolerance(by: Ruler, changed: Array) -> float:
-    """What the model moved by two sigma at most leaves of a change [noise floors, of the joints that it reaches]."""
+    """Part of `gap` that changes of the model by at most two standard deviations cannot explain [noise floors]."""
     doubt, wanted = stacked(by, by.doubt), stacked(by, changed[:, :, None])[:, 0]
     doubt = doubt[:, np.abs(doubt).max(axis=0) > 1e-6]
-    left = wanted
+    residual = wanted
     if doubt.shape[1]:
-        left = wanted - doubt @ lsq_linear(doubt, wanted, bounds=(-2.0, 2.0), max_iter=60).x
-    share = float(np.sqrt(np.mean(left**2) / max(np.mean(wanted**2), 1e-30)))
+        residual = wanted - doubt @ lsq_linear(doubt, wanted, bounds=(-2.0, 2.0), max_iter=60).x
+    share = float(np.sqrt(np.mean(residual**2) / max(np.mean(wanted**2), 1e-30)))
     return min(share, 1.0) * gap(by, changed)
 
 
 @dataclass(frozen=True)
 class Sized:
-    """An effect with its strength and what it changes, shape ``(K, n)`` [N m or N]."""
+    """An effect with its strength, its change of the residual ``(K, n)`` [N m or N], and its gap [noise floors]."""
 
     effect: Effect
     size: float
@@ -140,13 +140,13 @@ class Sized:
 
 
 def sized(by: Ruler, effect: Effect, target: float, *, judged: bool = True) -> Sized | None:
-    """Looks for the strength that leaves a gap [noise floors]; None where none that makes sense does.
+    """The effect with the strength that gives a gap of about ``target``; None if no plausible strength does.
 
     Args:
         by: The ruler of part two.
-        effect: To be sized.
-        target: Gap to reach [noise floors].
-        judged: The catalogue has it, so that it must also be more than the tolerances explain.
+        effect: The effect.
+        target: Wanted gap [noise floors].
+        judged: True for an effect of the catalogue; it has to be larger than the tolerances can explain.
     """
     size, least, best = min(effect.start, effect.most), 0.0, None
     for _ in range(TRIES):
