@@ -40,8 +40,8 @@ from phantom_dyn.model.robot import Robot
 
 _SHOWN_AT_REST = ("backlash", "transmission_compliance")
 _ON_MOTOR = (
-    "the encoder is on the motor's side, where backlash and compliance do not show: state encoder_side: link if it is "
-    "on the link's side"
+    "the encoder is before the transmission, where backlash and compliance do not show: state encoder_side: link if it "
+    "is on the link's side"
 )
 _ONE_SIGN = "it does not rest often enough under loads of either sign"
 _AT_REST = (
