@@ -1,4 +1,4 @@
-"""Samples of a diagnosis that the figures of its report are drawn from."""
+"""Samples that the figures of a report show."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 @dataclass(frozen=True)
 class Followed:
-    """Positions that both models reach in simulation; every window starts from the recorded state.
+    """Simulated positions of the given and the corrected model, in windows that start from the recorded state.
 
     Attributes:
-        before: Of the given model [rad or m] at the samples of the evidence, ``(N, nv)``; NaN where nothing was
-            simulated, and where a window begins.
-        after: Of the corrected model, by fits that have not seen the window.
+        before: Positions of the given model [rad or m] at the samples of the evidence, ``(N, nv)``; NaN at samples that
+            were not simulated, and at the first sample of each window.
+        after: Positions of the corrected model, by fits to other blocks.
         seconds: Length of the windows [s].
-        controlled: True if the stated controllers follow the recorded references, False under the recorded torque.
+        controlled: True if simulated with the stated controllers and the recorded references, False if with the
+            recorded torque.
     """
 
     before: Float[Array, "N nv"]
@@ -29,25 +30,25 @@ class Followed:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Samples behind the figures of the report, in the analysed band; arrays share the first axis.
+    """Samples that the figures of the report show, in the analysed band; arrays share the first axis.
 
     Attributes:
         t: Time [s]; several recordings follow each other with a gap.
         q, v, a: Motion, ``(N, nv)``.
         tau_measured: Drive torque, ``(N, nv)``.
         tau_before: Torque of the given model, ``(N, nv)``.
-        tau_after: Torque of the corrected model, each sample predicted by a fit that has not seen it.
-        regime_shares: For each joint a mapping regime -> share of the residual energy before.
-        regime_times: For each joint a mapping regime -> share of the samples; empty where it was not computed.
-        tau_transmitted: Torque that the transmission passes to the link, ``(N, nv)``: the modelled torque less the
-            rotor's share and the friction. None: the report takes the modelled torque.
-        tau_without: For each finding the torque of the model that lacks it and has all others, ``(N, nv)``, by fits
-            that have not seen the sample; empty where it was not computed.
-        sample_period: Median time between the samples of the recordings [s], before they were thinned; None: unknown.
-        followed: Simulated motion of both models; None where none could be simulated.
-        valid: False for samples that must not be used, as within a gap of a recording; None: all may be.
-        touched: True where something touches the links that a joint carries, so that its row is not used, ``(N, nv)``;
-            None where contacts are not known.
+        tau_after: Torque of the corrected model, each sample predicted by a fit to other blocks.
+        regime_shares: For each joint, share of the squared residual of the given model by regime.
+        regime_times: For each joint, share of the samples by regime; empty if not computed.
+        tau_transmitted: Torque that the transmission passes to the link, ``(N, nv)``: the modelled torque minus the
+            torques of rotor and friction. None: the report takes the modelled torque.
+        tau_without: For each finding, torque of the corrected model without that finding, ``(N, nv)``, by fits to other
+            blocks; empty if not computed.
+        sample_period: Median sampling period of the recordings [s], before they were thinned; None: unknown.
+        followed: Simulated motion of both models; None if there is none.
+        valid: False for samples that must not be used, such as those in a gap of a recording; None: all may be used.
+        touched: True where something touches the links that a joint carries, so that its torque is not used,
+            ``(N, nv)``; None: no contacts are known.
     """
 
     t: Float[Array, " N"]
@@ -67,7 +68,7 @@ class Evidence:
     touched: Bool[Array, "N nv"] | None = None
 
     def residual(self, tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-        """Measured less modelled torque [N m or N], NaN where the row of a joint is not used, ``(N, nv)``.
+        """Measured minus modelled torque [N m or N], NaN where the torque of a joint is not used, ``(N, nv)``.
 
         Args:
             tau: Torque of the model.
@@ -77,7 +78,7 @@ class Evidence:
 
     @property
     def drawn(self) -> Evidence:
-        """Only the usable samples: a gap of a recording is then a gap in time."""
+        """The usable samples alone; a gap of a recording is then a gap in time."""
         if self.valid is None or self.valid.all():
             return self
         rows, followed = self.valid, self.followed

@@ -75,8 +75,7 @@ class Explanation:
         encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None if
             not computed.
         fits: Number of sets of effects that the searches fitted.
-        endless: True if the searches were stopped, as they went from set to set without an end. Then no effect is
-            chosen.
+        endless: True if the searches were stopped because they made too many fits. Then no effect is chosen.
     """
 
     search: Search
@@ -92,9 +91,9 @@ class Explanation:
 def explanation_of(session: Session, progress: Progress = lambda _: None) -> Explanation:
     """The effects that explain the recordings of a session, by a stepwise search with held-out blocks.
 
-    Nonlinear laws are linearised. After each search they are linearised again about its result, and the noise is
-    estimated from its residual. A search that goes from set to set without an end is stopped: if the cause is not in
-    the catalogue, many sets explain some of its torque, and none explains all of it.
+    After each search, nonlinear laws are linearised again about its result, and the noise is estimated again from its
+    residual. The search is stopped if it replaces one set by another without an end. That happens if the cause is not
+    in the catalogue: many sets explain a part of its torque, and none explains all of it.
 
     Args:
         session: Robot, logs, blocks.
@@ -113,7 +112,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     Args:
         session: Robot, logs, blocks.
         progress: Receives the stages of the diagnosis.
-        allowed: Has one item for each allowed fit; None: no effect is searched for.
+        allowed: Yields one item for each allowed fit; None: no effect is searched for.
 
     Raises:
         SearchWithoutEnd: At the first fit that is not allowed.
@@ -156,7 +155,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
             problem = last.search.problem
             residual = residual_after(problem, held_out_torque(problem, last.chosen, fitted))
             point = replace(point, found=found, runners_up=near, residual=residual)
-            # The next products take as much memory as these, which are freed first.
+            # Products take much memory, so these are freed before the next ones are computed.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
         search = _with_thresholds(_set_up(session, columns, noise, allowed, record), noise, spurious, progress)
@@ -170,9 +169,10 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
 
 
 def _noise_after(search: Search, chosen: frozenset[Term], before: Series, sensed: Series) -> tuple[Series, float]:
-    """Noise estimated from the residual of a set of effects, with fits that are weighted by that residual itself.
+    """Noise estimated from the residual of a set of effects.
 
-    A fit that is weighted by too large a noise leaves a larger residual.
+    A fit with weights from too large a noise has a larger residual than necessary. So the fit is repeated with weights
+    from its own residual.
 
     Args:
         search: The search in which the effects are found.
@@ -208,7 +208,7 @@ def _set_up(
     """The search over all rivals for a given noise, without thresholds."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
-    # Only the products of the white columns are kept, as the columns take as much memory as the others.
+    # The white columns take as much memory as ``columns``, so only their products are kept.
     problem = replace(set_up(session, columns, white, weights), white=replace(white, values=()))
     if columns.displaced:
         read = columns_at_readings(session, columns)
@@ -243,14 +243,14 @@ def _explained_by_search(
 ) -> Explanation:
     """The explanation by one search, in which effects below the threshold of chance are tested, too.
 
-    The flexible fits that estimate the noise cannot imitate every effect. The torque of an effect then counts as noise,
-    which raises the threshold of chance and lowers the weight of slow signals. So everything is set up again for the
-    noise without the best rival below the threshold, by `_with_less_noise`. If no such rival exists, fitting one
-    changes the noise too little to matter, and held-out fits find no part of it.
+    The flexible fits that estimate the noise cannot imitate every effect. The torque of an effect that they do not
+    imitate counts as noise, which raises the threshold of chance and lowers the weight of slow signals. So
+    `_with_less_noise` subtracts the best rival below the threshold from the noise, and everything is set up again for
+    the smaller noise. If the rival does not exist, the noise hardly becomes smaller.
 
     Args:
         search: The search, with thresholds.
-        noise: Noise by which it is weighted.
+        noise: Noise from which the weights of its fits are computed.
         sensed: Noise of the sensors.
         progress: Receives the stages of the diagnosis.
         start: Effects with which the search begins.

@@ -19,7 +19,7 @@ def base_of(name: str) -> str:
 
 
 def supply_loads(inputs: tuple[str, ...], joint: str) -> tuple[str, ...]:
-    """Inputs that are drive torques, the joint's own first; nothing where its own is not among them."""
+    """Inputs that are drive torques, that of the joint itself first; empty if that one is not an input."""
     names = [name for name in inputs if name.startswith("tau.")]
     own = f"tau.{joint}" if f"tau.{joint}" in names else f"tl.{joint}"
     return (own, *(name for name in names if name != own)) if own in inputs else ()

@@ -1,4 +1,4 @@
-"""The recordings of a diagnosis, kept so that exported models and friction laws can be checked on them."""
+"""Recordings of a diagnosis on which exported models and friction laws are checked."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ class Replay:
         logs: The recordings.
         changes: Known change of the robot in each recording, such as a load; empty if there are none.
         cutoff_hz: Edge of the band in which residuals are judged.
-        parts: Held-out blocks: index of the log, first sample at the reduced rate, and the one after the last.
-        weights: Weights of the samples of each log at that rate, ``(n, nv)``: lower where friction may hold a joint.
+        parts: Held-out blocks: index of the log, then first sample and end (exclusive) at the reduced rate.
+        weights: Weights of the samples of each log at the reduced rate, ``(n, nv)``, lower where static friction may
+            hold a joint.
     """
 
     robot: Robot
@@ -37,7 +38,7 @@ class Replay:
 
     @property
     def base(self) -> BaseMotion | None:
-        """Motion of a moving base, at the samples of all logs, at the reduced rate, in turn; None for a fixed base."""
+        """Motion of the base at the reduced rate, for all logs in succession; None for a fixed base."""
         return joined_bases([log.motion.at(log.samples).base for log in self.logs])
 
     def robot_in(self, robot: Robot, log: int) -> Robot:
@@ -45,15 +46,15 @@ class Replay:
         return robot_in(robot, self.changes[log]) if self.changes else robot
 
     def in_band(self, series: Float[Array, "N nv"], log: int) -> Float[Array, "n nv"]:
-        """A series of one log, given at the full rate, filtered to the judged band, at its reduced rate."""
+        """A series of one log at the full rate, filtered into the judged band and sampled at the reduced rate."""
         band = self.logs[log].band
         return narrowed(band(series), self.logs[log].valid_in_band, band, self.cutoff_hz)
 
     def squares(self, torque: Callable[[int], Float[Array, "N nv"]]) -> Float[Array, "2 B nv"]:
-        """Weighted squared residuals in the judged band, and weights, each summed over the samples of a block.
+        """Weighted squared residuals in the judged band, and weights, both summed over the samples of each block.
 
         Args:
-            torque: Gives the drive torque [N m or N] of a model or a law along one log, at the full rate.
+            torque: Gives the drive torque [N m or N] of a model for a log of given index, at the full rate.
         """
         judged = sorted({log for log, _, _ in self.parts})
         residuals = {k: self.in_band(self.logs[k].tau - torque(k), k) ** 2 * self.weights[k] for k in judged}

@@ -9,14 +9,14 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Law:
-    """The shortest formula that predicts the residual of one joint: ``unexplained.law`` in the file of results.
+    """The shortest formula that predicts the residual of one joint; it is ``unexplained.law`` in the file of results.
 
     Attributes:
         joint: Joint on which the torque acts.
         inputs: Names of its inputs.
         formula: Torque that acts on the joint beyond the model, with the signs of the catalogue's laws; SI units.
         gap_closed: Share of the gap that the formula closes on blocks that were used neither to choose nor to fit it.
-        gap_closed_interval: Its 95 % interval.
+        gap_closed_interval: 95 % interval of that share.
         valid: Range of each input in the recordings.
         like: Name of a similar law of the literature, None if there is none.
     """
@@ -51,7 +51,7 @@ class InputCurve:
     Attributes:
         input: Name of the input.
         unit: Unit of the input.
-        direction: ``forwards`` or ``backwards`` of the joint, empty for both alike.
+        direction: ``forwards`` or ``backwards`` for motion of the joint in one direction, empty for both directions.
         x: Values of the input.
         middle, low, high: Torque at these values, and the ends of its band.
     """
@@ -67,12 +67,12 @@ class InputCurve:
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Frequency response from an input to the torque on the joint: gain and phase where the input has power.
+    """Frequency response from an input to the torque on the joint, at frequencies where the input has power.
 
-    Each has a 95 % band from block bootstrap.
+    Gain and phase have a 95 % band from block bootstrap.
 
     Attributes:
-        input: Name of the frequency, as ``freq(v.j2)``.
+        input: Name of the input's frequency, such as ``freq(v.j2)``.
         unit: Unit of the gain; empty if the input is a torque, too.
         hz: Frequencies.
         gain, gain_low, gain_high: Amplitude of the torque over that of the input.
@@ -134,8 +134,8 @@ class ResidualModel:
         states: Expressions of the internal states, in the order of ``s``.
         valid: Range of each input in the recordings.
         predicted_share: Share of the residual's squares that the model predicts on held-out blocks.
-        lawful: True if the model contains the law; False if no law was found and it is a sum of library terms.
-        slow: Speed below which the direction of motion is rounded off.
+        lawful: True if the model contains the law; False if no law was found and the model is a sum of library terms.
+        slow: Speed below which the sign of the velocity changes gradually.
         bands: Lowest and highest frequency at which each frequency response is known [Hz].
     """
 
@@ -156,7 +156,7 @@ class Dependence:
 
     Attributes:
         joint, unit: The joint, and the unit of its torque.
-        inputs: Named inputs: those of the law, or those that most bootstrap replicates choose where there is no law.
+        inputs: Named inputs: those of the law; without a law, those that most bootstrap replicates choose.
         gains: Held-out gains of inputs and pairs, the largest first.
         curves: Torque over each named input.
         responses: Frequency response for each frequency among the named inputs.
@@ -165,7 +165,7 @@ class Dependence:
         predicted_share: Share of the residual's squares that the formula predicts on held-out blocks; changes of the
             model within its tolerances are fitted together with it.
         blocks: Number of held-out blocks.
-        model: A residual model to use now; None where nothing predicts the residual.
+        model: A model to be added to the corrected model; None if nothing predicts the residual.
     """
 
     joint: str

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from identification.geometry.result import GeometryResult
     from phantom_dyn.model.robot import Robot
 
-# Relative difference of residuals that shows in three printed digits.
+# Smallest relative difference of residuals that is visible in three printed digits.
 _PRINTED = 0.005
 
 
@@ -28,7 +28,7 @@ _PRINTED = 0.005
 class Value:
     """An estimate with its standard deviation and unit; lists for parameters that are lists (cogging orders).
 
-    A number that the recordings do not determine has an infinite or missing standard deviation.
+    A number that the recordings do not determine has an infinite standard deviation or NaN.
     """
 
     value: float | list[float]
@@ -42,7 +42,7 @@ class Value:
 
     @property
     def numbers(self) -> list[float]:
-        """All numbers; a parameter that is no list has one."""
+        """All numbers; one number if the parameter is no list."""
         return self.value if isinstance(self.value, list) else [self.value]
 
     @property
@@ -53,9 +53,9 @@ class Value:
 
 @dataclass(frozen=True)
 class EffectAt:
-    """An effect and the joint it acts on, None for the whole robot; and the recording, None for all of them.
+    """An effect, its joint (None: the whole robot), and the recording in which it acts (None: all recordings).
 
-    ``words`` describes an effect that a user has defined; None for one of the catalogue. The same in other classes.
+    Here and in other classes ``words`` describes an effect that a user has defined; None for one of the catalogue.
     """
 
     effect: str
@@ -66,7 +66,7 @@ class EffectAt:
 
 @dataclass(frozen=True)
 class Rival:
-    """A set of effects that explains the same as a finding, with its probability."""
+    """A set of effects that may explain the recordings in place of a finding, with its probability."""
 
     effects: tuple[EffectAt, ...]
     probability: float
@@ -74,15 +74,16 @@ class Rival:
 
 @dataclass(frozen=True)
 class Finding:
-    """One named cause of the gap; ``recording`` is the one that it acts in, None for all.
+    """One named cause of the gap; ``recording`` is the one in which it acts, None for all recordings.
 
     ``loadings`` has one row for each parameter (for each number of a list). The product of two rows, also of different
-    findings, is a covariance. It is empty where the covariances are not known.
+    findings, is the covariance of their parameters. It is empty if covariances are not known.
 
     ``gap_closed`` is the part of the gap that is open without this finding, after all others are fitted again.
-    ``share`` is its Shapley value: the shares of all findings add up to the part that they close together.
+    ``share`` is the Shapley value of the finding: the shares of all findings add up to the part that they close
+    together.
 
-    ``law`` names the simulator whose law of the effect the recordings show; None if it is that of the catalogue.
+    ``law`` names the simulator whose law of the effect the recordings show; None if they show the catalogue's law.
     """
 
     effect: str
@@ -116,15 +117,15 @@ class JointGap:
         rms_after: Residual of the corrected model.
         noise_floor: Noise of the sensors.
         hold_out_samples: Number of held-out samples.
-        rms_torque: Measured torque, or without a drive what accelerates the joint's own inertia; None: not known.
+        rms_torque: Measured torque; without a drive, the torque of the joint's own inertia; None: not known.
         rms_within_tolerance: Residual of the model with the best changes within its tolerances and no finding.
         noise_floor_interval: Interval of the floor with 95 % confidence for all joints together. With the source
-            ``sensors`` its upper end is at least the noise that drives of this kind make and their sensors do not show.
-        noise_floor_source: ``sensors``, ``repetitions`` or ``none``. With ``none`` the floor is only an upper limit,
-            the residual of flexible predictors.
-        discrepancy: Root mean square of the error that a correct model has on drives of this kind; None: not stated.
-        left: Residual beyond noise where the joint creeps or reverses, and everywhere else; None: not known.
-        closed: Part of the gap within tolerance that the findings close; None where there is no gap.
+            ``sensors`` its upper end includes noise of such drives that their sensors do not show.
+        noise_floor_source: ``sensors``, ``repetitions`` or ``none``. With ``none`` the floor is the residual of
+            flexible predictors, which is only an upper limit of the noise.
+        discrepancy: Root mean square error of a correct model on drives of this kind; None: not stated.
+        left: Residual beyond noise, first where the joint creeps or reverses, then everywhere else; None: not known.
+        closed: Share of the gap within tolerance that the findings close; None if there is no gap.
     """
 
     joint: str
@@ -154,14 +155,14 @@ class JointGap:
 
     @property
     def tolerated(self) -> float:
-        """Residual of the model adjusted within its tolerances; of the given model where that is not known."""
+        """Residual of the model adjusted within its tolerances; if not known, that of the given model."""
         return self.rms_before if self.rms_within_tolerance is None else self.rms_within_tolerance
 
     @property
     def only_given_fits(self) -> bool:
-        """True if the residual of the given model may be noise, and that of the adjusted model may not.
+        """True if the residual of the given model may be noise, and the residual of the adjusted model is too large.
 
-        The model is adjusted to all joints at once. So a gap on other joints can make this joint worse.
+        The model is adjusted to all joints at once. So a gap on other joints can increase the residual of this joint.
         """
         return bool(self.rms_before <= self.allowed < self.tolerated)
 
@@ -178,7 +179,7 @@ class JointGap:
 
 @dataclass(frozen=True)
 class Gap:
-    """Share of the gap that all findings close together, with its 95 % interval; None where there is no gap."""
+    """Share of the gap that all findings close together, with its 95 % interval; None if there is no gap."""
 
     closed: float | None = None
     interval: tuple[float, float] | None = None
@@ -186,11 +187,11 @@ class Gap:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A larger departure that a change at the limit of its tolerance may conceal.
+    """A larger error of the model that may hide behind a change at the limit of its tolerance.
 
     Attributes:
-        kind: A payload, or a larger change of the same quantity.
-        size: The heaviest payload [kg], or the relative change that is exceeded [1].
+        kind: ``payload``, or ``change`` for a larger change of the same quantity.
+        size: Mass of the heaviest payload that may hide [kg], or relative change that the true one may exceed [1].
     """
 
     kind: Literal["payload", "change"]
@@ -205,8 +206,8 @@ class Adjusted:
         quantity: The quantity of the model that is changed.
         change: Relative change.
         tolerance: Stated tolerance, one sigma; the change may reach two.
-        at_limit: True if it ends at that limit.
-        hides: A larger departure that may hide behind a change at its limit; None if it is inside.
+        at_limit: True if the change is at that limit.
+        hides: A larger error of the model that may hide behind a change at its limit; None if the change is inside.
     """
 
     quantity: str
@@ -218,15 +219,15 @@ class Adjusted:
 
 @dataclass(frozen=True)
 class FittedNumbers:
-    """Numbers of the corrected model that were fitted together, and from ``timing`` on numbers of the recordings.
+    """Numbers of the corrected model that were fitted together; from ``timing`` on, numbers of the recordings.
 
     Attributes:
         adjusted: Changes of the model within its tolerances, uncertain ones included.
-        sizes: Parameters of findings by effect and joint, where they differ from those that the findings state.
+        sizes: Parameters of findings by effect and joint, if they differ from those that the findings state.
         timing: Time by which the recorded torque is early [samples]; negative if it is late.
         softness: Joints whose dry friction follows MuJoCo's soft law, each with the share of that law in its friction.
-        arrivals: For joints whose references arrive at an unknown time in the controller's frame: how much later they
-            arrive than half a frame before a reading, as a share of the frame.
+        arrivals: For joints whose references arrive at an unknown time within a controller cycle: delay relative to
+            half a cycle before a reading, as a share of the cycle.
         base: Errors of the base's sensors by name, each with its size [SI].
     """
 
@@ -256,7 +257,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class NotTestable:
-    """An effect that this recording cannot show, and why."""
+    """An effect that this recording cannot show, with the reason."""
 
     effect: str
     joint: str | None
@@ -268,8 +269,8 @@ class NotTestable:
 class Unexplained:
     """The residual after all findings: its share of the explainable gap, whether it has structure, and where.
 
-    ``times`` are the stretches [s] of something intermittent: a contact, a push, a cable. For a structured residual
-    ``dependence`` has the inputs that it depends on, and ``law`` a formula, where one is clearly the best.
+    ``times`` are the times [s] of an intermittent cause, such as a contact, a push or a cable. For a structured
+    residual ``dependence`` has the inputs on which it depends, and ``law`` a formula if one is clearly the best.
     """
 
     fraction_of_explainable: float
@@ -287,10 +288,10 @@ class Burst:
 
     Attributes:
         file: The recording.
-        joint: The joint on which it is largest relative to the noise.
+        joint: The joint on which the event is largest relative to the noise.
         start, stop: Times of the recording [s].
-        torque: Its largest torque [N m or N], positive along the joint.
-        ratio: Its size, divided by the residual that noise and the model's error are expected to leave at that time.
+        torque: Largest torque of the event [N m or N], positive along the joint.
+        ratio: Size of the event, divided by the residual expected from noise and errors of the model at that time.
     """
 
     file: str
@@ -306,7 +307,7 @@ class Judgement:
     """Result of the fits, before anything is simulated or proposed.
 
     Attributes:
-        verdict: The contract's.
+        verdict: Verdict, one of those that the contract defines.
         joints: Gap of each joint.
         findings: Named causes, the largest first.
         adjusted: Changes of the model inside its tolerances.
@@ -320,7 +321,7 @@ class Judgement:
         gap: Share that the findings close together.
         minor: Effects that are seen but too small to matter.
         numbers: Sets of numbers for the files of the corrected model.
-        ledger: All effects that were claimed at any time, and the best others, with the gates that each met.
+        ledger: All effects that were claimed at any time, and the best others, with the results of their gates.
     """
 
     verdict: str
@@ -344,8 +345,8 @@ class Judgement:
 class Diagnosis:
     """Content of ``diagnosis.json``, the evidence behind the figures, and the motion of the next experiment.
 
-    ``wrong`` lists certain faults of recordings that were diagnosed in spite of them, one clause each. Findings, joints
-    and ``unexplained`` are results for the torques, ``geometry`` for measured poses, and ``verdict`` for both together.
+    ``wrong`` lists certain faults of recordings that were nevertheless diagnosed, one clause each. Findings, joints and
+    ``unexplained`` are results for the torques, ``geometry`` for measured poses, and ``verdict`` for both together.
     ``files`` are the written models and laws with their residuals, and ``numbers`` further sets of numbers for them.
     ``replay`` holds the recordings on which they are checked; None without torques. ``driven`` is the model with the
     gains of its controllers if these gave the torque, else None. ``command`` is the command line, empty from Python.
@@ -395,5 +396,5 @@ class Diagnosis:
 
     @property
     def at_rest(self) -> bool:
-        """True if the recordings were diagnosed at rest: positions less references take the place of torques."""
+        """True if the recordings were diagnosed at rest: positions minus references take the place of torques."""
         return self.band_hz[1] == 0.0

@@ -11,10 +11,10 @@ class WrittenFile:
 
     Attributes:
         file: Name of the file.
-        rms_left: Residual by joint [N m or N] of the file, loaded back and run over the recordings; empty without
-            torques.
+        rms_left: Residual by joint [N m or N] of the model in the file, loaded again and compared with the recordings;
+            empty without torques.
         rms_given: Residual of the given model by joint, on the same recordings.
-        holds: Findings that the file contains, as ``coulomb_friction j2``.
+        holds: Findings that the file contains, such as ``coulomb_friction j2``.
         lacks: Findings that the format of the file cannot express.
         refused: Reason why the file was not written, as a clause; empty if it was.
     """

@@ -1,4 +1,4 @@
-"""The gate of chance: is a gain larger than noise alone reaches? A gain is twice a log-likelihood ratio.
+"""The gate of chance: is a gain larger than noise alone can make it? A gain is twice a log-likelihood ratio.
 
 ``benchmarks/blind/run.py`` prints false claims and misses with these thresholds, ``benchmarks/blind/power.py`` the
 detectable sizes.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# probability: in a recording without a gap, no effect of the catalogue reaches the threshold of chance.
+# probability: that in a recording without a gap no effect of the catalogue reaches the threshold of chance.
 CLAIM_LEVEL = 0.99
 
 # gain: smallest gain on held-out data that a claim needs, however small the gain by chance is.
@@ -21,7 +21,7 @@ PARAMETER_PRICE = 5.0
 def more_than_chance(gain: float, chance: float) -> GateResult:
     """Does the effect gain more than the best one of the whole catalogue, or of its joint, gains by chance?
 
-    A longer recording passes: the gain of a real effect grows with its length, and that of chance does not.
+    A longer recording would pass: the gain of a real effect grows with the length, and the gain by chance does not.
 
     Args:
         gain: For torques the smaller of the gains on held-out data and in sample; for poses and recordings at rest,

@@ -40,7 +40,7 @@ def coarser_than_others(times: float) -> GateResult:
 def rounding_matters(share: float) -> GateResult:
     """Is the rounding a large part of the noise of some joint, in the judged band or above it?
 
-    A claim of a coarser encoder, or from a faster motion, would pass.
+    The claim would pass with a coarser encoder or a faster motion.
 
     Args:
         share: Largest share of the rounding in the squared noise of a joint.

@@ -13,7 +13,7 @@ GAIN_TOLERANCE = 0.10
 def beyond_the_gain(excess: float, *, stated: bool) -> GateResult:
     """Is the effect larger than the uncertainty of the controller's gain, which has the same effect on positions?
 
-    An effect would pass in a recording with a measured torque or current, or with a controller whose gain is stated.
+    The effect would pass in a recording with a measured torque or current, or with a controller whose gain is stated.
 
     Args:
         excess: Size of the effect relative to the gain; not finite if the gain explains the whole effect.

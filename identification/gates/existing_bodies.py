@@ -8,9 +8,9 @@ from identification.engine.claims import GateResult
 def bodies_can_exist(possible: float, free: float, chance: float) -> GateResult:
     """Do bodies that can exist explain what free inertial parameters explain?
 
-    A body can exist if its pseudo-inertia has no negative eigenvalue and its centre is within its own reach. Where the
-    bodies of a model are wrong, the true ones exist, and an unconstrained fit gains only noise beyond them. Where
-    impossible bodies explain more, the cause is another one, however much of its torque possible bodies imitate.
+    A body can exist if its pseudo-inertia has no negative eigenvalue and its centre of mass is within its own reach. If
+    the cause is wrong bodies in the model, the true bodies explain it, and an unconstrained fit explains only noise
+    beyond them. If impossible bodies explain more, there is another cause, even if possible bodies imitate most of it.
 
     Args:
         possible: Gain in sample of bodies that can exist.

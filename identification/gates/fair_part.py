@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share: of the gap. A law of the right kind whose parameter is off by a tenth leaves as much.
+# share of the gap that an effect has to close. A law of the right kind with a parameter that is wrong by a tenth leaves
+# a residual of this size.
 LEAST_SHARE_OF_GAP = 0.01
 
-# share: of what the other effects of the set leave. Errors of their laws are no effect of the catalogue, so that no
-# other effect takes away half of their amplitude.
+# share of the residual after the other effects that suffices in place of that. Errors of the other laws match no effect
+# of the catalogue, so no wrong effect closes as much of them.
 SHARE_OF_LEFT = 0.75
 
-# share of the squared torque: alignment, derivatives and the linearised tolerance have errors of 2.6 % of a torque,
-# squared here.
+# share of the squared torque: errors of alignment, derivatives and the linearised tolerances, 2.6 % of a torque.
 ACCURACY = 0.0007
 
 # times: the gain by encoder noise alone that a claim needs.
@@ -22,12 +22,12 @@ SPURIOUS_FACTOR = 2.0
 def fair_part_of_the_gap(gain: float, needed: float) -> GateResult:
     """Does the effect close a fair part of the gap on its joints, beyond encoder noise and the price of its parameters?
 
-    An effect that closes a larger share of the gap would pass, or nearly all that the other effects leave, or one in a
-    recording with finer encoders if their noise sets the threshold.
+    An effect would pass that closes a larger share of the gap, or most of the residual after the other effects. If
+    encoder noise sets the threshold, the effect would pass in a recording with finer encoders.
 
     Args:
         gain: The smaller of the gains on held-out data and in sample.
-        needed: A fair part of the gap on its joints, or of what the other effects leave; beside it twice the gain by
-            encoder noise, and the price of its parameters.
+        needed: A fair part of the gap on the joints of the effect, or of the residual after the other effects, plus
+            twice the gain by encoder noise and the price of further parameters.
     """
     return GateResult("fair part of the gap", gain, needed, "gain", gain > needed)

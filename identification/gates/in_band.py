@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share: a finding may enlarge the gap in some bootstrap draws by this share of the part of the gap that it closes. If
-# a joint moves in one block only, a draw without that block closes nothing, and noise in the other blocks enlarges the
-# gap by less than this.
+# share: a finding may enlarge the gap in a bootstrap draw by at most this share of the part of the gap that it closes
+# on average. For example, if a joint moves in one block only, a finding closes nothing in a draw without that block,
+# and noise in the other blocks enlarges the gap a little.
 OPENED_AGAIN = 0.1
 
 
@@ -24,8 +24,8 @@ def torque_is_there(torque: float) -> GateResult:
 def closes_for_sure(least: float) -> GateResult:
     """Does the finding close the gap on held-out data in nearly every bootstrap draw of the blocks?
 
-    A fit may use the effect only to explain noise in the few blocks that hold most of the gap. More recordings show
-    whether it does.
+    If not, the effect may only explain noise in a few blocks that have most of the gap. A finding that is true would
+    pass with more recordings.
 
     Args:
         least: Lower end of the interval of the closed share of the gap, divided by that share.

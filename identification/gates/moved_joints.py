@@ -1,4 +1,4 @@
-"""Gates of effects that noise may imitate: noise moves the joints, and the controller responds with a torque."""
+"""Gates of effects that noise may imitate, because noise moves the joints and the controller responds with a torque."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from identification.engine.claims import GateResult, easiest
 from identification.gates.over_blocks import SIGNIFICANT_ERRORS
 from phantom_dyn.array_types import Array, Bool, Float
 
-# share: without an effect that noise may imitate, the squared residual of some joint has to grow by more than this.
+# share: without the effect, the squared residual of some joint has to grow by more than this.
 VISIBLE_GROWTH = 0.03
 
-# ratio: least power density of the torque over that of the residual. At smaller ratios, motion by noise and the
-# controller's response to it may look like an inertia or a late torque. At this ratio noise makes at most a
-# thirtieth of the torque's power.
+# ratio: least power density of the torque over that of the residual at frequencies where effects are tested. There
+# noise makes at most a thirtieth of the torque's power. At smaller ratios, motion by noise and the response of the
+# controller may look like an inertia or a late torque.
 MOVED_BY_NOISE = 30.0
 
 

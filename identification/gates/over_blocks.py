@@ -15,10 +15,10 @@ SIGNIFICANT_ERRORS = 2.0
 # blocks: a gain that is not significant has to be large enough after this many of its best blocks are left out.
 BEST_BLOCKS = 2
 
-# blocks: the same for structure in the residual that no effect explains. It may be rarer, as a contact is.
+# blocks: the same for structure in the residual that no effect explains. Such structure may be rare, like a contact.
 BEST_BLOCKS_NAMELESS = 1
 
-# times: the gain that the claim needs. A larger gain may come from few blocks.
+# times the gain that the claim needs: a gain larger than this may come from few blocks.
 LARGE_GAIN = 10.0
 
 # share: an effect acts in a block if the energy of its columns there is above this share of the largest energy in any

@@ -1,4 +1,4 @@
-"""The gate of possible sizes: is no effect of a fit at the end of its range?"""
+"""The gate of possible sizes: are all sizes of a fit inside the range of their law?"""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ def possible_size(impossible: int) -> GateResult:
     """Are all sizes of the fit inside the range of their law, and none at its bound?
 
     Args:
-        impossible: Effects of the fit whose size is at a bound, where they vanish.
+        impossible: Number of effects of the fit whose size is at a bound where they make no torque.
     """
     return GateResult("possible size", float(impossible == 0), 0.0, "possible", impossible == 0)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share: of the probability of the best cause. Causes that do not cancel each other lead if they reach this share, in
-# place of a best cause that others have to cancel.
+# share of the probability of the best cause. If the best cause consists of torques that cancel each other, causes
+# without such torques lead in its place if together they reach this share.
 NEARLY_AS_LIKELY = 0.5
 # ratio: sum of the powers of several torques over the power of their sum. Above it the torques cancel each other: each
 # is then on average more than twice as large as their sum.
@@ -19,10 +19,10 @@ MOST_CANCELLED = 4.0
 def plausible_size(outside: float, unit: str, *, rival_is_plausible: bool) -> GateResult:
     """Is the size of the finding plausible, if that of a rival is?
 
-    A size inside the range that the effect states as plausible passes, and any size if no rival is plausible either.
+    A size inside the range that the effect states as plausible passes. If no rival is plausible, any size passes.
 
     Args:
-        outside: Distance of the size from that range; zero inside.
+        outside: Distance of the size from that range; zero inside the range.
         unit: Unit of the size.
         rival_is_plausible: True if a rival has a plausible size.
     """

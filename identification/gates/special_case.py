@@ -1,4 +1,4 @@
-"""The gates of the size: does a finding differ from zero, from a simpler law, from a part of the robot that is missing?
+"""Gates that compare a finding with simpler explanations: no effect, a simpler law, a missing part of the robot.
 
 `benchmarks/blind/run.py` counts the extra findings and the lost second effects that result.
 """
@@ -13,12 +13,12 @@ DIFFERS_FROM_ZERO = 0.95
 # probability: by Student's test, that play and spring of a joint each differ from zero if both are fitted.
 BOTH_THERE = 0.99
 
-# share: of the squared torque that wrong inertial parameters explain. If the absence of a part of the model explains at
-# least this share, a note names the part; half of the amplitude may be left.
+# share of the squared torque that wrong inertial parameters explain. If the robot lacks a part of the model and this
+# explains at least the share, a note names the part. The residual may have half of the amplitude.
 PART_SHARE = 0.75
 
-# share: of the same torque, above which the absence of the part is the finding. A third of the amplitude may be left,
-# which includes the tolerances of the links before it.
+# share of the same squared torque above which the missing part is the finding. The residual may have a third of the
+# amplitude, which includes the tolerances of the links before the part.
 PART_CERTAIN = 0.9
 
 
@@ -28,7 +28,7 @@ def differs_from_simpler(certain: float) -> GateResult:
     A stronger effect would pass, or a recording that shows the effect more clearly.
 
     Args:
-        certain: Probability of a smaller departure from zero or from the simpler law if that were true.
+        certain: Probability of a smaller difference from zero, or from the simpler law, if that law were true.
     """
     return GateResult("differs from simpler", certain, DIFFERS_FROM_ZERO, "probability", certain >= DIFFERS_FROM_ZERO)
 
@@ -39,15 +39,15 @@ def both_are_there(certain: float) -> GateResult:
     Recordings under loads of more sizes would pass, as these separate play from spring.
 
     Args:
-        certain: Probability of a smaller size if the true one were zero, of the less certain of the two.
+        certain: Probability of a smaller size if the true size were zero; of the less certain of play and spring.
     """
     return GateResult("both are there", certain, BOTH_THERE, "probability", certain > BOTH_THERE)
 
 
 def more_than_a_missing_part(share: float) -> GateResult:
-    """Do wrong inertial parameters explain more than the absence of a part that the model carries?
+    """Do wrong inertial parameters explain more than the absence of a part that the model has and the robot lacks?
 
-    They pass if the absence of the part leaves more than a tenth of the squared torque that they explain.
+    They pass if the absence of the part explains less than nine tenths of the squared torque that they explain.
 
     Args:
         share: Share of that squared torque that the absence of the part explains.

@@ -11,24 +11,25 @@ from identification.diagnosis import decision_rules as rules
 from identification.engine.products.blocks import FOLDS, Block
 from phantom_dyn.array_types import Float, Int
 
-# share: of a joint's travel in all logs that is in each piece of a divided block, so that other folds contain it, too.
+# share of a joint's travel in all logs that a piece of a divided block has at most. With this size all folds may
+# contain a part of the travel.
 _PIECE = 1.0 / FOLDS
 
-# times the mean travel per block, above which a block is divided.
+# times the mean travel per block: a block with more travel is divided.
 _UNEVEN = 2.0
 
-# periods of the judged band's edge: a shorter block has no independent value.
+# periods of the judged band's edge: a shorter block has no independent samples.
 _SHORTEST = 0.5
 
 
 def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     """Blocks of at least a second and five periods of the judged band's edge, some twelve to twenty-four in all.
 
-    A joint that moves once and rests otherwise shows all of its friction in one block, which no fit to the others can
-    predict: such a block is divided into shorter ones, each with an equal part of the joint's travel.
+    If a joint moves only once, all information on its friction is in one block, and fits to the other blocks cannot
+    predict that block. So it is divided into shorter blocks, each with an equal part of the joint's travel.
 
-    The core of a block leaves out as many samples as the filter's kernel is long, so that it shares no noise with the
-    block before.
+    The core of a block excludes as many samples at its start as the filter's kernel is long. So the core shares no
+    noise with the block before.
     """
     period = 1.0 / cutoff_hz
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
@@ -58,7 +59,7 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
 def _cut_by_travel(
     edges: Int[np.ndarray, " e"], shares: Float[np.ndarray, "n nv"], most: float, shortest: int
 ) -> Int[np.ndarray, " f"]:
-    """Edges of blocks, with more of them where one block has much of a joint's travel.
+    """Edges of blocks after division of those blocks that have a large share of a joint's travel.
 
     Args:
         edges: First samples of the blocks, and the end of the last.

@@ -9,8 +9,8 @@ import numpy as np
 from identification.diagnosis.columns.residual_columns import Columns, effect_columns, model_columns
 from identification.diagnosis.columns.session import Session
 
-# Cutoff of the wider band, in cutoffs of the judged band. Columns with this cutoff change by at most 2.5 % what the
-# filter of the judged band leaves of them.
+# Cutoff of the wider band, in cutoffs of the judged band. After the filter of the judged band, columns with this cutoff
+# differ by at most 2.5 % from columns without it.
 _PASSES_WHOLE = 1.5
 
 
@@ -33,14 +33,15 @@ def columns_at_readings(session: Session, columns: Columns) -> Columns:
 
 
 def with_wider_band(session: Session, columns: Columns) -> Columns:
-    """Columns that are complete in the judged band: those made of accelerations have 1.5 times its cutoff.
+    """Columns in which those made of accelerations have 1.5 times the cutoff of the judged band.
 
-    A column with the cutoff of the judged band that is filtered there once more is too small near the cutoff, and the
-    torque that it explains is not. If effects displace the links, the columns are returned unchanged.
+    Columns and torque are later filtered into the judged band. A column that had its cutoff before would be filtered
+    twice, and be too small near the cutoff compared with the torque. If effects displace the links, the columns are
+    returned unchanged.
 
     Args:
         session: Robot and logs of the columns.
-        columns: Columns of which those made of accelerations have the cutoff of the judged band.
+        columns: Columns; those made of accelerations have the cutoff of the judged band.
     """
     if columns.displaced:
         return columns

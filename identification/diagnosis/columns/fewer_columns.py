@@ -1,4 +1,4 @@
-"""Selection of the columns that fits of one set of effects need: a small problem in place of a large one."""
+"""Selection of the columns that fits of a few effects need, for a smaller fitting problem."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from identification.diagnosis.columns.terms import Term
 
 
 def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, dict[Term, Term]]:
-    """Columns of the model's parameters and of some effects, and for each of these effects its term among them.
+    """Columns of the model's parameters and of some effects, and the new term of each of these effects.
 
     Args:
         columns: Columns of all effects.
-        terms: The effects; others that need no further columns are kept, too.
+        terms: The effects. Other effects all of whose columns are kept stay candidates.
     """
     wanted = {column for term in terms for column in term.columns}
     kept = [k for k in range(len(columns.names)) if k < columns.model_count or k in wanted]

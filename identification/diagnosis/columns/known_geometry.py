@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Corrections of the model from earlier measured poses: joint zeros, elasticity, and places of joints and targets."""
+"""Corrections from earlier measured poses: encoder zeros, joint elasticity, and placements of joints and targets."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def effects_on_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...
 
 
 def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]]:
-    """Correction of each joint's place on its parent, in the joint's axes [m, rad]; several are composed in order."""
+    """Correction of each joint's placement on its parent, in the joint's axes [m, rad]; several are multiplied."""
     out: dict[str, Array] = {}
     for one in known:
         if one.effect == LINK and one.joint is not None:
@@ -40,10 +40,10 @@ def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Arr
 
 
 def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
-    """The robot with places of joints and targets corrected by earlier poses; the same object without corrections.
+    """The robot with placements of joints and targets corrected by earlier poses; the same object without corrections.
 
-    A closed chain is not changed: its torques are computed with loops that close as its files say, and corrections of
-    its places are used only in the diagnosis of poses (`places_of_loops`).
+    A closed chain is not changed, because with corrected placements its loops would not close as in its files. Its
+    corrections are used only in the diagnosis of poses (`places_of_loops`).
     """
     if robot.chain is not None:
         return robot

@@ -1,8 +1,8 @@
 """Which effects are tried in a session, with which shapes, on which sets of joints, and the order of their columns.
 
 One cause may act on several joints with one common parameter: drives of one kind, one supply, one wrong current scale.
-Two sources suggest such sets of joints: the drives in the robot's file, and the scale of measured over modelled torque
-of each joint. Joints with a common cause are neighbours in the order of that scale, so that few sets have to be tried.
+Sets of such joints are guessed from the drives in the robot's file, and from the ratio of measured to modelled torque
+of each joint. If joints are sorted by that ratio, joints with a common cause are neighbours, so few sets are tried.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 
-# Most sets of joints that are tried: each is a column on all of its joints.
+# Largest number of sets of joints that are tried.
 _MOST = 40
-# Largest ratio of the scales of joints that are tried together.
+# Largest ratio between the scales of joints that are tried together.
 _ALIKE = 1.5
 # Share of a joint's largest speed at which dry friction has its full size.
 _SLOW = 0.02
@@ -32,13 +32,13 @@ _SLOW = 0.02
 
 @dataclass(frozen=True)
 class Local:
-    """Columns of one effect in one place with one shape that are not the rigid-body regressor's.
+    """Block of columns of one term whose columns are not those of the rigid-body regressor.
 
     Attributes:
         effect, joint, shape: The term of the columns.
-        first: Index of the first of them among all columns.
+        first: Index of its first column among all columns.
         count: Number of columns.
-        rows: Rows that they touch.
+        rows: Indices of the joints on which the columns are not zero.
     """
 
     effect: Rival
@@ -57,7 +57,7 @@ def lay_out(
     found: tuple[FoundEffect, ...],
     resonances: tuple[FoundEffect, ...],
 ) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
-    """All candidate terms, and where their columns lie; the names of the columns are appended to ``names``.
+    """All candidate terms, and the blocks of their columns; the names of the columns are appended to ``names``.
 
     Args:
         session: Robot and recordings.
@@ -65,7 +65,7 @@ def lay_out(
         first_body: Index of the first column of the rigid bodies.
         names: Names of the columns so far; the names of the effects' columns are appended.
         found: Effects of the last fit, and rivals that were nearly as good.
-        resonances: Compliances read off resonances.
+        resonances: Transmission compliances determined from resonances.
     """
     robot = session.robot
     terms: list[Term] = []
@@ -122,7 +122,7 @@ def groups_of_joints(session: Session, operation: Operation) -> tuple[str, ...]:
 
 
 def by_drives(robot: Robot) -> list[tuple[int, ...]]:
-    """All joints together, and those with the same torque limit, gear ratio, rotor or stem of a name."""
+    """All joints together, and sets of joints with the same torque limit, gear ratio, rotor or stem of their names."""
     out = [tuple(range(robot.nv))]
     keys: list[list[Hashable]] = [
         [one.torque_limit for one in robot.actuators],
@@ -141,7 +141,7 @@ def by_drives(robot: Robot) -> list[tuple[int, ...]]:
 
 
 def by_place(count: int) -> list[tuple[int, ...]]:
-    """Joints from the base up to one, and from one up to the last: arms have large drives first and small ones last."""
+    """Sets of the first joints, and sets of the last joints: arms have large drives first and small ones last."""
     sizes = range(2, count)
     return [*(tuple(range(size)) for size in sizes), *(tuple(range(count - size, count)) for size in sizes)]
 
@@ -161,7 +161,7 @@ def scales(
 
 
 def by_scales(scale: Float[Array, " nv"]) -> list[tuple[int, ...]]:
-    """Runs of joints in the order of their scales, those that differ least first."""
+    """Sets of neighbours in the order of the joints' scales; sets whose scales differ least come first."""
     order = np.argsort(scale, kind="stable")
     runs = []
     for first in range(len(order)):

@@ -1,8 +1,8 @@
-"""Motion and torque of each recording from which effects compute their columns: of the given or of the adjusted model.
+"""Motion and modelled torque of each recording, from which effects compute their columns.
 
-A late drive lags the torque that the robot truly needs, and a tilted base turns the weights that it truly has. Computed
-from the given model their sizes would be wrong by as much as the model is, so the changes within the tolerances are
-made first.
+The torque of some effects depends on the model: a late drive delays the torque that the robot needs, and a tilted base
+changes the direction of gravity on its masses. Errors of the model would make the sizes of these effects wrong. So the
+torque can also be computed from the model adjusted within its tolerances.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Largest relative decrease of a parameter [1]: tolerances should be small, but a file may state any.
+# Largest relative decrease of a parameter [1], in case a file states a large tolerance.
 _LEAST = -0.9
-# Step of the load, as a share of it, for the derivative of a law.
+# Step of the load for the derivative of a law, as a share of the load.
 _LOAD_STEP = 1e-4
 
 
@@ -47,7 +47,7 @@ def operate(
     """
     motion = motion_of(log)
     tau = inverse_dynamics(robot, motion)
-    # A known push from outside is torque that the drive need not give.
+    # The drive need not give the torque of a known external force.
     tau = tau if log.external is None else tau - log.external
     state = (motion.t, motion.q, motion.v, motion.a)
     more = {"temperature": log.temperature, "references": log.references, "base": motion.base}
@@ -56,34 +56,35 @@ def operate(
 
 
 def motion_of(log: Log) -> Motion:
-    """Motion of a log in which a joint that is held all the time has neither velocity nor acceleration.
+    """Motion of a log, with zero velocity and acceleration for joints that stand still all the time.
 
-    Otherwise friction would follow the sign of its noise, and other joints its noisy acceleration.
+    Otherwise the modelled friction of such a joint would follow the sign of noise, and its noisy acceleration would
+    change the modelled torques of other joints.
     """
     moves = ~standing_still(log).all(axis=0)
     return log.motion.with_joints(log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
 
 def carrying_known(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
-    """The robot whose last link carries the payloads of earlier diagnoses, so that a payload may be negative.
+    """The robot whose last link carries the payloads of earlier diagnoses; a new payload may then be negative.
 
     Args:
         robot: The given model.
-        known: Effects that belong to it already.
+        known: Effects that belong to the model already.
     """
     return carrying(robot, [np.array(one.theta) for one in known if one.effect == "payload"])
 
 
 def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...]) -> Operation:
-    """The operation with the torque of known effects.
+    """The operation with the torque of known effects added to that of the given model.
 
-    Each is computed from the torque that it acts on, as in the fit that found it: friction under load from the
-    transmitted torque, a late drive from the commanded torque, a torque constant from all of that. A mass
-    acts at the true positions of the links, and in the true gravity.
+    Each effect is computed from the torque on which it acts, as in the fit that found it: friction under load from the
+    transmitted torque, a late drive from the commanded torque, a torque constant from all of these torques. A mass acts
+    at the true positions of the links, and in the true gravity.
 
     Args:
         robot: The given model.
-        operation: Of this model alone.
+        operation: Motion and torque of the given model alone.
         known: The effects.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
@@ -93,14 +94,14 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     tau, found_load, in_drive = operation.tau, np.zeros_like(operation.tau), np.zeros_like(operation.tau)
     displacing = [pair for pair in effects if pair[0].displaces]
     if len(displacing) > 1:
-        # Together their torque is not the sum of their single torques.
+        # The torque of several displacements together is not the sum of their single torques.
         tau = tau + inverse_dynamics(true_robot, motion) - inverse_dynamics(robot, operation)
         effects = [pair for pair in effects if not pair[0].displaces]
     for stage in range(4):
         staged = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
         for effect, one in effects:
             if _stage_of(effect) == stage:
-                # The drive gives the torque that the model needs, less that of the effect.
+                # The drive gives the torque that the model needs, minus the torque of the effect.
                 if effect.inertial is not None and displacing:
                     truly = replace(staged, robot=true_robot, q=motion.q, v=motion.v, a=motion.a)
                     torque = effect.torque(true_robot, truly, one.joint, np.array(one.theta))
@@ -121,15 +122,15 @@ def _per_load(
     found_load: Float[Array, "N nv"],
     effects: list[tuple[Effect, KnownEffect]],
 ) -> Float[Array, "N nv"] | None:
-    """Derivative of the drive torque by the torque on the link, with known effects that depend on the load.
+    """Derivative of the drive torque with respect to the torque on the link; None without effects that depend on load.
 
-    None without such effects. A load that is found later changes their torque, too, by the derivative of their laws at
-    the known load. At a load of zero, where laws have a kink, the derivative is taken as zero.
+    Known effects that depend on the load respond to a load that is found later, by the derivative of their laws at the
+    known load. At a load of zero, where laws have a kink, the derivative of the law is taken as zero.
 
     Args:
         robot: The given model.
-        operation: Of the model alone.
-        found_load: Load by known effects.
+        operation: Motion and torque of the given model alone.
+        found_load: Torque of the known effects on the links.
         effects: Known effects.
     """
     following = [(effect, one) for effect, one in effects if effect.follows_load and not effect.on_link]
@@ -146,12 +147,12 @@ def _per_load(
 
 
 def _stage_of(effect: Rival) -> int:
-    """Place of an effect in the order of computation: after the torques that it is computed from."""
+    """Place of an effect in the order of computation: after all torques from which the effect is computed."""
     return 3 if effect.scales_joint else 2 if effect.follows_torque else 1 if effect.follows_load else 0
 
 
 def expecting(operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
-    """The operation with the torque of the effects of the last fit."""
+    """The operation with the expected torque: that of the given model and of the effects of the last fit."""
     plain = operation.after_fit(operation.tau)
     found_load = np.zeros_like(operation.tau)
     for point in found:
@@ -173,7 +174,7 @@ def _torque_of(operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]
 
 
 def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]) -> tuple[Robot, Motion]:
-    """The robot in the true gravity, and the true motion of its links, by effects of the last fit.
+    """The robot with the true direction of gravity, and the true motion of its links, according to the last fit.
 
     Args:
         robot: The given model.
@@ -196,9 +197,9 @@ def adjusted_robot(robot: Robot, changes: Float[Array, " n"], given: Robot | Non
     """The given model after changes within its tolerances.
 
     Args:
-        robot: The given model, or the same with a known load.
+        robot: The given model, or the given model with a known load.
         changes: Change of each of the `tolerance_parameters`.
-        given: The model whose tolerances they are, if ``robot`` carries a load.
+        given: The given model, if ``robot`` carries a load; None: ``robot`` is the given model.
     """
     change = np.zeros_like(standard_parameters(robot))
     out = robot
@@ -219,7 +220,7 @@ def moved_operation(operation: Operation, robot: Robot) -> Operation:
     """The operation with the torque of another model in place of the given one.
 
     Args:
-        operation: Of the given model.
+        operation: Motion and torque of the given model.
         robot: The other model.
     """
     more = inverse_dynamics(robot, operation) - inverse_dynamics(operation.robot, operation)

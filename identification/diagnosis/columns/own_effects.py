@@ -1,7 +1,7 @@
-"""Effects that act in one of several recordings only, and recordings with a model of their own.
+"""Effects that act in one of several recordings only, and models that hold in one recording only.
 
-If something changed in a recording, each effect that may have changed gets its own coefficients there; its columns are
-zero in all other recordings. A recording with a known load or controller gets its own model.
+If something unknown changed in a recording, each effect that may have changed gets additional columns, which are zero
+in all other recordings. A recording with a known load or controller gets its own model.
 """
 
 from __future__ import annotations
@@ -74,7 +74,8 @@ class OwnEffect(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Bounds of the coefficients, which are differences from the other recordings.
 
-        There are none, as friction may be smaller, but for effects whose shape is estimated: no delay is negative.
+        Differences have no bounds, as friction may be smaller than in the other recordings. Effects whose shape is
+        estimated keep the bounds of the catalogue's effect, as a delay cannot be negative.
         """
         return self.inner.coefficient_bounds(robot, joint, shape) if self.shape_is_estimate else ()
 
@@ -83,7 +84,7 @@ class OwnEffect(Effect):
         return self.inner.untestable(robot, operation, joint)
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """Regressor columns of the catalogue's effect; this effect has copies that are zero in the other recordings."""
+        """Regressor columns of the catalogue's effect; this effect has copies of them for its recording."""
         return self.inner.regressor_columns(robot, joint)
 
     def lightest(self, robot: Robot) -> float:
@@ -164,10 +165,10 @@ ALIKE = Differences()
 
 
 def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Differences:
-    """Models and own effects that follow from known and unknown changes.
+    """Models of recordings by known changes, and effects in single recordings by unknown changes.
 
-    For each kind of unknown change, all recordings that do not state it share one value. If all recordings state it,
-    the first one is the reference.
+    For each kind of unknown change, all recordings that do not state the change share one value. If all recordings
+    state it, the first recording is the reference.
 
     Args:
         changes: One for each recording, those held out at the end; empty if nothing is known.

@@ -38,7 +38,7 @@ class Prepared:
         tracked: Recordings with measured poses, if there are any.
         places: Corrected places of a closed chain, from earlier poses.
         files: Names of all recordings.
-        notes: On the stretches of long recordings that are used.
+        notes: Notes on the stretches of long recordings that are used.
         started: Start of the diagnosis on a monotonic clock [s].
     """
 
@@ -64,7 +64,7 @@ def prepared(
     known: tuple[KnownEffect, ...] = (),
     changes: tuple[Change, ...] = (),
 ) -> Prepared:
-    """Input of a diagnosis; afterwards the caller may release the recordings, which may be hours long.
+    """Prepare the input of a diagnosis; afterwards the caller may release the recordings, which may be hours long.
 
     Args:
         robot: The given model.
@@ -74,7 +74,7 @@ def prepared(
         changes: Known differences between the recordings; empty if there are none.
 
     Raises:
-        LogError: If a recording cannot be used, or is certainly wrong and was not to be diagnosed anyway.
+        LogError: If a recording cannot be used, or has a certain fault that the user did not choose to ignore.
     """
     started = time.perf_counter()
     require_right(recordings)
@@ -89,7 +89,7 @@ def prepared(
         tuple(one for one in some if not one.poses_alone) for some in (recordings[:count], recordings[count:])
     )
     notes: tuple[Said, ...] = ()
-    if not changes:  # known differences are of whole recordings
+    if not changes:  # stated differences hold for whole recordings, so these are not shortened
         notes = tuple(note_on_length(one) for one in (*seen, *unseen) if is_long(one))
         seen, unseen = (tuple(part for one in some for part in stretches(one)) for some in (seen, unseen))
     return Prepared(

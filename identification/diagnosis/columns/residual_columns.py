@@ -1,7 +1,7 @@
 """Regression columns of everything that may explain a residual: tolerance parameters of the model and every effect.
 
-The residual of joint ``j`` is measured minus modelled torque, in the analysed band. It is taken to be a sum of columns
-times unknown numbers. Columns of one recording are computed once; every later fit works on their Gram matrices.
+The residual of a joint is measured minus modelled torque, in the analysed band. A fit explains the residual by a sum of
+columns times unknown coefficients. Columns of one recording are computed once; all fits use their Gram matrices.
 """
 
 from __future__ import annotations
@@ -53,20 +53,20 @@ class Columns:
     """Columns of all recordings of one robot, row by row (a row is a joint's torque).
 
     Attributes:
-        names: One per column; the first are tolerance parameters, then the rigid-body regressor's, then others.
+        names: Name of each column: first tolerance parameters, then the rigid-body regressor, then effects.
         tolerance_parameters: The parameter of each of the first columns.
-        terms: Rivals.
+        terms: All candidate effects.
         rows: For each row, the indices of the columns that touch it.
         values: For each log and row, in-band samples of those columns, ``values[log][row] (n, len(rows[row]))``.
         residual: For each log, measured minus modelled torque in the band, ``(n, nv)``.
         model_torque: For each log, modelled torque in the band, ``(n, nv)``.
         usable: For each log, samples that may be used on each row, ``(n, nv)``.
         reversal_std: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
-        standstill_std: For each log, standard deviation of the friction torque of standing joints, ``(n, nv)``.
+        standstill_std: For each log, standard deviation of the friction torque of joints at standstill, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
-        local: Places of the columns of each effect.
-        displaced: Effects and joints that displace links or turn gravity, for which columns of tolerance parameters
-            and rigid bodies are computed.
+        local: Blocks of columns of the effects.
+        displaced: Effects and joints that displace links or turn gravity. The columns of tolerance parameters and rigid
+            bodies are computed at these true positions.
     """
 
     names: tuple[str, ...]
@@ -96,8 +96,9 @@ class FitPoint:
     Attributes:
         found: Effects of the last fit.
         runners_up: Rivals that were nearly as good.
-        residual: Residual of the last fit of each log's torque, in the band; None: of a fit of the tolerances alone.
-        resonances: Compliances read off resonances, tried beside the grid of shapes.
+        residual: Residual of the last fit for each log, in the band; None: it is computed from a fit of the tolerance
+            parameters alone.
+        resonances: Transmission compliances determined from resonances, which are tried in addition to the grid.
     """
 
     found: tuple[FoundEffect, ...] = ()
@@ -107,22 +108,22 @@ class FitPoint:
 
 
 def build_columns(session: Session, about: FitPoint = FitPoint(), before: Columns | None = None) -> Columns:
-    """Columns of every nuisance and of every effect at every place.
+    """Columns of every tolerance parameter and of every effect on every joint.
 
-    Columns made of accelerations are filtered to the judged band: above it they are encoder noise, the same noise as in
-    the residual, and a fit would explain it by an inertia that is too large.
+    Columns made of accelerations are low-passed to the judged band. Above that band they are encoder noise. The
+    residual contains the same noise, so a fit would explain it by an inertia that is too large.
 
     Args:
         session: Robot and logs.
-        about: Where nonlinear laws are linearised.
-        before: Columns of the same session before the last fit, which are reused where it does not change them.
+        about: Point about which nonlinear laws are linearised.
+        before: Columns of the same session for an earlier point; columns that do not depend on the point are reused.
     """
     robot = session.robot
     displacing = _displacing(robot, about.found)
     given = _given_part(session) if before is None else _given_part_of(before)
     if before is None or before.displaced or displacing:
-        # Tolerance parameters and rigid bodies at the true positions of the links, where a wrong mass acts. The effect
-        # itself is a change of the given model's torque, from which the residual is computed: both together are exact.
+        # A wrong mass acts at the true position of its link, so tolerance parameters and rigid bodies are computed
+        # there. The displacing effect itself is computed from the given model. The sum of both is exact.
         parts = tuple(model_columns(session, k, o, displacing) for k, o in enumerate(given.operations))
         given = replace(given, of_model=parts)
     operations = tuple(expecting(o, about.found) for o in given.operations)
@@ -160,9 +161,9 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
 def columns_by_log(
     session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()
 ) -> tuple[Columns, Callable[[int], tuple[Float[Array, "n k"], ...]]]:
-    """As `columns_like` without the values, and a function that computes the values of one log.
+    """As `columns_like`, but without values, and a function that computes the values of one log.
 
-    Those of all logs together are large.
+    The values of all logs together may not fit in memory.
     """
     given, displacing = _given_part(session), _displacing(session.robot, found) if like.displaced else ()
     operations = tuple(expecting(o, found) for o in given.operations)
@@ -254,7 +255,7 @@ def _assembled(
         given.model_torque,
         given.usable,
         given.reversal_std,
-        # With the friction of the last fit.
+        # Friction includes that of the last fit.
         tuple(
             standstill_std(log, friction_sign_unknown(robot, log), friction_with(operation, found))
             for log, operation in zip(session.logs, given.operations, strict=True)
@@ -266,9 +267,9 @@ def _assembled(
 
 
 def _displacing(robot: Robot, found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
-    """Those effects that displace the links from the positions as read, or turn gravity.
+    """Found effects that displace the links from the positions that the encoders read, or turn gravity.
 
-    An encoder error that gives the same reading at several positions is left out: it would make infinite speeds.
+    An encoder error that gives the same reading at several positions is left out: the true speed would be infinite.
     """
     out = []
     for point in found:
@@ -294,7 +295,7 @@ def model_columns(
         log: Index of the log.
         operation: Its motion.
         displacing: Effects that displace the links.
-        beyond: Where columns made of accelerations end, in edges of the judged band.
+        beyond: Cutoff of columns made of accelerations, divided by the edge of the judged band.
     """
     robot, band = session.robot, session.logs[log].band
     narrow = partial(session.log_below, log=log, edge_hz=beyond * session.cutoff_hz)
@@ -314,7 +315,7 @@ def _regressor_in_band(
         robot: The model.
         motion: Motion of its links.
         band: Filter.
-        per_load: Derivative of the drive torque by the torque on the link; None: one.
+        per_load: Derivative of the drive torque with respect to the torque on the link; None: it is one.
     """
     inside = band.samples(len(motion.t))
     parts = []
@@ -333,7 +334,10 @@ def _parameters_on(robot: Robot, row: int) -> tuple[int, ...]:
 def effect_columns(
     session: Session, log: int, operation: Operation, block: Local, edge_hz: float
 ) -> tuple[Float[Array, "n c"], ...]:
-    """In-band columns of one effect in one log, an array for each row; parts made of accelerations end at an edge."""
+    """In-band columns of one effect in one log, an array for each row.
+
+    Parts made of accelerations are low-passed to ``edge_hz``.
+    """
     band = session.logs[log].band
     signature = block.effect.signature(operation.robot, operation, block.joint, block.shape)
     out = []
@@ -347,7 +351,7 @@ def effect_columns(
 
 
 def _kept(before: Columns, log: int) -> dict[ColumnKey, tuple[Float[Array, "n c"], ...]]:
-    """Columns of one log, by effect, joint and shape, that no fit changes: one array for each row that they touch."""
+    """Columns of one log that do not depend on the last fit, by effect, joint and shape; an array for each row."""
     out: dict[ColumnKey, tuple[Array, ...]] = {}
     for block in before.local:
         if block.effect.stays:
@@ -366,7 +370,7 @@ def _values(
     local: tuple[Local, ...],
     kept: dict[ColumnKey, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
-    """In-band columns of one log row by row; cached ones are reused."""
+    """In-band columns of one log row by row; the columns ``kept`` of an earlier fit are reused."""
     operation = operation.short_lived_copy()
 
     def computed(block: Local) -> tuple[Array, ...]:

@@ -18,12 +18,12 @@ def residual_within_tolerances(
 ) -> tuple[Float[Array, "n nv"], ...]:
     """Residual of a weighted least squares fit of the tolerance parameters, with the tolerances as prior.
 
-    The noise of each joint is assumed to be a tenth of its residual. That is about right where the model is wrong.
+    The noise of each joint is assumed to be a tenth of its residual, which is about right if the model is wrong.
 
     Args:
         robot: The given model.
         columns: For each log and joint, the columns of the parameters that may change its torque, then any others.
-        residual: Measured less modelled torque of each log.
+        residual: Measured minus modelled torque of each log.
         usable: Samples that may be used.
     """
     parameters = tolerance_parameters(robot)

@@ -1,11 +1,12 @@
-"""Transmission stiffness read off resonances in a joint's frequency response, as further shapes for the search.
+"""Transmission stiffness from resonances in a joint's frequency response, as additional shapes for the search.
 
-The grid of transmission compliance is coarse. A torque rich enough to show a resonance determines the stiffness to a
-few per cent, whatever the model of the links is; the search includes that compliance and scores it like all others.
+The grid of transmission compliances that the search tries is coarse. A recording that excites a resonance determines
+the stiffness to a few per cent, whatever the model of the links is. The search tries that compliance in addition, and
+scores it like all others.
 
-The frequency response is from drive torque to motor position. It needs a rich torque (noise, a chirp) up to well above
-the resonance while the other joints hold still, and an encoder on the motor. Dry friction and cogging lower the
-coherence; a joint that moves far changes its inertia with its posture, which a linear model cannot follow.
+The frequency response is from drive torque to motor position. It needs an encoder on the motor, and excitation (noise,
+a chirp) up to well above the resonance while the other joints hold still. Dry friction and cogging lower the coherence.
+If a joint moves far, its inertia changes with the posture, and the linear model does not hold.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ from phantom_dyn.haptics.experiments.frequency_response import (
 )
 from phantom_dyn.model.robot import Robot
 
-# Share of the rate up to which a sampled torque is accurate to a per cent.
+# Largest frequency, as a share of the sampling rate: up to there a sampled torque is accurate to a per cent.
 _HIGHEST = 0.2
-# Least number of segments of a recording, and their largest length [s].
+# Least number of segments of a recording.
 _SEGMENTS = 12
-_LONGEST = 8.0  # lines of the spectrum are then an eighth of a hertz apart
+_LONGEST = 8.0  # largest length of a segment [s]: lines of the spectrum are then an eighth of a hertz apart
 
 
 def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
-    """Compliance of every joint whose vibration some recording shows, with an encoder on its motor's side.
+    """Transmission compliance of every joint with an encoder on its motor, for each recording that shows a resonance.
 
     Args:
-        robot: Says where the encoders sit.
-        logs: Ready for fitting.
+        robot: States which encoders are on the motor.
+        logs: Recordings ready for fitting.
     """
     effect = effect_named("transmission_compliance")
     out = []
@@ -52,12 +53,12 @@ def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
 
 
 def _stiffness(log: Log, joint: str) -> float | None:
-    """Stiffness of one transmission, None where the recording does not show it."""
+    """Stiffness of one transmission; None if the recording does not show it."""
     try:
         response = joint_response(log, joint)
         if np.mean(response.coherence >= rules.COHERENT) < rules.EXCITED_SHARE:
             return None
-        # A fit to another system than two masses may overflow in between; its result is tested by the misfit.
+        # The fit may overflow on the way if the system has not two masses; a bad fit raises an error.
         with np.errstate(all="ignore"):
             return fit_continuous_two_mass(response).axis.cable_stiffness
     except (EstimationError, LogError, ParameterError):
@@ -94,7 +95,7 @@ def joint_response(log: Log, joint: str) -> FrequencyResponse:
 
 
 def _longest_valid(log: Log) -> slice:
-    """The longest run of samples that may be used, the first of equal ones; empty without any."""
+    """The longest run of valid samples, the first of several of equal length; empty without valid samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]).astype(int)))
     runs = edges.reshape(-1, 2).tolist()
     return max((slice(*run) for run in runs), key=lambda run: run.stop - run.start, default=slice(0, 0))

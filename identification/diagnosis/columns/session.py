@@ -1,4 +1,4 @@
-"""One diagnosis as data: a robot, its recordings in a common band, and which blocks each fit may see."""
+"""Data of one diagnosis: a robot, its recordings in a common band, and the blocks that each fit may use."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Session:
 
     Attributes:
         robot: The given model.
-        logs: Recordings ready for fitting, those that no fit may see at the end.
+        logs: Recordings ready for fitting; recordings that are held out of all fits come last.
         cutoff_hz: Edge of the judged band, common to all logs.
         blocks: Stretches of samples that are held out together.
-        folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
+        folds: Fold of each block, -1 for blocks of held-out recordings, ``(B,)``.
         known: Effects that belong to the given model already.
         differences: Known differences between the recordings.
-        recordings: Raw recordings of the logs; empty where only logs are at hand.
+        recordings: Raw recordings of the logs; empty if the session was made from logs.
     """
 
     robot: Robot
@@ -64,14 +64,14 @@ class Session:
 
     @cached_property
     def largest_torque(self) -> Float[Array, " nv"]:
-        """Largest torque of each joint in all logs; zero where none is known."""
+        """Largest torque of each joint in all logs; zero if no torque is known."""
         return np.max([_largest(log.tau) for log in self.logs], axis=0)
 
     @cached_property
     def largest_speed(self) -> Float[Array, " nv"]:
         """Largest speed of each joint in samples that fits may use.
 
-        At the ends of a log the recorder's filters may leave a jump of the positions, which is no motion of the joint.
+        Filters of the recorder may make positions jump at the ends of a log, which is no motion of the joint.
         """
         return np.max([_largest(log.motion.v[log.samples][log.valid_in_band]) for log in self.logs], axis=0)
 
@@ -94,7 +94,7 @@ class Session:
 
 
 def _largest(series: Float[Array, "N nv"]) -> Float[Array, " nv"]:
-    """Largest magnitude of each column, zero where none is known."""
+    """Largest magnitude of each column; zero if all its values are NaN."""
     return np.nanmax(np.abs(series), axis=0, initial=0.0)
 
 
@@ -153,9 +153,9 @@ def session_of(
 
 
 def _require_samples(session: Session) -> None:
-    """Refuses recordings of which gaps and excluded times leave too few blocks with samples."""
+    """Refuse recordings with too few blocks that contain samples outside gaps and excluded times."""
     blocks = [block for block, fold in zip(session.blocks, session.folds, strict=True) if fold >= 0]
-    # Blocks with a sample in their core that no gap and no excluded stretch touches.
+    # A block counts if a sample of its core does not depend on a gap or an excluded time.
     if sum(session.logs[b.log].valid_in_band[b.core : b.stop].any() for b in blocks) >= rules.LEAST_BLOCKS:
         return
     edges = [np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]))) for log in session.logs]
@@ -173,7 +173,7 @@ def _require_samples(session: Session) -> None:
 
 
 def _with_its_friction(session: Session) -> Robot:
-    """The robot with the soft friction of its file's simulator where the recordings show it, else without."""
+    """The robot with the soft friction of MuJoCo if the recordings show it, else without."""
     robot = session.robot
     if not any(robot.soft_friction):
         return robot
@@ -183,7 +183,7 @@ def _with_its_friction(session: Session) -> Robot:
 
 
 def _known_coulomb(robot: Robot, known: tuple[KnownEffect, ...]) -> Float[Array, " nv"]:
-    """Coulomb torque of each joint by known effects, beside the modelled friction."""
+    """Coulomb torque of each joint by known effects, in addition to the modelled friction."""
     out = np.zeros(robot.nv)
     for one in known:
         numbers = effect_named(one.effect, robot).model_numbers(robot, one.joint, np.array(one.theta))
@@ -193,7 +193,7 @@ def _known_coulomb(robot: Robot, known: tuple[KnownEffect, ...]) -> Float[Array,
 
 
 def _require_free_names(robot: Robot) -> None:
-    """Refuses effects of a user that have the name of a structure of unknown cause."""
+    """Refuse effects of a user that have the name of a structure of unknown cause."""
     taken = {structure.name for structure in STRUCTURES}
     for effect in robot.user_effects:
         if effect.name in taken:

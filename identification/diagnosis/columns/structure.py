@@ -1,9 +1,9 @@
-"""Generic structures of a residual outside of the catalogue, which make a gap `unknown`.
+"""Generic structures of a residual that match no effect of the catalogue, and make a gap `unknown`.
 
-Each is a small group of columns for a class of causes: a slow change with time, a rhythm in time, a force that depends
+Each is a small group of columns for a class of causes: a slow change with time, a periodic force, a force that depends
 on the position, drag that grows with the square of the speed, and drives that weaken with the load of all joints. They
-compete with the catalogue at the price of their parameters, so that an effect that only resembles one of these is no
-finding, and an effect of the catalogue is found in spite of them.
+compete with the effects of the catalogue at the price of their parameters. So an effect that only resembles the true
+structure is not claimed, and an effect of the catalogue beside such a structure is still found.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging
 
-_SLOW = 3  # half waves within the recording that a drift may have: faster, it is no drift
-# Share of a rhythm that position and velocity of the joint can make, above which it is no rhythm of its own.
+_SLOW = 3  # largest number of half waves of a drift within the recording
+# If position and velocity of the joint can make this share of a rhythm, it is no rhythm but an effect of the motion.
 _OF_THE_MOTION = 0.9
 
 
@@ -31,12 +31,19 @@ def _on_row(robot: Robot, joint: str | None, columns: list[Float[Array, " N"]]) 
 
 
 def _scaled(x: Float[Array, " N"]) -> Float[Array, " N"]:
-    """A series divided by its usual size."""
+    """A series divided by the 95th percentile of its magnitude."""
     return x / max(float(np.percentile(np.abs(x), 95)), 1e-12)
 
 
 class Drift(Rival):
-    """An offset, a friction or a gain of one joint that changes slowly over the recording."""
+    """An offset, a friction or a gain of one joint that changes slowly over the recording.
+
+    Args:
+        name: Name of the structure.
+        steady: Name of the effect without the change over time.
+        whole: Gives the column of the steady effect on a joint of the recording.
+        made_of: Series from which the column is made.
+    """
 
     regime = "time_drift"
 
@@ -58,28 +65,29 @@ class Drift(Rival):
 
 
 class OfDrive(Drift):
-    """A drift of what the drive makes of its torque."""
+    """A drift that changes the torque of the drive itself."""
 
     acts_as = "drive"
 
 
 class Rhythm(Rival):
-    """A force with a period of its own in time, whatever the robot does."""
+    """A force that is periodic in time, independent of the motion of the robot."""
 
     name = "rhythm"
     regime = "everywhere"
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The two strongest frequencies [Hz] of the torque residual, but not that of a joint that swings in one sine.
+        """The two strongest frequencies [Hz] of the torque residual, without that of a joint that moves in one sine.
 
-        There sine and cosine are the position and the velocity, and a torque that depends on these is no rhythm.
+        At that frequency, sine and cosine are the position and the velocity of the joint, and a torque that depends on
+        these is no rhythm.
         """
         j = row_of(robot, joint)
         residual = np.array(operation.residual[:, j])
         v = operation.v[:, j]
         plain = np.column_stack([np.ones(len(v)), np.sign(v), v, operation.expected[:, j], operation.q[:, j]])
         residual = residual - plain @ np.linalg.lstsq(plain, residual, rcond=None)[0]
-        # Zero-padded to four times the length, to find the frequency to a fraction of a line.
+        # Zero-padded to four times the length, so that the frequency is found to a fraction of a spectral line.
         power = np.abs(np.fft.rfft(residual * np.hanning(len(residual)), 4 * len(residual))) ** 2
         frequency = np.fft.rfftfreq(4 * len(residual), operation.dt)
         seconds = operation.t[-1] - operation.t[0]
@@ -115,7 +123,7 @@ def _swings_at(hertz: float, operation: Operation, j: int) -> bool:
 
 
 class Field(Rival):
-    """A force on one joint that depends on the positions of all of its branch: a contact, a cable that catches."""
+    """A force on one joint that depends on the positions of all joints of its branch, as of a contact or a cable."""
 
     name = "field"
     regime = "posture"
@@ -126,7 +134,7 @@ class Field(Rival):
         return ("torque_offset", "parasitic_spring")
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Hinge functions of each position, as a contact makes them that begins somewhere."""
+        """Hinge functions of each position: zero up to a knot and linear beyond it, like the force of a contact."""
         columns = [np.ones(len(operation.t))]
         for k in branch_rows(robot, joint):
             q = operation.q[:, k]
@@ -145,14 +153,14 @@ class Contact(Rival):
     regime = "posture"
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Positions over the travel, and on which side of them."""
+        """Positions where the contact begins, spread over the travel, and the side on which it acts."""
         low, high = np.percentile(operation.q[:, row_of(robot, joint)], [1, 99])
         return tuple(
             (low + part * (high - low), side) for side in (-1.0, 1.0) for part in (0.15, 0.32, 0.5, 0.68, 0.85)
         )
 
     def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
-        """The same position, and some before and after."""
+        """The same position and positions near it."""
         return tuple((shape[0] + step, shape[1]) for step in (-0.1, -0.03, 0.0, 0.03, 0.1))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -174,13 +182,13 @@ class Drag(Rival):
         return ("viscous_friction",)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Velocity, and its square with its sign."""
+        """Velocity, and its square with the sign of the velocity."""
         v = _scaled(operation.v[:, row_of(robot, joint)])
         return _on_row(robot, joint, [v, v * np.abs(v)])
 
 
 class Supply(Rival):
-    """Drives that give less when all of them together need more torque; one drive, or all alike."""
+    """Drives that give less torque when all drives together need more: one drive, or all drives alike."""
 
     name = "supply"
     scope = "either"
@@ -194,11 +202,14 @@ class Supply(Rival):
         return ("torque_constant",)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """How long [s] a supply takes to give way."""
+        """Time constants [s] with which the supply sags."""
         return ((0.03,), (0.1,), (0.3,))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Modelled torque, and the same times the load of all joints; of one joint also the power and its own load."""
+        """Modelled torque, and modelled torque times the load of all joints.
+
+        For one joint there are also its torque times the power of all joints, and times its own load.
+        """
         tau = operation.tau
         key = ("load and power of all drives", shape[0])
         if key not in operation.kept:

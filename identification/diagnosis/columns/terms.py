@@ -1,4 +1,8 @@
-"""Candidate terms of the search: one effect in one place with one shape, and the point about which it is linearised."""
+"""Candidate terms of the search: one effect on one joint with one shape each.
+
+The shape of an effect is the set of parameters in which its torque is nonlinear, such as the time of a delay. The
+search tries a grid of shapes. For each shape, the torque is a sum of columns times coefficients.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +21,8 @@ from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import joined_bases
 
-# Mean of a joint's load over its deviation from which on torque that grows with the load and torque that does not are
-# one to the data.
+# If the mean of a joint's load is more than this many of its standard deviations, the data do not separate torque that
+# grows with the load from torque that does not.
 _STEADY = 3.0
 
 # Fields of an operation with one row for each sample.
@@ -27,7 +31,7 @@ SERIES = ("t", "q", "v", "a", "tau", "expected", "logged")
 
 @dataclass(frozen=True)
 class KnownEffect:
-    """An effect that an earlier diagnosis added to the model, with the contract's parameters in order."""
+    """An effect that an earlier diagnosis added to the model; ``theta`` has the order of `Effect.parameters`."""
 
     effect: str
     joint: str | None
@@ -52,7 +56,7 @@ class FoundEffect:
 
     @property
     def effect_joint(self) -> tuple[str, str | None]:
-        """Effect and joint, whatever the shape."""
+        """Name of the effect and its joint; terms with different shapes of one effect have the same."""
         return self.effect.name, self.joint
 
 
@@ -64,8 +68,8 @@ class Term:
         effect: An effect of the catalogue, or a structure that has no name there.
         joint: Its joint, None for the whole robot.
         shape: Parameters in which the torque is nonlinear, () if there are none.
-        columns: Indices among all columns.
-        size: Number of parameters that it adds.
+        columns: Indices of its columns among all columns.
+        size: Number of parameters: coefficients, and shape parameters that are fitted.
         lower, upper: Bounds of each coefficient.
     """
 
@@ -83,7 +87,7 @@ class Term:
 
     @cached_property
     def effect_joint(self) -> tuple[str, str | None]:
-        """Effect and joint, whatever the shape."""
+        """Name of the effect and its joint; terms with different shapes of one effect have the same."""
         return self.effect.name, self.joint
 
     @cached_property
@@ -93,7 +97,7 @@ class Term:
 
     @property
     def named(self) -> bool:
-        """False for a structure that the catalogue has no name for."""
+        """False for a structure that has no name in the catalogue."""
         return isinstance(self.effect, Effect)
 
 
@@ -105,16 +109,18 @@ def shapes_of(
     own: tuple[Effect, ...] = (),
     groups_of_joints: tuple[str, ...] = (),
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
-    """Effects, places and shapes to try in a recording that can show them.
+    """Effects, joints and shapes that the search tries, without effects that the recordings cannot show.
+
+    A joint whose load is nearly constant does not separate some effects, such as friction and friction that grows with
+    the load. If one of them was found there, its shapes are also tried for the others.
 
     Args:
-        robot: Says what can be where.
+        robot: Determines which effects are possible on which joints.
         operation: Samples of all recordings.
         found: Effects that the last fit found; shapes near theirs replace the effect's grid of shapes.
         seen: Effects that a separate method found, such as resonances; their shapes are tried in addition to the grid.
-            So are those of found effects from which a steady load does not separate an effect.
         own: Effects that act in one of several recordings only.
-        groups_of_joints: Joints, their names joined by ``+``, on which one cause may have one number.
+        groups_of_joints: Sets of joints on which one cause may have one common parameter, their names joined by ``+``.
     """
     near = {point.effect_joint: point for point in found}
     out = []
@@ -133,7 +139,8 @@ def shapes_of(
                 shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *beside)))
             else:
                 shapes = effect.refined(point.coefficients, point.shape)
-                # Of a law of which a special case is found, shapes that the recording hardly shows are not excluded.
+                # If a special case of the law was found, too, all shapes are still tried: shapes that the recording
+                # hardly shows are not excluded.
                 if any((name, joint) in near for name in effect.contains):
                     shapes = tuple(dict.fromkeys((*shapes, *effect.shapes(robot, operation, joint))))
             out.append((effect, joint, tuple(shapes)))
@@ -141,7 +148,7 @@ def shapes_of(
 
 
 def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bool:
-    """True if the load of a joint hardly varies beside its mean."""
+    """True if the load of a joint varies little compared with its mean."""
     if joint not in robot.joint_names:
         return False
     load = operation.transmitted[:, robot.joint_names.index(joint)]
@@ -149,11 +156,11 @@ def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bo
 
 
 def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | None:
-    """Why drives that are not there, or of which no torque is known, hide an effect; None where they do not.
+    """Reason why an effect cannot be tested because drives are missing or their torque is unknown; None if it can.
 
-    The torque that the model computes for a joint without a drive is its residual, which a torque constant or friction
-    under load would explain by itself. Without any torque all parameters may be scaled alike, down to bodies without
-    mass, which fit best.
+    On a joint without a drive the residual is the torque that the model computes, so a torque constant or friction
+    under load would always explain it. If no torque at all is known, all inertial parameters may be scaled alike, and
+    bodies without mass would fit best.
     """
     own = robot.actuators[robot.joint_names.index(joint)] if joint in robot.joint_names else None
     if own is not None and not own.drive_known:
@@ -168,12 +175,12 @@ def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | N
 def untestable_effects(
     robot: Robot, operation: Operation, tried: frozenset[tuple[str, str | None]] | None = None
 ) -> tuple[tuple[str, str | None, str], ...]:
-    """Effects and places that a recording like this cannot show, or that nothing in it asks for, and why, in words.
+    """Effects and joints that the search did not try, each with the reason in words.
 
     Args:
-        robot: Says what can be where.
-        operation: Operation of all recordings.
-        tried: Effects and places that took part in the search; None: all that the recording can show.
+        robot: Determines which effects are possible on which joints.
+        operation: Samples of all recordings.
+        tried: Effects and joints that the search tried; None: all that the recordings can show.
     """
     out = []
     for effect in catalogue.effects_of(robot):
@@ -187,7 +194,7 @@ def untestable_effects(
 
 
 def merged(operations: tuple[Operation, ...]) -> Operation:
-    """All operations one after the other, as one that is used for ranges and periodograms only."""
+    """All operations in succession, as one; to be used for ranges and periodograms only, as it jumps in between."""
     if len(operations) == 1:
         return operations[0]
     start, times = 0.0, []
@@ -218,12 +225,12 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
 
 
 def _or_filled(series: Array | None, like: Array, value: float) -> Array:
-    """A series, or one of the shape of another that is constant, where there is none."""
+    """The series, or a constant one with the shape of ``like`` if there is none."""
     return np.full_like(like, value) if series is None else series
 
 
 def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> References | None:
-    """References of all operations in succession, zero for an operation without any; None if all are without."""
+    """References of all operations in succession, zero for operations without references; None if none has any."""
     known = [operation.references for operation in operations if operation.references is not None]
     if not known:
         return None

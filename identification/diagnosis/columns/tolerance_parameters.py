@@ -1,6 +1,6 @@
 """Parameters of the model that may change within its stated tolerances, and the column of each in the regression.
 
-They are nuisances: their torque explains a part of the residual, and no part of the gap.
+They are nuisances: the torque that they explain is not part of the gap.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from phantom_dyn.model.robot import Robot
 TIMING = "timing"
 """Kind of the parameter that shifts all torques in time."""
 SOFTNESS = "softness"
-"""Kind of the softness of dry friction, which then changes sign gradually as in MuJoCo."""
+"""Kind of the softness of dry friction: soft friction changes sign gradually, as in MuJoCo."""
 ARRIVAL = "arrival"
-"""Kind of the arrival of a joint's references within a frame of the controller."""
+"""Kind of the time at which a joint's references arrive within a cycle of the controller."""
 BASE = "base"
 """Kind of an error of the sensors on a base that is not bolted down."""
 OF_THE_RECORDING = (TIMING, SOFTNESS, ARRIVAL, BASE)
-"""Kinds of parameters that belong to a recording: they change no number of the model."""
+"""Kinds of parameters that belong to a recording, and not to the model."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class ToleranceParameter:
             references, an error of the base's sensors, or the timing of all torques.
         owner: Index of the body, or name of the joint or of the error, to which it belongs; None for the timing.
         direction: Direction of the change in the ten inertial parameters of the body.
-        relative: True if the change is relative to the modelled value. Else a shift of all torques or of references is
-            in samples, softness of friction relative to that of the simulator of the robot's file, and errors of the
-            base's sensors in SI units.
+        relative: True if the change is relative to the modelled value. Otherwise the unit depends on the kind: samples
+            for shifts of torques or references, shares of MuJoCo's law for softness, SI units for errors of the base's
+            sensors.
     """
 
     name: str
@@ -59,17 +59,17 @@ class ToleranceParameter:
 
 
 def bodies_on(robot: Robot, row: int) -> tuple[int, ...]:
-    """Bodies that the drive of a joint moves, in Pinocchio's order: those behind it, or in closed chains all."""
+    """Bodies that the drive of a joint moves, in Pinocchio's order: the joint's subtree, or all in a closed chain."""
     if robot.chain is not None:
         return tuple(range(1, robot.model.njoints))
     return tuple(sorted(robot.model.subtrees[robot.model.getJointId(robot.joint_names[row])]))
 
 
 def parameters_by_joint(robot: Robot, parameters: tuple[ToleranceParameter, ...]) -> tuple[tuple[int, ...], ...]:
-    """For each joint, indices of the parameters that may change its torque; those of a passive joint may change all.
+    """For each joint, indices of the parameters that may change its torque.
 
-    The bodies behind a joint are read from Pinocchio once a joint and not once a parameter: that takes most of the
-    time.
+    Parameters of a passive joint may change the torque of all joints. The subtree of a joint is read from Pinocchio
+    once per joint, as this takes most of the time.
     """
     # True for parameters of one body, by its index, or of one active joint, by its name.
     local = [isinstance(parameter.owner, int) or parameter.owner in robot.joint_names for parameter in parameters]
@@ -100,12 +100,12 @@ def tolerance_parameters(robot: Robot) -> tuple[ToleranceParameter, ...]:
         for kind, words, sigma in of_joints:
             if sigma > 0 and modelled_value(robot, kind, joint) > 0:
                 out.append(ToleranceParameter(f"{joint} {words}", sigma, 2 * sigma, kind, joint))
-    # A recording of the file's simulator has its soft friction; a robot may have less or none.
+    # A recording from MuJoCo has soft friction; a real robot may have less of it or none.
     out += [
         ToleranceParameter(f"{joint} softness of friction", 1.0, 2.0, SOFTNESS, joint, relative=False)
         for joint in soft_joints(robot)
     ]
-    # The arrival is uniform over a frame: its deviation is 1 / sqrt(12) of the frame.
+    # The arrival is uniform over a controller cycle: its standard deviation is 1 / sqrt(12) of the cycle.
     out += [
         ToleranceParameter(f"{joint} arrival of references", 0.29, 0.5, ARRIVAL, joint, relative=False)
         for joint in robot.unknown_arrivals
@@ -166,7 +166,7 @@ def tolerance_columns(
 
 
 def modelled_value(robot: Robot, kind: str, joint: str) -> float:
-    """Modelled viscous friction, Coulomb friction or rotor inertia of a joint; zero for a rotor that it lacks.
+    """Modelled viscous friction, Coulomb friction or rotor inertia of a joint; zero for a rotor of a passive joint.
 
     Args:
         robot: The model.

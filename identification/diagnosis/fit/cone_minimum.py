@@ -1,10 +1,13 @@
 """Minimum of a quadratic loss over inertial parameters of bodies that can exist: a compiled interior-point method.
 
-The unknowns are the ten entries of each pseudo-inertia ``S``, where the cone is simplest, and a multiplier ``Z`` of
-each. At the minimum ``S Z`` is zero. Steps solve for both at once, where ``S Z`` is a multiple of the identity that
-falls from step to step: the direction of [Helmberg]_, with the Hessian ``tr(S^-1 B_k Z B_l)`` of the symmetric unit
-matrices ``B_k``, and a predicted step whose products the next one corrects [Mehrotra]_. A general solver of cones takes
-five times as long for one body (benchmarks/test_cone_minimum_benchmark.py), and a diagnosis asks for many minima.
+A body can exist if its pseudo-inertia ``S``, a symmetric 4 x 4 matrix, is positive semidefinite. The unknowns are the
+ten entries of each ``S`` and a matrix of multipliers ``Z`` for each. At the minimum ``S Z`` is zero. Each step solves
+for ``S`` and ``Z`` at once, such that ``S Z`` is a multiple of the identity, which becomes smaller from step to step.
+The direction of a step is that of [Helmberg]_, with the Hessian ``tr(S^-1 B_k Z B_l)`` for the symmetric unit matrices
+``B_k``. A step is first predicted, then computed again with corrections for its second-order terms [Mehrotra]_.
+
+A general cone solver takes five times as long for one body (benchmarks/test_cone_minimum_benchmark.py), and a diagnosis
+needs many minima.
 
 References:
     .. [Helmberg] C. Helmberg, F. Rendl, R. J. Vanderbei, H. Wolkowicz, An interior-point method for semidefinite
@@ -27,20 +30,21 @@ from phantom_dyn.array_types import Array, Float
 
 # Rows and columns of the entries of a pseudo-inertia: its upper triangle.
 _PLACES = np.array([(i, j) for i in range(4) for j in range(i, 4)])
-# Gap between loss and lower bound at which the iteration ends: as a share of what the cone costs, and in squared
-# deviations where that is small.
+# The iteration ends if the loss is above its lower bound by less than this share of the increase of the loss due to the
+# cone, or by less than this many squared standard deviations.
 _GAP = 1e-6
 # Largest number of steps; twenty are usual.
 _STEPS = 60
-# Least share of the present products of bodies and multipliers that a step aims at.
+# Smallest products ``S Z`` at which a step aims, as a share of the present ones.
 _LEAST_AIM = 0.01
-# Share of the way to the edge of the cone that a step goes.
+# Length of a step as a share of the distance to the edge of the cone.
 _INSIDE = 0.95
-# Factor that shortens a step until it stays inside, and how often it may.
+# Factor by which a step is shortened until it stays inside the cone, and the largest number of times.
 _SHORTER, _SHORTENED = 0.8, 60
 
 
 def _unit(i: int, j: int) -> Array:
+    """Symmetric 4 x 4 matrix with ones in entries ``ij`` and ``ji``, else zeros."""
     out = np.zeros((4, 4))
     out[i, j] = out[j, i] = 1.0
     return out
@@ -57,8 +61,9 @@ class Cone(NamedTuple):
 
     Attributes:
         start: Entries of the given bodies, ``(B, 10)``.
-        reach: Rows that are not negative, ``(B, F, 10)``.
-        places: Row and column of each entry, ``(10, 2)``.
+        reach: Rows whose products with the entries must not be negative: the centre of mass is within reach,
+            ``(B, F, 10)``.
+        places: Row and column of each entry in the pseudo-inertia, ``(10, 2)``.
     """
 
     start: Array
@@ -67,17 +72,17 @@ class Cone(NamedTuple):
 
 
 class Path(NamedTuple):
-    """Where the iteration is: bodies, slacks of their reach, their multipliers, and the next step of all of them.
+    """State of the iteration: bodies, slacks of their reach, multipliers of both, and the next steps.
 
     Attributes:
         inertias, inverses: Pseudo-inertias and their inverses, ``(B, 4, 4)``.
-        multipliers: Of the pseudo-inertias, ``(B, 4, 4)``.
-        inertia_steps, multiplier_steps: Next steps of both, ``(B, 4, 4)``.
-        corrections: Of the multipliers' steps, for the products of the predicted steps, ``(B, 4, 4)``.
+        multipliers: Multipliers of the pseudo-inertias, ``(B, 4, 4)``.
+        inertia_steps, multiplier_steps: Next steps of pseudo-inertias and multipliers, ``(B, 4, 4)``.
+        corrections: Second-order terms of the predicted step, ``(B, 4, 4)``.
         slacks, slack_multipliers: Slacks of the reach and their multipliers, ``(B, F)``.
-        slack_steps, slack_multiplier_steps: Next steps of both, ``(B, F)``.
-        slack_corrections: As ``corrections``, ``(B, F)``.
-        work: Room for one matrix, ``(4, 4)``.
+        slack_steps, slack_multiplier_steps: Next steps of slacks and their multipliers, ``(B, F)``.
+        slack_corrections: Second-order terms of the predicted step of the slacks, ``(B, F)``.
+        work: Work array, ``(4, 4)``.
     """
 
     inertias: Array
@@ -97,13 +102,13 @@ class Path(NamedTuple):
 def best_bodies(
     a: Float[Array, "10B 10B"], b: Float[Array, " 10B"], given: Float[Array, "B 10"], reach: Float[Array, "B F 10"]
 ) -> Float[Array, " 10B"]:
-    """Changes of bodies at the minimum of ``x a x / 2 - b x`` among bodies that can exist.
+    """Changes ``x`` of bodies at the minimum of ``x a x / 2 - b x`` among bodies that can exist, ``(10 B,)``.
 
     Args:
         a: Quadratic part, positive definite.
         b: Linear part.
-        given: The bodies whose changes are sought, inside the cone.
-        reach: Rows ``reach @ (given + x) >= 0``, all of them above zero for the given bodies.
+        given: Standard parameters of the unchanged bodies, inside the cone.
+        reach: Constraints ``reach @ (given + x) >= 0``, all of them above zero for the given bodies.
     """
     count = len(given)
     standard = STANDARD if count == 1 else np.kron(np.eye(count), STANDARD)
@@ -111,26 +116,26 @@ def best_bodies(
     cone = Cone(given @ ENTRIES.T, reach @ STANDARD, _PLACES)
     path = Path._make([*np.zeros((6, count, 4, 4)), *np.zeros((5, *reach.shape[:2])), np.zeros((4, 4))])
     _minimise(standard.T @ a @ standard, standard.T @ b, cone, path, change, work)
-    # Given bodies on the edge of the cone stay as they are: no step from there stays inside.
+    # Given bodies on the edge of the cone are not changed, as no step from there stays inside.
     return standard @ change
 
 
 @fused
 def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array) -> None:
-    """Go to the minimum by steps of bodies and multipliers.
+    """Write the changes of the entries at the minimum, by steps of bodies and multipliers.
 
     Args:
         a: Quadratic part over the entries of all pseudo-inertias, ``(10 B, 10 B)``.
         b: Linear part.
         cone: The bodies.
-        path: Zeros.
+        path: State of the iteration; zeros at first.
         x: Changes of the entries: zero at first, then the minimum.
         work: Work array: rows for a matrix, one for a slope and one for a step.
     """
     n = len(x)
     hessian, slope, step = work[:n], work[n], work[n + 1]
     numbers = float(len(cone.start) * (4 + cone.reach.shape[1]))
-    # How much lower the loss could be than that of the given bodies without the cone: this gives the first multipliers.
+    # Decrease of the loss from the given bodies to the minimum without the cone; it gives the first multipliers.
     most = 0.0
     _set_up(a, b, x, hessian, slope)
     eliminate(hessian, n)
@@ -142,7 +147,7 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array)
     if not _set_inertias(cone, path, x):
         return
     _set_first_multipliers(max(most, _GAP) / numbers, path)
-    # Part of the first slope of the Lagrangian that is left: a whole step makes it zero.
+    # Slope of the Lagrangian as a share of the first one: a step of length one makes it zero.
     unsolved = 1.0
     for _ in range(_STEPS):
         loss, gap = _set_up(a, b, x, hessian, slope), _gap(0.0, path)
@@ -150,7 +155,8 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array)
             return
         _add_curvature(cone, path, hessian)
         eliminate(hessian, n)
-        # How far a step to the minimum itself would come says where the next one aims at, and its products correct it.
+        # Predict a step that aims at products of zero. The better it would succeed, the smaller the products at which
+        # the real step aims; second-order terms of the prediction correct the real step.
         length = _step(0.0, cone, path, hessian, slope, step)
         aim = gap / numbers * max(_LEAST_AIM, (_gap(length, path) / gap) ** 2)
         _set_corrections(path)
@@ -227,7 +233,7 @@ def _set_inertias(cone: Cone, path: Path, x: Array) -> bool:
 
 @inlined
 def _gap(length: float, path: Path) -> float:
-    """Bodies and slacks times their multipliers after a part of a step: the loss above its lower bound."""
+    """Loss minus its lower bound after a part of a step: bodies and slacks times their multipliers."""
     gap = 0.0
     for body in range(len(path.inertias)):
         for i in range(4):
@@ -263,10 +269,10 @@ def _add_curvature(cone: Cone, path: Path, hessian: Array) -> None:
 
 @fused
 def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step: Array) -> float:
-    """Write the step to where bodies times multipliers are ``aim``.
+    """Write the step after which bodies times multipliers are ``aim`` times the identity.
 
     Returns:
-        The part of it that stays inside of the cone, at most one.
+        Largest part of the step that stays inside the cone, at most one.
     """
     reach, places = cone.reach, cone.places
     n = len(places)
@@ -306,7 +312,7 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
 
 @inlined
 def _set_corrections(path: Path) -> None:
-    """Write the corrections of the multipliers' steps: products of the predicted steps."""
+    """Write the second-order terms of the predicted step: products of the steps of bodies and multipliers."""
     for body in range(len(path.inertias)):
         _mixed(
             path.inverses[body],
@@ -337,7 +343,7 @@ def _mixed(left: Array, middle: Array, right: Array, work: Array, out: Array) ->
 
 @inlined
 def _inside(length: float, matrix: Array, change: Array, factor: Array) -> float:
-    """The length of a step, shortened until a matrix stays positive definite; zero if it does not."""
+    """The length of a step, shortened until ``matrix + length * change`` is positive definite; zero if it never is."""
     for _ in range(_SHORTENED):
         for i in range(4):
             for j in range(i + 1):
@@ -368,7 +374,7 @@ def _has_factor(factor: Array) -> bool:
 
 @inlined
 def _invert(matrix: Array, inverse: Array) -> bool:
-    """Write the inverse of a positive definite matrix; False if it is not one."""
+    """Write the inverse of a positive definite matrix; False if the matrix is not positive definite."""
     for i in range(4):
         for j in range(i + 1):
             inverse[i, j] = matrix[i, j]
@@ -381,7 +387,7 @@ def _invert(matrix: Array, inverse: Array) -> bool:
             for k in range(j, i):
                 left -= inverse[i, k] * inverse[k, j]
             inverse[i, j] = left / inverse[i, i]
-    # Row by row into the upper triangle: finished rows of the lower one are not needed any more.
+    # The lower triangle has the inverse of the Cholesky factor. The result is written row by row into the upper one.
     for i in range(4):
         for j in range(i + 1):
             total = 0.0

@@ -14,7 +14,16 @@ def free_parameters(
     x: Float[Array, " p"],
     bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
 ) -> Int[Array, " f"]:
-    """Indices of the parameters without an active bound, by the sign of the gradient."""
+    """Indices of the parameters without an active bound.
+
+    A bound is active if the parameter is at the bound and the gradient points beyond it.
+
+    Args:
+        b: Products of slopes and residual of each block.
+        precision: Prior precision of each parameter.
+        x: The parameters.
+        bounds: Lower and upper bounds.
+    """
     gradient = b.sum(axis=0) - precision * x
     lower, upper = bounds
     return np.flatnonzero(~(((x <= lower) & (gradient < 0.0)) | ((x >= upper) & (gradient > 0.0))))
@@ -28,11 +37,10 @@ def covariance(
     free: Int[Array, " f"],
     repeated: Float[Array, " p"],
 ) -> Float[Array, "p p"]:
-    """The larger of the noise model's covariance and the scatter between blocks, priors included.
+    """Covariance by the noise model, with standard deviations enlarged to the scatter between blocks if that is larger.
 
-    The scatter is the variance of the block jackknife plus that of errors that recur in all blocks at the same state.
-    Parameters with an active bound do not change when a block is left out, and their gradient is not zero, so that the
-    jackknife leaves them out.
+    The scatter is the variance of the block jackknife plus the variance by errors that recur in all blocks at the same
+    state. The jackknife excludes parameters with an active bound: they do not change when a block is left out.
 
     Args:
         a: Products of slopes of each block.

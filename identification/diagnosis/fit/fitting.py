@@ -1,8 +1,8 @@
 """Regularised least squares on Gram matrices, with bounds and priors, scored on blocks held out of the fit.
 
-Every fit works on products of columns (Gram matrices), never on samples. Two nonlinear cases are iterated: a torque
-constant scales all torques of its joint, and a point mass is linearised about the last estimate of its mass and first
-moments.
+Every fit works on products of columns (Gram matrices), never on samples. The fit is linear with two exceptions, which
+are solved by iteration: a torque constant scales all other torques of its joint, and the inertia of a point mass is not
+linear in mass and first moments.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from identification.engine.fits.minimum import minimum_of
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 
-# Smallest gain of a torque constant: a smaller one would remove its joint from the fit.
+# Smallest gain of a torque constant: at a gain of zero, the torques of its joint would vanish from the fit.
 _LEAST_GAIN = 0.02
 
 
@@ -36,7 +36,7 @@ class Fitted:
         active: Indices of the fitted columns, ``(k,)``.
         penalty: Cost of the nuisances: sum of their squares, each in standard deviations of its prior.
         objective: In-sample loss over all training blocks with all priors, up to a constant.
-        loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
+        loss: Weighted squared residual of each block's core, predicted by a fit to other blocks, ``(B,)``.
         fold_active: Coefficients of the fitted columns in the fit without each fold, ``(F, k)``.
         denied_gain: Amount by which the in-sample loss would be lower if physically impossible bodies were allowed.
     """
@@ -84,7 +84,10 @@ class Fitted:
 
     @property
     def expand(self) -> Float[Array, "k n"] | None:
-        """Derivative of the active coefficients by the fitted parameters; None if both are the same (no payload)."""
+        """Derivative of the active coefficients with respect to the fitted parameters; None without a payload.
+
+        Without a payload, both are the same.
+        """
         return None if self._folded is None else self._folded.expand
 
     @cached_property
@@ -151,7 +154,7 @@ class WarmStart:
         return WarmStart(np.full(len(problem.precision), np.nan))
 
     def after(self, found: Fitted, terms: tuple[Term, ...]) -> WarmStart:
-        """The start of the next fit after a fit of these terms; the payload is that of the last fit with a payload."""
+        """The start of the next fit after a fit ``found`` of ``terms``; without a payload the known payload is kept."""
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
@@ -181,13 +184,13 @@ def fit(
         terms: The effects in the model.
         held_out: False skips the fits without each fold: `Fitted.loss` is then empty.
         near: A similar fit, to start from.
-        point: The estimate about which to linearise, if it is known.
+        point: The estimate about which to linearise; None: it is found by iteration.
     """
     near = WarmStart.nothing(problem) if near is None else near
     scaled = [term for term in terms if term.effect.scales_joint]
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
-    # A torque constant multiplies everything else on its row: the fit is repeated about the last gain.
+    # A torque constant multiplies everything else on its row. So the fit is repeated, linearised about the last gain.
     columns = [term.columns[0] for term in scaled]
     rows = [sorted(problem.touched[column]) for column in columns]
 
@@ -223,7 +226,7 @@ def fit(
 
 
 def _shifted_bounds(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> Problem:
-    """The problem for the differences of some coefficients from the values ``part``: their bounds are shifted."""
+    """The problem in which some coefficients are differences from the values ``part``: their bounds are shifted."""
     lower, upper = problem.lower.copy(), problem.upper.copy()
     lower[columns] -= part
     upper[columns] -= part
@@ -277,9 +280,13 @@ def _point_mass(
     """Mass [kg] and first moments [kg m] of the best point mass.
 
     The inertia ``(h.h 1 - h h^T) / m`` is not linear in mass ``m`` and first moments ``h``: it is linearised repeatedly
-    about the last estimate. There are several starts: a fit with free inertia, as a load far from the joint needs; a
-    fit without inertia; and the first moments of the latter with the mass that belongs to distances of 3 cm to 1.5 m.
-    All starts are iterated with the other columns eliminated; the best one is then iterated with all bounds.
+    about the last estimate. There are several starts:
+
+    - a fit with free inertia, which suits a load far from the joint;
+    - a fit without inertia;
+    - the first moments of the latter, with the masses that they imply at distances of 3 cm to 1.5 m.
+
+    All starts are iterated with the other columns eliminated. The best result is then iterated with all bounds.
     """
     first = _fit_linear(problem, active, products, LinearisationPoint(payload=LoadEstimate(payload, np.zeros(4))), near)
     near = near.after(first, ())
@@ -298,7 +305,7 @@ def _point_mass(
         starts = [near.payload, starts[0]]
     else:
         starts += [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
-        # Also a mass that the model has and the robot lacks, at such distances.
+        # The robot may lack a mass that the model has: negative masses at the same distances.
         missing = (distance for distance in (0.03, 0.08, 0.2, 0.5) if far < -least * distance)
         starts += [np.array([-far / distance, *moments]) for distance in missing]
     reduced = reduced_load(problem, active, products, payload, whole.theta)
@@ -348,6 +355,6 @@ def _fit_linear(
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: LoadEstimate) -> FoldedLoad:
-    """Map that reduces the ten columns of a payload among the active ones to four, linearised about its estimate."""
+    """Map from the ten columns of a payload to four, linearised about the estimate ``load``."""
     jacobian = load_map(problem.session.robot, load.term, load.start)
     return FoldedLoad(np.searchsorted(active, load.term.columns), len(active), jacobian)

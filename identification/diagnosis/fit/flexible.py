@@ -1,7 +1,8 @@
 """Flexible predictor of residuals: ridge regression on random Fourier features of the joint's state.
 
-Features are of position, velocity, direction, acceleration, modelled torque, displacement since the last reversal and
-time. Residuals that it predicts on held-out blocks have structure, whatever its cause; the rest counts as noise.
+The state is position, velocity, direction, acceleration, modelled torque, displacement since the last reversal and
+time. The part of a residual that the predictor explains on held-out blocks is structure, whatever the cause. The rest
+counts as noise.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ from identification.engine.products.blocks import Block
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-_FEATURES = 120  # waves of the flexible model: each depends on two or three of the inputs
-_RIDGES = (1e-4, 1e-2, 1.0)  # per cent of a sample: strengths, from hardly any to one that leaves large features alone
+_FEATURES = 120  # number of random waves: each depends on two or three of the inputs
+# Strengths of the ridge, in per cent of a sample: the first hardly shrinks any coefficient, the last shrinks all but
+# those of the strongest features.
+_RIDGES = (1e-4, 1e-2, 1.0)
 
 
 def displacement_since_reversal(q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
-    """How far a joint has moved since its velocity last changed sign, with the sign of the motion."""
+    """Displacement of a joint since its velocity last changed sign, with the sign of the motion."""
     reversal = np.concatenate([[True], np.sign(v[1:]) != np.sign(v[:-1])])
     start = np.maximum.accumulate(np.where(reversal, np.arange(len(q)), 0))
     return q - q[start]
@@ -32,7 +35,7 @@ def displacement_since_reversal(q: Float[Array, " N"], v: Float[Array, " N"]) ->
 def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Array, "n f"]:
     """Random Fourier features of one joint's state on one log, standardised, ``(n, 120 + raw inputs)``.
 
-    The modelled torque of a joint without a drive is none of them: it is the residual that they are to predict.
+    For a joint without a drive the modelled torque is not used: there it is the residual that is to be predicted.
     """
     at = log.samples
     driven = columns.operations[0].robot.actuators[row].actuated
@@ -70,9 +73,9 @@ def ridge_predictions(
     folds: Int[Array, " B"],
     first: tuple[int, ...] = (),
 ) -> Iterator[tuple[list[Float[Array, " n"]], float]]:
-    """Predictions of ``y`` from ``x``, each block by a ridge fit that has not seen it, and their mean squared error.
+    """Predictions of ``y`` from ``x``, each block by a ridge fit to other blocks, and their mean squared error.
 
-    There is one for each of three relative strengths of the ridge; columns are scaled to unit size first.
+    There is one prediction for each strength of the ridge. The features are scaled to unit size first.
 
     Args:
         x: Features of each log.
@@ -80,7 +83,7 @@ def ridge_predictions(
         use: Which samples of each log are used.
         blocks: Blocks of the logs.
         folds: Fold of each block; a block of fold -1 is predicted by the fit on all folds.
-        first: Numbers of leading features to be tried alone as well.
+        first: Numbers of leading features: for each, there are also predictions from these features alone.
     """
     size = np.sqrt(sum((a[m] ** 2).sum(axis=0) for a, m in zip(x, use, strict=True)))
     total = max(sum(int(m.sum()) for m in use), 1)
@@ -135,6 +138,7 @@ def _training_data(
     blocks: tuple[Block, ...],
     folds: Int[Array, " B"],
 ) -> _TrainingData:
+    """The used samples of all blocks that fits may see."""
     fold_of = [np.full(len(v), -1) for v in y]
     for fold, block in zip(folds.tolist(), blocks, strict=True):
         fold_of[block.log][block.start : block.stop] = fold
@@ -161,7 +165,7 @@ def _by_features(
 def _by_samples(
     seen: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
 ) -> Float[Array, "G m R"]:
-    """The same where there are fewer samples than features, from products of the samples: a much smaller matrix."""
+    """The same coefficients from products of samples: a smaller matrix if there are fewer samples than features."""
     x = seen.x[:, kept]
     alike = x @ x.T
     out = np.empty((len(folds), len(kept), len(ridges)))

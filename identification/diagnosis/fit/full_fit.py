@@ -1,9 +1,9 @@
 """Gauss-Newton over all parameters of a diagnosis: tolerance parameters, coefficients and shapes.
 
-The search is a variable projection: it takes shapes from a grid and solves for the coefficients. Here a few
-Gauss-Newton steps change both. Their covariance includes what the search neglects: the correlation of shapes with
-coefficients, the tolerances of the model, the scatter from block to block where the noise is not as modelled, and
-residuals that repeat at the same state because the laws are not exact.
+The search takes shapes from a grid and solves for the coefficients (variable projection). Here a few Gauss-Newton steps
+change shapes and coefficients together. The covariance then includes sources of error that the search neglects: the
+correlation of shapes with coefficients, the tolerances of the model, scatter from block to block beyond the modelled
+noise, and residuals that repeat at the same state because the laws are not exact.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.rival import OtherLaw
 from phantom_dyn.random_streams import random_stream
 
-# Information on a parameter, in its own units, below which it counts as unobservable.
+# A parameter counts as unobservable if its information (inverse variance), in its own units, is below this.
 _NO_TRACE = 1e-200
-# Most steps of a fit, and steps from one law of a term to another.
+# Largest number of steps of a fit, and number of steps from one law of a term to another.
 _STEPS = 4
 # Columns that depend on the model are computed again if a tolerance parameter changes by more sigmas than this.
 _SAME_MODEL = 0.3
-# Decrease of the loss [squared deviations] below which no further step is taken.
+# Decrease of the loss [squared standard deviations] below which no further step is taken.
 _LEAST_GAIN = 0.02
-# Number of models drawn for the covariance that an uncertain model adds through its columns.
+# Number of models that are drawn for the covariance by columns that depend on the uncertain model.
 _DRAWS = 4
-# Number of parameter vectors drawn to find those within the tolerances, and how many of them are needed to know a
-# standard deviation to a tenth.
+# Number of parameter vectors drawn to find those within the tolerances. A standard deviation is then accurate to a
+# tenth if at least the second number of draws are within.
 _TRUNCATED, _LEAST_INSIDE = 2000, 100
-# Effect of a rotor that the model lacks; its inertia (one sigma, where the model states none) as a share of the inertia
-# that the joint carries; and the number of postures over which that is averaged.
+# Effect of a rotor that the model lacks; standard deviation of its inertia as a share of the inertia that the joint
+# carries; number of postures over which the carried inertia is averaged.
 _ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
-# Radius of gyration of a load [m], one sigma: weights and tools of some kilograms; and positions of the three moments
-# of inertia among the ten parameters of a body.
+# Standard deviation of the radius of gyration of a load [m], for weights and tools of some kilograms; positions of the
+# three moments of inertia among the ten parameters of a body.
 _GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
-# Correlation with a parameter above which the bounds of a tolerance parameter narrow the deviation of the other one.
+# The bounds of a tolerance parameter reduce the uncertainty of parameters with a larger correlation than this.
 _EXCHANGED = 0.1
 
 
@@ -68,8 +68,8 @@ class FullFit:
         term_slices: Slices of each term's parameters in the vector.
         x: All parameters.
         cov: Their covariance.
-        prior: Variance of each without the recordings, which a fit may leave nearly as it is.
-        law_covariances: For each term the part of the covariance from other laws that fit the definition of its effect.
+        prior: Prior variance of each parameter; recordings that do not show a parameter hardly reduce it.
+        law_covariances: For each term the covariance due to other laws that the effect may follow.
     """
 
     term_slices: tuple[TermSlices, ...]
@@ -85,8 +85,8 @@ class FullFit:
     def presence_covariance(self, term: Term) -> Float[Array, "k k"]:
         """Covariance of the coefficients and the shape of one term, for the test whether the effect is present.
 
-        It leaves out the uncertainty of which of its own laws the effect follows, as this does not decide whether the
-        effect is present. The uncertainty of the laws of other effects is included.
+        Which of its own laws the effect follows does not matter for this test, so that uncertainty is left out. The
+        uncertainty of the laws of other effects is included.
         """
         slices = self.slices_of(term)
         own = np.ix_(slices.indices, slices.indices)
@@ -114,7 +114,7 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     if layout.depends_on_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL**2):
         layout = layout.adjusted(x[nuisances])
         x, model, (a, b, _) = _gauss_newton(layout, x, precision, lower, upper)
-    # Unobservable parameters (an inertia of a link that never turns about that axis) keep their values.
+    # Unobservable parameters keep their values: for example, an inertia of a link that never turns about that axis.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
     total, free = a.sum(axis=0) + np.diag(precision), free_parameters(b, precision, x, (lower, upper))
     given, repeated = equations(layout, model), np.zeros(len(x))
@@ -146,9 +146,9 @@ def within_tolerances(
 ) -> Float[Array, "p p"]:
     """Covariance of all parameters, restricted to values at which every tolerance parameter stays within its bounds.
 
-    Random draws from the given covariance are kept if they are within the bounds. So near a bound of a tolerance
-    parameter the deviations of all parameters that correlate with it get smaller. A tolerance parameter at its bound
-    keeps its own deviation.
+    Parameters are drawn from the given covariance, and draws outside the bounds are discarded. So near a bound of a
+    tolerance parameter the standard deviations of all parameters that correlate with it become smaller. The tolerance
+    parameters themselves keep their standard deviations.
 
     Args:
         x: All parameters, the tolerance parameters first.
@@ -178,10 +178,10 @@ def within_tolerances(
 
 
 def _share_shift(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
-    """First-order error of a shape, from the deviation of its share from one.
+    """First-order error of a shape, from the difference of its coefficient from one.
 
-    A backlash gap or a limit has no other coefficient than a share of one. Where another share fits, the shape is
-    wrong by about as much.
+    Some effects, such as a backlash gap or a limit, have no size but their shape: their coefficient should be one. If
+    another coefficient fits, the shape is wrong by about the same share.
     """
     shift = np.zeros(len(x))
     if slices.term.effect.seen_by != "coefficient":
@@ -197,10 +197,10 @@ def _other_law_shift(
     law: OtherLaw,
     total: Float[Array, "p p"],
 ) -> Float[Array, " p"]:
-    """Shift of all parameters when one term follows another law, by quasi-Newton steps with its own Jacobian.
+    """Shift of all parameters if one term follows another law, by quasi-Newton steps with the Jacobian of its own law.
 
-    Each shape parameter stays within a factor of two of its value under the term's own law: both laws give it the same
-    meaning.
+    Each shape parameter stays within a factor of two of its value under the term's own law, because it has the same
+    meaning in both laws.
     """
     at = slices.indices
     own = tuple(term_torque(layout, slices, x))
@@ -211,8 +211,8 @@ def _other_law_shift(
         other = other_law_torque(layout, slices, candidate, law)
         # Torque of the linearised law of the term minus that of the other law.
         less = tuple(
-            o + slopes[:, :, at] @ (candidate - x)[at] - t
-            for o, slopes, t in zip(own, model.slopes, other, strict=True)
+            by_own_law + slopes[:, :, at] @ (candidate - x)[at] - by_other_law
+            for by_own_law, slopes, by_other_law in zip(own, model.slopes, other, strict=True)
         )
         shift = solve(total, _products(layout, model, less)[1].sum(axis=0))
     return shift
@@ -221,10 +221,11 @@ def _other_law_shift(
 def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
     """Covariance of all parameters from the unknown inertia of rotors that the model does not state.
 
-    Models often lack the rotor, whose inertia behind a gear is as large as that of the links. Parameters of a load that
-    are identified by its inertia alone, such as the mass of a pendulum of known first moment, are then uncertain. A
-    rotor that the model states has its tolerance, and a rotor among the effects has its own deviation. Two compared
-    recordings have the same rotors, but any other delay of the torque looks like an inertia as well.
+    Models often lack rotors, whose inertia behind a gear is as large as that of the links. Parameters of a load that
+    are identified by its inertia alone, such as the mass of a pendulum of known first moment, are then uncertain.
+    Rotors that the model states are left out, because they have a tolerance. Rotors among the effects are left out,
+    because they are fitted. If recordings are compared with each other, stated rotors are included: a different delay
+    of the torque in one recording looks like an inertia.
     """
     robot = layout.problem.session.robot
     found = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR}
@@ -250,7 +251,7 @@ def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array,
 def load_extent_shift(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], slices: TermSlices, total: Float[Array, "p p"]
 ) -> Float[Array, " p"]:
-    """Shift of all parameters if a load has an inertia about its own centre, as real loads do, and is no point mass."""
+    """Shift of all parameters if a load is no point mass but has an inertia about its own centre, like real loads."""
     mass = float(x[slices.coefficients][0])
     own = np.array(slices.term.columns)[_MOMENTS_OF_INERTIA]
     less = tuple(
@@ -309,9 +310,9 @@ def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
 def _model_covariance(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], cov: Float[Array, "p p"], total: Float[Array, "p p"]
 ) -> Float[Array, "p p"]:
-    """Covariance that the uncertain model adds through the columns that depend on it.
+    """Covariance of all parameters due to columns that are computed from an uncertain model.
 
-    A few models are drawn from the covariance of the tolerance parameters, and the columns computed from each.
+    A few models are drawn from the covariance of the tolerance parameters, and the columns are computed from each.
     """
     count = layout.problem.nuisance_count
     rng = random_stream("models within the tolerances")
@@ -334,7 +335,7 @@ def _priors_and_bounds(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Arra
             out[slices.coefficients] = values[list(slices.term.columns[: slices.count])]
     for slices in layout.term_slices:
         if slices.term.effect.inertial == "point mass":
-            # The sign of the mass is kept, that is a load or a missing part: between them the inertia has a pole.
+            # The mass keeps its sign (load or missing part), because the inertia has a pole at a mass of zero.
             at, least = slices.coefficients.start, slices.term.effect.lightest(problem.session.robot)
             lower[at], upper[at] = (0.0, np.inf) if x[at] >= 0 else (least, 0.0)
         ends = np.sort([0.5 * x[slices.shape], 2.0 * x[slices.shape]], axis=0)
@@ -347,7 +348,9 @@ def _products(
 ) -> tuple[Array, Array, Array]:
     """Weighted products of slopes and residual for each training block; the model's own residual if None."""
     if residual is None:
-        residual = tuple(r - t for r, t in zip(layout.problem.white.residual, model.torque, strict=True))
+        residual = tuple(
+            before - torque for before, torque in zip(layout.problem.white.residual, model.torque, strict=True)
+        )
     problem = layout.problem
     a, b, c = [], [], []
     for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
@@ -356,8 +359,8 @@ def _products(
         part = slice(block.start, block.stop)
         scale = problem.weights.scale(block.log, part) * problem.white.usable[block.log][part]
         slopes = (model.slopes[block.log][part] * scale[:, :, None]).reshape(-1, layout.size)
-        left = (residual[block.log][part] * scale).ravel()
+        weighted = (residual[block.log][part] * scale).ravel()
         a.append(slopes.T @ slopes)
-        b.append(slopes.T @ left)
-        c.append(left @ left)
+        b.append(slopes.T @ weighted)
+        c.append(weighted @ weighted)
     return np.array(a), np.array(b), np.array(c)

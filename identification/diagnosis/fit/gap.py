@@ -22,9 +22,9 @@ from phantom_dyn.motion import Motion
 class ResidualSums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
-    The core of a block has those of its samples that share no filtered noise with the block before. Blocks without a
-    sample are left out, as a bootstrap replicate of such blocks alone would be empty. Samples at standstill get a low
-    weight, as friction is hardly known there.
+    The core of a block is the part whose filtered noise is independent of the block before. Blocks without samples are
+    left out, as a bootstrap replicate of such blocks alone would be empty. Samples at standstill get a low weight, as
+    static friction is hardly known there.
 
     Attributes:
         squares: Summed squared residuals, ``(B, nv)``.
@@ -55,14 +55,14 @@ class ResidualSums:
 def judged_blocks(problem: Problem) -> Array:
     """Indices of the blocks of held-out recordings if there are any, else of all blocks.
 
-    Each of them is predicted by a fit that has not seen it.
+    Each of these blocks is predicted by a fit to other blocks.
     """
     outside = np.flatnonzero(problem.grams.fold < 0)
     return outside if len(outside) else np.arange(len(problem.blocks))
 
 
 def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) -> tuple[Float[Array, "n nv"], ...]:
-    """Torque of the corrected model on every log [N m or N], each block by the fit that has not seen it."""
+    """Torque of the corrected model on every log [N m or N], each block by a fit to other blocks."""
     terms = ordered(chosen)
     out = [np.array(torque) for torque in problem.columns.model_torque]
     fold_theta = found.fold_theta
@@ -80,19 +80,19 @@ def residual_sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) 
     weights = [sample_weights(problem, *part) for part in parts]
     counts = np.array([use.sum(axis=0) for use in weights])
     squares = [(residual[log][part] ** 2 * use).sum(axis=0) for (log, part), use in zip(parts, weights, strict=True)]
-    # If all blocks are empty, all stay.
+    # If all blocks are empty, all are kept.
     filled = counts.any(axis=1) | ~counts.any()
     return ResidualSums(np.array(squares)[filled], counts[filled])
 
 
 def sample_weights(problem: Problem, log: int, part: slice = slice(None)) -> Float[Array, "n nv"]:
-    """Weight of each sample of a part of one log: lower where static friction, which is not known, holds a joint."""
+    """Weight of each sample of a part of one log, lower where static friction of unknown size holds a joint."""
     columns = problem.columns
     return columns.usable[log][part] * noise_share(problem.weights.floor**2, columns.standstill_std[log][part] ** 2)
 
 
 def least_noise(columns: Columns) -> Float[Array, " nv"]:
-    """Smallest noise of each joint: a millionth of the deviation of its modelled torque, and above zero, ``(nv,)``."""
+    """Lower limit of each joint's noise: a millionth of the standard deviation of its modelled torque, ``(nv,)``."""
     return np.maximum(1e-6 * np.concatenate(columns.model_torque).std(axis=0), 1e-12)
 
 
@@ -106,17 +106,17 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band, with which gaps are compared; without a drive see `moved_by`."""
+    """Measured torque of every log in the judged band, with which gaps are compared; `moved_by` on undriven joints."""
     columns = problem.columns
     torque = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
     return problem.session.in_judged_band(moved_by(problem, torque))
 
 
 def moved_by(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
-    """Torque that moves each joint of every log, in the band: that of its drive.
+    """Torque that moves each joint of every log, in the band: the torque of its drive.
 
-    On a joint without a drive the other links and gravity take its place, with what accelerates the joint's own
-    inertia. What is measured there is zero, and what the model computes is the residual.
+    A joint without a drive is moved by gravity and the other links. Its measured torque is zero, and the torque that
+    the model computes is the residual. There the result is the torque that accelerates the joint's own inertia.
 
     Args:
         problem: Robot and recordings.
@@ -147,7 +147,7 @@ def row_counts(problem: Problem) -> Float[Array, " nv"]:
 class RowGaps:
     """Gap of each row (one per joint): squared residual over squared noise, summed over samples.
 
-    What noise alone makes is subtracted. A claim has to explain a share of the gap.
+    The expected sum by noise alone is subtracted. A claim has to explain a share of the gap.
 
     Attributes:
         gap: Gap of the given model, fitted within its tolerances, ``(nv,)``.
@@ -163,8 +163,8 @@ def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
 
     Args:
         problem: Columns and fits.
-        within: Its fit of the tolerance parameters alone.
+        within: Fit of the tolerance parameters alone.
     """
-    given = np.array([row.core_c.sum() for row in problem.grams.rows])
-    given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (given, within.row_losses))
+    of_given_model = np.array([row.core_c.sum() for row in problem.grams.rows])
+    given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (of_given_model, within.row_losses))
     return RowGaps(gap, fair_part.ACCURACY * given)

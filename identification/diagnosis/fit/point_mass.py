@@ -1,4 +1,8 @@
-"""Fit of a payload as point mass, whose inertia is not linear in mass and first moments, by linearising repeatedly."""
+"""Fit of a payload as a point mass.
+
+The inertia of a point mass is not linear in mass and first moments. So it is linearised about the last estimate, and
+the linear fit is repeated.
+"""
 
 from __future__ import annotations
 
@@ -36,19 +40,21 @@ _NO_MASS = 1e-9
 
 
 def converged(start: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
-    """True if an estimate hardly differs from the last one."""
+    """True if an estimate ``start`` of mass and first moments hardly differs from the ``last`` one."""
     return bool(np.abs(start - last).max() <= _CONVERGED * np.abs(last).max())
 
 
 @dataclass(frozen=True)
 class ReducedLoad:
-    """Fit of one payload with all other columns eliminated: coefficients at a bound are held there, others are optimal.
+    """Fit of one payload with all other columns eliminated.
+
+    Coefficients at a bound are held there; all others are optimal for the payload.
 
     Attributes:
         a, b: Products of the ten columns of the payload, ``(10, 10)`` and ``(10,)``.
         prior: Prior precision of mass and first moments, ``(4,)``.
-        map: Derivative of the ten inertial parameters at given mass and first moments, `load_map`.
-        least: Smallest mass [kg]; negative where the robot may lack a part that the model has.
+        map: Gives the derivative of the ten inertial parameters at a mass and first moments (`load_map`).
+        least: Smallest mass [kg]; negative if the robot may lack a part that the model has.
     """
 
     a: Float[Array, "10 10"]
@@ -89,7 +95,7 @@ def reduced_load(
         active: Columns of the fit.
         products: Products of these columns.
         payload: The term of the payload.
-        theta: All coefficients of a fit with free inertia, which shows the columns at a bound.
+        theta: All coefficients of a fit with free inertia, by which the columns at a bound are known.
     """
     at = np.searchsorted(active, payload.columns)
     others = np.setdiff1d(np.arange(len(active)), at)
@@ -111,7 +117,7 @@ def reduced_load(
 
 @dataclass(frozen=True)
 class FoldedLoad:
-    """Columns of a fit with the ten of a payload reduced to its mass and first moments, which come last.
+    """Map between all coefficients of a fit and reduced ones: the ten of a payload become mass and first moments, last.
 
     Attributes:
         at: Indices of the ten columns of the payload, ``(10,)``.
@@ -130,7 +136,7 @@ class FoldedLoad:
 
     @property
     def keep(self) -> Int[Array, " n"]:
-        """Indices of the columns with the priors and bounds of the reduced coefficients."""
+        """Indices of the columns whose priors and bounds the reduced coefficients have."""
         return np.concatenate([self.others, self.at[:4]])
 
     @property
@@ -167,9 +173,10 @@ def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array
 
 
 def mass_bounds(start: float, least: float) -> tuple[float, float]:
-    """Bounds of the mass in a fit linearised about a mass: half and double, as the inertia depends on 1/m.
+    """Bounds of the mass [kg] in a fit linearised about the mass ``start``.
 
-    A start without mass has no centre of mass, and leaves the mass free.
+    They are half and double of that mass, because the inertia is proportional to its inverse. A start without mass has
+    no centre of mass, and bounds the mass by ``least`` only.
     """
     if abs(start) <= _NO_MASS:
         return least, np.inf
@@ -181,8 +188,8 @@ def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[
     """Derivative of the ten inertial parameters of a point mass with respect to mass and first moments ``(m, h)``.
 
     The inertia is ``(h.h 1 - h h^T) / m``, negative for a missing mass. It is homogeneous of degree one in ``(m, h)``,
-    so that the derivative times ``(m, h)`` gives the parameters themselves (Euler's theorem). Without a mass at
-    the start the inertia is left out.
+    so the derivative times ``(m, h)`` gives the parameters themselves (Euler's theorem). If the mass is zero, the
+    inertia is left out.
 
     Args:
         start: Mass and first moments.

@@ -26,17 +26,18 @@ from identification.estimators.consistent.consistent_bodies import ReferenceBody
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.model.robot import Robot
 
-# How far an eigenvalue may be below zero, as a share of the body's size, because files round numbers.
+# Largest distance of an eigenvalue below zero, as a share of the body's size, because numbers in files are rounded.
 _ROUNDING = 1e-6
-# Penalty in squared deviations on a change as large as the given body: it decides what the data leave open.
+# Penalty in squared standard deviations on a change as large as the given body. It determines the combinations of
+# parameters that the data do not determine.
 _PRIOR = 1e-4
-# Factor by which the box about a link is widened, and its smallest side as a share of the largest.
+# Factor by which the box around a link is enlarged, and its smallest side as a share of the largest.
 _WIDER, _THINNEST = 1.5, 0.5
 # Reach of a link if the model has no lengths at all [m].
 _SOME_LENGTH = 0.3
-# Squared slope over curvature, in squared deviations, above which a bound is released.
+# Squared slope over curvature, in squared standard deviations, above which an active bound is released.
 _LEAST_GAIN = 1e-6
-# Most changes of the set of active constraints; two or three are enough nearly always.
+# Largest number of changes of the set of active constraints; two or three are enough nearly always.
 _CHANGES = 12
 
 
@@ -58,7 +59,7 @@ class Body:
 
     @cached_property
     def scaled(self) -> tuple[Float[Array, " 10"], Float[Array, "F 10"]]:
-        """Given body and rows of its reach, in the body's own units; the largest entry of each row is one."""
+        """Given body and rows of its reach, in the units of ``given.scale``; the largest entry of each row is one."""
         reach = self.reach * self.given.scale
         return self.given.standard / self.given.scale, reach / np.abs(reach).max(axis=1, keepdims=True)
 
@@ -77,8 +78,8 @@ class ActiveConstraints:
     """Active constraints at a minimum.
 
     Attributes:
-        bodies: For each body, whether it has to be constrained to be possible.
-        low, high: Coefficients at their lower and at their upper bounds, ``(k,)``.
+        bodies: For each body, True if it would be impossible without a constraint.
+        low, high: True for coefficients at their lower or at their upper bounds, ``(k,)``.
     """
 
     bodies: tuple[bool, ...]
@@ -93,10 +94,15 @@ def bodies_of_term(robot: Robot, term: Term) -> tuple[Body, ...]:
 
 
 def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
-    """The body that a joint moves, by Pinocchio's index, with the columns of its changes.
+    """The body that a joint moves.
 
-    Its centre must lie in the box around its own joint, the next joints and the given centre, enlarged by half; the box
-    of a last link reaches at least as far as the longest link of the robot.
+    Its centre of mass must be in a box around its own joint, the next joints and the given centre of mass. The box is
+    enlarged by half; the box of a last link reaches at least as far as the longest link of the robot.
+
+    Args:
+        robot: The given model.
+        index: Pinocchio's index of the joint.
+        columns: Columns of the changes of the body's parameters in a fit.
     """
     model = robot.model
     given = model.inertias[index]
@@ -117,7 +123,7 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
 
 
 def _reference_body(robot: Robot, index: int) -> ReferenceBody:
-    """The body of the model with its units; a body without mass has the mean mass of the others as its unit of mass."""
+    """The body of the model with its units; for a body without mass the unit of mass is the mean mass of the others."""
     given = robot.model.inertias[index]
     mass = float(given.mass)
     if mass <= 0:
@@ -132,7 +138,7 @@ def impossible_bodies(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tupl
 
 
 def places_among(kept: Int[Array, " n"], bodies: tuple[Body, ...]) -> list[tuple[Body, Int[Array, " 10"]]]:
-    """Each body with the positions of its columns in ``kept``, the fitted columns."""
+    """Each body with the positions of its columns among the fitted columns ``kept``."""
     # The columns of a load come last, so ``kept`` is not in ascending order.
     order = np.argsort(kept)
     return [(body, order[np.searchsorted(kept, body.columns, sorter=order)]) for body in bodies]
@@ -193,15 +199,16 @@ def possible_minimum(
 ) -> tuple[Float[Array, " k"], ActiveConstraints]:
     """Minimum of ``x a x / 2 - b x`` within bounds and with possible bodies, by an active-set method.
 
-    Coefficients are fixed at their active bounds, and constrained bodies are found in the cone, with all other
-    coefficients eliminated. Then violated bounds and impossible bodies become active, and bounds with an inward
-    slope are released, until nothing changes: that is the minimum, as the problem is convex.
+    In each round, coefficients are fixed at their active bounds, and constrained bodies are computed in the cone of
+    possible bodies, with all other coefficients eliminated. Then violated bounds and impossible bodies become active.
+    Active bounds are released if the loss falls towards the inside. If nothing changes, this is the minimum, as the
+    problem is convex.
 
     Args:
         a: Quadratic part, positive definite.
         b: Linear part.
         bounds: Lower and upper bounds; infinite for the bodies' coefficients.
-        x: The minimum within the bounds, with bodies unconstrained.
+        x: The minimum within the bounds, without constraints on bodies.
         bodies: Each body with the positions of its changes among the coefficients.
         binding: Active constraints at the minimum of a similar loss, to start from; None without one.
 
@@ -227,7 +234,8 @@ def possible_minimum(
             return x, ActiveConstraints(within, held & (x <= lower), held & (x >= upper))
         x, held = np.clip(x, lower, upper), (held & ~released) | outside
         within = tuple(taken or new for taken, new in zip(within, wrong, strict=True))
-    # Nearly equal columns may change their bounds without end: constrain all bodies, then solve for the others.
+    # The bounds of nearly equal columns may change without end. Then all bodies are constrained and computed first, and
+    # the other coefficients are solved for afterwards.
     x, others = np.clip(_minimum_in_cone(a, b, x, held, bodies), lower, upper), ~of_bodies
     beside = b[others] - a[np.ix_(others, of_bodies)] @ x[of_bodies]
     x[others] = bounded_solve(a[np.ix_(others, others)], beside, lower[others], upper[others])
@@ -241,7 +249,7 @@ def _minimum_in_cone(
     held: Bool[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
 ) -> Float[Array, " k"]:
-    """The minimum with the ``held`` coefficients fixed and ``bodies`` constrained to the cone, all else free."""
+    """The minimum with ``held`` coefficients fixed, ``bodies`` constrained to the cone, and all others free."""
     at = np.concatenate([places for _, places in bodies])
     rest = ~held
     rest[at] = False

@@ -16,10 +16,10 @@ from identification.engine.products.grams import Grams, RowGrams, Weights, all_r
 from identification.engine.products.triangles import diagonal
 from phantom_dyn.array_types import Array, Float, Int
 
-# Largest sum of squares, in noise of one sample, that the tolerance parameters left out of all fits cause together,
-# each at its bound.
+# Tolerance parameters are left out of all fits if, each at its bound, together they change the torque by a sum of
+# squares of at most this many noise variances of one sample.
 _UNSEEN = 1.0
-# Size of a column relative to the others of its effect below which it is rounding.
+# Size of a column relative to the largest one of its effect, below which the column is rounding errors.
 _ROUNDING = 1e-9
 
 
@@ -30,20 +30,19 @@ class Problem:
     Attributes:
         session: Robot, logs, band and blocks.
         columns: All columns, as computed.
-        white: The same with white noise; what the products are made of.
-        weights: Noise of each row of ``white``.
+        white: The columns after filters that make the noise white; the products are computed from these.
+        weights: Weight of each sample of ``white``, from the noise of its row.
         grams: Products of the columns.
         precision: Prior precision of each coefficient about zero, ``(K,)``.
         lower, upper: Bounds, ``(K,)``.
         nuisance_count: Number of leading columns, which are those of the tolerance parameters.
-        fitted_nuisances: Indices of those that the fits contain, as the others are unobservable in these recordings;
-            see `observable_nuisances`.
+        fitted_nuisances: Indices of the nuisances that the fits contain. The others change these recordings too little
+            (`observable_nuisances`).
         total_a, total_b: Products summed over the training blocks.
         touched: Rows on which each column is not zero.
         bodies: The bodies whose inertial parameters an effect sets free, by effect.
-        at_readings: The same problem with the columns of tolerance parameters and rigid bodies at the positions that
-            the encoders read, for fits without effects that displace the links; None if these columns are at those
-            positions already.
+        at_readings: The problem for fits without effects that displace the links: its columns of tolerance parameters
+            and rigid bodies are computed at the positions that the encoders read. None if ``columns`` are, too.
     """
 
     session: Session
@@ -65,8 +64,8 @@ class Problem:
     def of(self, terms: Iterable[Term]) -> Problem:
         """The problem with the columns that a fit of some effects needs.
 
-        Where an effect displaces the links or tilts the base, the columns of tolerance parameters and rigid bodies
-        depend on it: a fit without that effect takes `at_readings`.
+        If an effect displaces the links or tilts the base, the columns of tolerance parameters and rigid bodies depend
+        on that effect. A fit without the effect takes `at_readings`.
         """
         if self.at_readings is None or {term.effect_joint for term in terms}.issuperset(self.columns.displaced):
             return self
@@ -87,15 +86,16 @@ class Problem:
 def set_up(
     session: Session, columns: Columns, white: Columns, weights: Weights, rows: tuple[RowGrams, ...] | None = None
 ) -> Problem:
-    """The problem with its priors: the tolerances, and wide ones for effects that the data do not show.
+    """The problem with its priors: the tolerances for nuisances, and wide priors for all other coefficients.
 
-    A wide prior has thirty times the size at which the column alone would explain the whole residual.
+    A wide prior keeps coefficients finite that the data do not determine. Its standard deviation is thirty times the
+    size at which the column alone would explain the whole residual.
 
     Args:
         session: Robot, logs, band and blocks.
         columns: All columns, as computed.
-        white: The same with white noise.
-        weights: Noise of each row of ``white``.
+        white: The columns after filters that make the noise white.
+        weights: Weight of each sample of ``white``.
         rows: Weighted products of each row, if they are known.
     """
     rows = all_row_grams(white, session.blocks, session.folds, weights) if rows is None else rows
@@ -106,7 +106,8 @@ def set_up(
     shown, lower, upper = energy > 0, np.full(count, -np.inf), np.full(count, np.inf)
     for term in columns.terms:
         own = list(term.columns)
-        # Where the motion does not show one coefficient of a law, its column is rounding, which no prior would hold.
+        # If the motion does not excite one coefficient of a law, its column is rounding errors, and the wide prior for
+        # so small a column would allow any value.
         shown[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
         lower[own], upper[own] = np.maximum(lower[own], term.lower), np.minimum(upper[own], term.upper)
     precision = np.where(shown, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
@@ -139,8 +140,8 @@ def observable_nuisances(columns: Columns, rows: tuple[RowGrams, ...]) -> Int[Ar
     """Indices of the tolerance parameters that change the torque of these recordings noticeably, in order.
 
     Many inertial parameters of a robot change no recorded torque. A fit with all of them takes several times as long
-    for the same result: those left out, each at its bound, change the weighted torque together by no more than the
-    noise of one sample.
+    for the same result. The parameters left out, each at its bound, together change the weighted torque by no more than
+    the noise of one sample.
 
     Args:
         columns: All columns, those of the tolerance parameters first.

@@ -1,8 +1,8 @@
-"""Errors of the parameters of a fit whose laws are not exact, from the part of its residual that repeats.
+"""Variance of the parameters of a fit whose laws are not exact, from the part of its residual that repeats.
 
 Noise in different blocks is independent. A residual that repeats in other blocks at the same speed, position or
 acceleration is not noise, but the difference between the law and the robot. The scatter from block to block does not
-show it, since every block has it, and a longer recording does not make it smaller.
+include this error, since it is the same in every block, and a longer recording does not reduce it.
 
 Scores of samples at the same state are summed over all blocks, and within each block alone. The variance of the first
 sums minus that of the second ones is the additional variance of the parameters. Two-way clustering adds this term to
@@ -25,7 +25,7 @@ from phantom_dyn.array_types import Array, Float, Int
 # Number of groups into which a joint's samples are divided by velocity (slow and fast in either direction), by position
 # and by acceleration, with equally many samples in each. With more groups, fewer blocks have samples in the same group.
 GROUPS = 4
-# White noise alone gives variances with a known standard deviation: below this many of these a variance counts as zero.
+# A variance counts as zero if it is below this many standard deviations of the variance that white noise alone gives.
 CHANCE = 1.0
 # Leverage above which a group alone determines a parameter: its residual is then zero and shows no error.
 _DECIDES = 1.0 - 1e-9

@@ -1,7 +1,7 @@
 """The nonlinear model with all its parameters (tolerances, coefficients, shapes): its torque and Jacobian at a point.
 
-`full_fit` takes its Gauss-Newton steps from here. `lay_out` gives the position of each parameter in the vector, and
-`linearised` gives torque and Jacobian of every recording.
+`lay_out` gives the position of each parameter in the vector, and `linearised` gives torque and Jacobian of every
+recording. `full_fit` uses both in its Gauss-Newton steps.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import OtherLaw, Shape
 
-# Relative step of finite differences by a shape, large as laws with memory (bristles, backlash) change in jumps.
+# Relative step of finite differences. It is large because the torque of laws with memory (bristles, backlash) jumps if
+# a parameter changes.
 _STEP = 0.03
 
 
@@ -30,8 +31,8 @@ class TermSlices:
 
     Attributes:
         term: The effect with the shape that the search has found.
-        coefficients: Positions of the coefficients of its columns; of a payload those of mass and first moments only.
-        shape: Positions of its free shape parameters; empty without any, or where they follow from the coefficients.
+        coefficients: Positions of the coefficients of its columns; of a payload only mass and first moments.
+        shape: Positions of its free shape parameters; empty without any, or if they follow from the coefficients.
     """
 
     term: Term
@@ -69,8 +70,8 @@ class ModelLayout:
     def operation_of(self, slices: TermSlices, log: int) -> Operation:
         """Motion of one log with the model's torque, from which a term's columns are computed.
 
-        Where the columns of the tolerance parameters hold at the true positions of the links, an effect that displaces
-        them changes the torque of the given model only.
+        If an effect displaces the links, the columns of the tolerance parameters are computed at the true positions of
+        the links. The columns of that effect itself are then computed from the given model, not from the adjusted one.
         """
         columns = self.problem.columns
         of_given_model = slices.term.effect_joint in columns.displaced
@@ -150,7 +151,7 @@ def term_torque(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) 
 def other_law_torque(
     layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw
 ) -> tuple[Array, ...]:
-    """Torque of a term by another law of the same parameters, for each log ``(n, nv)``."""
+    """Torque of a term by another law with the same parameters, for each log ``(n, nv)``."""
     own, shape = x[slices.coefficients], x[slices.shape]
     return tuple(
         in_band(layout, log, law(layout.operations[log], slices.term.joint, own, shape))
@@ -161,6 +162,7 @@ def other_law_torque(
 def _linearised_log(
     layout: ModelLayout, x: Float[Array, " p"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
+    """Torque of one log beyond that of the given model, and its Jacobian."""
     problem = layout.problem
     nuisances = np.arange(problem.nuisance_count)
     n, nv = problem.white.residual[log].shape
@@ -187,7 +189,7 @@ def _linearised_log(
 def _with_slopes(
     layout: ModelLayout, slices: TermSlices, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
-    """Torque of one term and its Jacobian to coefficients and shape."""
+    """Torque of one term, and its Jacobian with respect to coefficients and shape."""
     effect = slices.term.effect
     if effect.inertial == "point mass":
         columns = columns_of(layout.problem, slices.term.columns, log)
@@ -195,10 +197,12 @@ def _with_slopes(
         return slope_of_mass @ own, slope_of_mass
 
     def slope(k: int) -> Float[Array, "n nv"]:
+        """Derivative of the torque with respect to coefficient or shape parameter ``k``, by central differences."""
         numbers = np.concatenate([own, shape])
-        mine = own if k < len(own) else shape[k - len(own) :][:1]
+        # Coefficients have one scale, shape parameters their own.
+        scaled_by = own if k < len(own) else numbers[k : k + 1]
         step = np.zeros(len(numbers))
-        step[k] = _STEP * max(float(np.abs(mine).max()), 1e-9)
+        step[k] = _STEP * max(float(np.abs(scaled_by).max()), 1e-9)
         above, below = (
             _torque_at(layout, slices, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
         )
@@ -224,7 +228,7 @@ def _torque_at(
         return in_band(layout, log, torque)
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
-        # A law whose shape is its own coefficient is exact where the two agree.
+        # The shape of this law is its own coefficient, so the torque is exact if both agree.
         at = term.effect.at_estimate(own, term.shape)
     return _columns_at_shape(layout, slices, at, log) @ own
 
@@ -254,9 +258,9 @@ def _columns_at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log
 
 
 def in_band(layout: ModelLayout, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
-    """Filter a series into the judged band as the recorded torque is filtered.
+    """Filter a series at the full rate into the judged band, as the recorded torque is filtered.
 
-    Columns of the problem that are made of accelerations went through another low pass before that.
+    Columns of the problem that are made of accelerations were low-passed once more.
     """
     session = layout.problem.session
     return session.log_in_judged_band(session.logs[log].band(x), log)

@@ -1,13 +1,13 @@
-"""A law for the residual of all findings: the inputs that it depends on, its formula, and a model to use now.
+"""A law for the residual after all findings: the inputs on which it depends, its formula, and a residual model.
 
-The inputs are found by smooth functions of one or two of them, whose gain on held-out blocks is compared with that on
-permuted blocks (`smooth`). The formula is found by orthogonal least squares with exchanges (`engine.search.stepwise`)
-over a library of terms with units (`library`): its size is chosen on blocks that neither choice nor fit has seen, each
-term is tested against chance, and the whole is repeated on bootstrap replicates over blocks (`formula_search`).
+The inputs are found by smooth functions of one or two of them. Their gain on held-out blocks is compared with the gain
+on permuted blocks (`smooth`). The formula is found by orthogonal least squares with exchanges
+(`engine.search.stepwise`) over a library of terms with units (`library`). Its size is chosen on held-out blocks, each
+term is tested against chance, and the search is repeated on bootstrap replicates over blocks (`formula_search`).
 
-The model to use beside the corrected model is the law, or else a sum of terms that predicts well. The corrected model,
-changes within the tolerances included, was fitted without the law. So the terms of the law are fitted again to the
-residual of that model, and other terms are added where they predict held-out blocks better.
+The residual model is to be added to the corrected model. It is the law, or without a law a sum of terms that predicts
+well. The corrected model and its changes within the tolerances were fitted without the law. So the terms of the law are
+fitted again to the residual of that model, and other terms are added if they predict held-out blocks better.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from identification.engine.search.stepwise import extended
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-_FORMULA_PREDICTS = 0.4  # share of the residual's squares that a formula has to predict
-_MOSTLY = 0.5  # if no formula is stated, inputs are named that more than this share of the replicates choose
-# Kinds of terms, the most specific first, and the law in the literature that a formula with one resembles.
+_FORMULA_PREDICTS = 0.4  # share of the squared residual that a formula has to predict
+_MOSTLY = 0.5  # without a formula, inputs are named that more than this share of the bootstrap replicates choose
+# Kinds of terms, the most specific first, each with the law in the literature that a formula with the term resembles.
 _SIMILAR: tuple[tuple[str, str], ...] = (
     ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
     ("voltage sag", "voltage sag under load"),
@@ -68,32 +68,32 @@ _SIMILAR: tuple[tuple[str, str], ...] = (
     ("friction that grows with load", "friction that grows with load"),
 )
 _HEATED = "friction that changes with temperature"
-_MOST_MODEL_TERMS = 6  # of a model that only predicts: more than in a formula, which people read
-_MODEL_PREDICTS = 0.3  # share of the residual's squares that a model has to predict to be worth using
-_SLOW = 0.01  # changes of direction are smoothed below this share of the speed that 90 % of the samples stay below
+_MOST_MODEL_TERMS = 6  # largest number of terms of a residual model; a formula has fewer, as people read it
+_MODEL_PREDICTS = 0.3  # share of the squared residual that a residual model has to predict
+_SLOW = 0.01  # share of the 90th percentile of the speed below which the sign of the velocity is smoothed
 _NUMBER = r"[-+0-9.eE]+"
 
 
 def with_law(judgement: Judgement, shown: Shown) -> Judgement:
-    """The judgement with the inputs that its structured residual depends on, and with the law where there is one.
+    """The judgement with the inputs on which its structured residual depends, and with the law if one is found.
 
     Args:
         judgement: Result of the fits.
         shown: The effects that are shown, and their fits.
     """
-    left = judgement.unexplained
-    # Where the measured torque is noise, the residual is the model's own torque.
-    if not left.structured or left.joint is None or torques_may_be_noise(judgement.joints):
+    unexplained = judgement.unexplained
+    # If the measured torque is noise, the residual is only the torque of the model.
+    if not unexplained.structured or unexplained.joint is None or torques_may_be_noise(judgement.joints):
         return judgement
-    residual = joint_residual(shown, left.joint, np.array([joint.noise_floor for joint in judgement.joints]))
+    residual = joint_residual(shown, unexplained.joint, np.array([joint.noise_floor for joint in judgement.joints]))
     if np.count_nonzero(residual.weight) == 0:
         return judgement
     law, dependence = law_of(residual, judgement.joints)
-    return replace(judgement, unexplained=replace(left, law=law, dependence=dependence))
+    return replace(judgement, unexplained=replace(unexplained, law=law, dependence=dependence))
 
 
 def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law | None, Dependence]:
-    """The law of a residual, None where none is stable, and the inputs that it depends on.
+    """The law of a residual, None if no formula is stable, and the inputs on which the residual depends.
 
     Args:
         residual: Residual of one joint.
@@ -105,19 +105,23 @@ def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law |
     residual, columns = with_nuisances_at_bounds(residual, columns)
     gains = input_gains(residual)
     if gains.frequency is not None:
-        # Responses with memory can mimic laws without memory, so they are allowed only where no such law fits.
+        # Responses with memory can imitate laws without memory, so they are allowed only if no such law fits.
         residual, columns = with_nuisances_at_bounds(bare, columns_of(bare))
     choice = search_formula(residual, columns, before)
     judged = residual.judged
     closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
-    # A formula that only mimics a response with memory is no law.
-    mimics = gains.clearly_less(choice.held_out)
-    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _FORMULA_PREDICTS and not mimics
+    # If a response with memory predicts clearly better than the formula, the formula only imitates it and is no law.
+    imitates = gains.clearly_less(choice.held_out)
+    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _FORMULA_PREDICTS and not imitates
     terms, law = (), None
     if stable:
         terms = _terms(residual, choice)
         law = _law(residual, choice, terms, joints)
-    inputs = law.inputs if law is not None else (gains.frequency,) if mimics and gains.frequency else ()
+    inputs: tuple[str, ...] = ()
+    if law is not None:
+        inputs = law.inputs
+    elif imitates and gains.frequency:
+        inputs = (gains.frequency,)
     inputs = inputs or _inputs_without_law(residual, choice, gains.listed)
     dependence = Dependence(
         joint=residual.joint,
@@ -161,14 +165,12 @@ def _terms(residual: JointResidual, choice: Choice) -> tuple[LawTerm, ...]:
 
 
 def _coefficients(residual: JointResidual, columns: LibraryColumns, at: list[int]) -> Float[Array, "D k"]:
-    """Coefficients of some columns, fitted with the nuisances: on all seen blocks, then on bootstrap draws of them.
+    """Coefficients of some columns, fitted with the nuisances: first on all blocks that fits may use, then on draws.
 
     Products are summed for these columns and the nuisances only, as the library is large.
     """
-    products, draws = (
-        columns.products.of([*at, *columns.nuisances]),
-        residual.draws("blocks of the coefficients of a law"),
-    )
+    products = columns.products.of([*at, *columns.nuisances])
+    draws = residual.draws("blocks of the coefficients of a law")
     return np.array([products.summed_without(drawn, columns.prior).fitted(list(range(len(at)))) for drawn in draws])
 
 
@@ -212,7 +214,7 @@ def _share_of_gap(residual: JointResidual, choice: Choice, joints: tuple[JointGa
 
 
 def similar_law(coefficients: Mapping[str, float]) -> str | None:
-    """The law in the literature that a formula resembles, None where there is none.
+    """The law in the literature that a formula resembles; None if there is none.
 
     Args:
         coefficients: Coefficient of each kind of term of the formula, for the torque that acts on the joint.
@@ -224,7 +226,7 @@ def similar_law(coefficients: Mapping[str, float]) -> str | None:
 
 
 def model_of(residual: JointResidual, choice: Choice, *, lawful: bool) -> ResidualModel | None:
-    """The model with the smallest error on held-out blocks, None where it predicts too little.
+    """The residual model with the smallest error on held-out blocks; None if it predicts too little.
 
     Args:
         residual: Residual of the joint.
@@ -281,12 +283,12 @@ def residual_terms(
 
 
 def _measured(residual: JointResidual, name: str) -> str:
-    """The input that a simulator has: the position instead of the displacement since the last reversal."""
+    """Name of the input that a simulator has: the position in place of the displacement since the last reversal."""
     return name.replace("dx.", "q.", 1) if name == f"dx.{residual.joint}" else name
 
 
 def _code(residual: JointResidual, text: str, states: list[str]) -> str:
-    """A term's text as a Python expression over ``x["name"]``; histories become states.
+    """A term's text as a Python expression over inputs ``x["name"]``; functions with memory become states ``s[k]``.
 
     Args:
         residual: Residual of the joint, with the names of the joints.
@@ -311,14 +313,14 @@ def _code(residual: JointResidual, text: str, states: list[str]) -> str:
     others = sorted((f"{kind}.{name}" for name in residual.others for kind in ("q", "v", "tau")), key=len, reverse=True)
     spelled = [(name, name) for name in others]
     spelled += [(kind, f"{kind}.{residual.joint}") for kind in ("q", "v", "a", "tl", "tau", "temp")] + [("t", "t")]
-    # Placeholders first, so that the replacement of one name is not searched for the next.
+    # Names are first replaced by placeholders, so that no name is searched for in the replacement of another.
     for mark, (short, _) in enumerate(spelled):
         text = re.sub(rf"(?<![\w.@]){re.escape(short)}(?![\w.(@])", f"@{mark}@", text)
     return re.sub(r"@(\d+)@", lambda found: f"x[{spelled[int(found[1])][1]!r}]", text)
 
 
 def _state(states: list[str], expression: str) -> str:
-    """Code of a state, whose expression is added to ``states`` if it is not among them."""
+    """Code of a state, such as ``s[0]``; its expression is added to ``states`` if it is not among them."""
     if expression not in states:
         states.append(expression)
     return f"s[{states.index(expression)}]"

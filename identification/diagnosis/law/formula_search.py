@@ -20,7 +20,7 @@ from phantom_dyn.random_streams import random_stream
 
 MOST_TERMS = 4  # largest number of terms of a formula, so that a reader can check it term by term
 _AT_ONCE = 24  # number of columns at the full rate that are filtered in one call
-_MOST_ROUNDS = 4  # of a search in which nuisances that reach a bound are held there, and others released
+_MOST_ROUNDS = 4  # largest number of rounds in which nuisances at a bound are held there, and others released
 _PERMUTATIONS = 100  # number of permutations of the blocks: the smallest that has a 99 % quantile
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
 NEARLY = 0.85  # a shorter formula has to predict this share of the squares that the best size predicts
@@ -112,11 +112,11 @@ def columns_of(residual: JointResidual, *, memory: bool = True) -> LibraryColumn
 
 
 def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -> tuple[JointResidual, LibraryColumns]:
-    """Residual and columns with each nuisance held at its bound if it reaches it in the fit of the best terms.
+    """Residual and columns with a prior that holds nuisances at the bounds that they reach in a fit of the best terms.
 
-    The other nuisances are free within their prior, so every later fit is one linear solution without bounds. If a
-    chosen term has the same torque as a held nuisance, the next round releases the nuisance. If rounds repeat, it stays
-    held, and the term explains the torque beyond the bound.
+    The other nuisances are free within their prior. So every later fit is one linear solution without bounds. If a
+    chosen term makes the same torque as a held nuisance, the nuisance may be inside its bounds in the next round, and
+    is released. If rounds repeat, the nuisance stays held, and the term explains the torque beyond the bound.
     """
     whole = columns.products.summed((residual.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
@@ -139,7 +139,7 @@ def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -
 
 
 def _prior_holding(residual: JointResidual, held: Float[Array, " F"], squared: Float[Array, " F"]) -> NuisancePrior:
-    """The prior, so narrow around the bound of each held nuisance that no fit changes it.
+    """The prior with a standard deviation around the bound of each held nuisance so small that no fit changes it.
 
     Args:
         residual: Residual of the joint, with prior and bounds.
@@ -176,7 +176,7 @@ def losses_without_law(residual: JointResidual, columns: LibraryColumns) -> Floa
 
 
 def search_formula(residual: JointResidual, columns: LibraryColumns, before: Float[Array, " B"]) -> Choice:
-    """The formula of the size that predicts held-out blocks best, tested against chance and repeated by bootstrap.
+    """The formula with the number of terms that predicts held-out blocks best, tested against chance and by bootstrap.
 
     If bootstrap replicates disagree on this formula, a shorter one on which they agree replaces it, provided that it
     predicts nearly as much.
@@ -230,7 +230,10 @@ def held_out_losses(
 
 
 def best_size(loss: Float[Array, "m B"]) -> int:
-    """The smallest size whose loss exceeds the best by at most its standard error, or a share `_WORTH` of the gain."""
+    """The smallest number of terms whose loss is nearly the best one.
+
+    It may exceed the best loss by its standard error over blocks, or by a share `_WORTH` of the gain of all terms.
+    """
     total = loss.sum(axis=1)
     best = int(np.argmin(total))
     most = _WORTH * (total[0] - total[best])
@@ -247,27 +250,28 @@ def _beyond_chance(residual: JointResidual, columns: LibraryColumns, chosen: Cho
     terms, seen = columns.terms, (residual.folds >= 0).astype(float)
     whole = columns.products.summed_without(seen, columns.prior)
     at = terms.columns(chosen)
-    left = residual_squares(terms, whole, chosen)
-    least_gain = min(residual_squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
+    with_all = residual_squares(terms, whole, chosen)
+    without_each = [residual_squares(terms, whole, chosen[:k] + chosen[k + 1 :]) for k in range(len(chosen))]
+    least_gain = min(without_each) - with_all
     theta = whole.fitted(at)
     nuisances = columns.prior.fitted_with(columns.products.summed(seen), at, theta)
     model = columns.x[:, at] @ theta + columns.x[:, len(columns.size) :] @ nuisances
     return least_gain > gain_by_chance(residual, columns, residual.y - model)
 
 
-def gain_by_chance(residual: JointResidual, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
+def gain_by_chance(residual: JointResidual, columns: LibraryColumns, remaining: Float[Array, " n"]) -> float:
     """Gain that the best of all terms reaches by chance, from residuals with permuted blocks.
 
     Args:
         residual: Residual of the joint.
         columns: Columns of the library.
-        left: Residual of each kept sample after the formula.
+        remaining: Residual of each kept sample after the formula.
     """
     rng = random_stream("order of blocks of a rest")
     used = residual.weight > 0
     root = np.sqrt(residual.weight[used])
     x, numbers = columns.x[used] * root[:, None], residual.blocks[used]
-    pieces = [left[used][numbers == k] * root[numbers == k] for k in np.unique(numbers)]
+    pieces = [remaining[used][numbers == k] * root[numbers == k] for k in np.unique(numbers)]
     gram = x.T @ x
     prior = replace(columns.prior, right=np.zeros(columns.prior.count))
     out = []
@@ -281,7 +285,10 @@ def gain_by_chance(residual: JointResidual, columns: LibraryColumns, left: Float
 def _votes_of_replicates(
     residual: JointResidual, columns: LibraryColumns, chosen: Chosen
 ) -> tuple[dict[str, float], float, dict[str, float]]:
-    """How often bootstrap replicates over blocks choose each kind of term, the same kinds, and each input."""
+    """Shares of the bootstrap replicates over blocks that choose each kind of term, the same kinds, and each input.
+
+    The middle number is the share that chooses exactly the kinds of the terms ``chosen``.
+    """
     if not chosen:
         return {}, 0.0, {}
     seen = residual.folds >= 0

@@ -1,4 +1,4 @@
-"""States of friction with memory along a recorded path: bristles that bend and elements that slip."""
+"""States of friction laws with memory along a recorded path: bristles that bend and elements that slip."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def bristle(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
 
     Args:
         x: Path.
-        reach: Displacement over which it bends, in the unit of ``x``.
+        reach: Displacement over which the bristle bends, in the unit of ``x``.
     """
     return _along(x, lambda start, side, moved: side + (start - side) * np.exp(-moved / reach))
 
@@ -25,7 +25,7 @@ def slip(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
 
     Args:
         x: Path.
-        reach: Displacement from rest at which it slides, in the unit of ``x``.
+        reach: Displacement from rest at which the element begins to slide, in the unit of ``x``.
     """
     return _along(x, lambda start, side, moved: np.clip(start + side * moved / reach, -1.0, 1.0))
 
@@ -35,7 +35,7 @@ def _along(x: Float[Array, " N"], law: Callable[[float, float, Array], Array]) -
 
     Args:
         x: Path.
-        law: The state within a piece, from the state at its start, the direction, and the distance since.
+        law: Gives the states within a piece from the state at its start, its direction, and the distances from there.
     """
     side = np.sign(np.diff(x, prepend=x[:1]))
     turns = np.flatnonzero(side[1:] != side[:-1]) + 1

@@ -1,8 +1,8 @@
-"""Residual of all findings on one joint, with the inputs that it may depend on and the coefficients that are refitted.
+"""Residual after all findings on one joint, with the inputs on which it may depend.
 
-A fit that lacks a law gives biased changes within the tolerances and biased sizes of the findings. So every fit of a
-law fits them again: by their columns on the row of its joint, with a prior from their own priors and from the torques
-of the other joints.
+The fit of the diagnosis lacks the law, so its changes within the tolerances and its sizes of findings are biased. Every
+fit of a law therefore fits these again (nuisances), by their columns on the joint of the law. Their prior includes the
+torques of the other joints.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 _PER_PERIOD = 5.0  # samples per period of the judged band's edge: more are redundant
-_MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and add little
+_MOST_SAMPLES = 8000  # largest number of samples of all recordings: more cost time and memory, and add little
 _OTHERS = 5  # number of nearest other joints of the branch whose motion may be an input
 _MOST_POWER = 0.98  # share of an input's power within the frequencies at which a response is stated
-_SAME_TORQUE = 0.99  # correlation of the drive's torque with the transmitted one above which it is no separate input
+_SAME_TORQUE = 0.99  # if its correlation with the transmitted torque is higher, drive torque is no separate input
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,11 @@ class ResidualLog:
     Attributes:
         t: Time since its start at the full rate [s], ``(N,)``.
         inputs: Series by name at the full rate, ``(N,)`` each.
-        band: Its filter.
+        band: Filter of the recording.
         cutoff_hz: Edge of the judged band.
         valid: False for samples in the band that depend on missing or excluded samples, ``(m,)``.
-        kept: Which of the samples in the band are used.
-        residual: Measured minus modelled torque of these samples in the judged band, by fits that have not seen them,
-            ``(n,)``.
+        kept: Slice of the samples in the band that are used.
+        residual: Measured minus modelled torque of these samples in the judged band, by fits to other blocks, ``(n,)``.
         weight: Weight of each of these samples, ``(n,)``.
         nuisances: Columns of the tolerance parameters and findings that are fitted again with a law, ``(n, F)``.
     """
@@ -128,7 +127,7 @@ class JointResidual:
         return outside if len(outside) else np.arange(len(self.folds))
 
     def draws(self, stream: str) -> Float[Array, "R B"]:
-        """How often each block counts in a fit to all blocks that fits may see, and in each bootstrap replicate of it.
+        """Weight of each block: first in the fit to all blocks that fits may use, then in each bootstrap replicate.
 
         Args:
             stream: Name of the random stream.
@@ -144,7 +143,7 @@ class JointResidual:
         return np.concatenate([log.now(log.inputs[name]) for log in self.logs])
 
     def ranges(self, names: tuple[str, ...]) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value of some inputs in used samples; of a frequency where its input has power."""
+        """Smallest and largest value of some inputs in used samples; for a frequency, those at which it has power."""
         used = self.weight > 0
         out = {}
         for name in names:
@@ -174,13 +173,13 @@ class JointResidual:
         return tuple(name for name in own if name in self.inputs)
 
     def named(self, names: frozenset[str] | set[str]) -> tuple[str, ...]:
-        """Those of the names that are inputs or their frequencies, in the order of the inputs."""
+        """Those names that are inputs or frequencies of inputs, in the order of the inputs."""
         both = (one for name in self.inputs for one in (name, frequency_of(name)))
         return tuple(name for name in both if name in names)
 
 
 def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> JointResidual:
-    """Residual of the named effects on a joint, on blocks that their fits have not seen.
+    """Residual of the named effects on a joint, on blocks held out of their fits.
 
     Args:
         shown: The effects that are shown.
@@ -230,7 +229,7 @@ def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Joi
 def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list[int]) -> dict[str, Array]:
     """Series of every input at the full rate, by name.
 
-    A joint without a drive has no torques among them: what the model computes there is the residual itself.
+    Torques of a joint without a drive are no inputs: there the modelled torque is the residual itself.
 
     Args:
         robot: The robot, for the names of its joints.
@@ -268,7 +267,7 @@ def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Int[Array
 
 
 def _with_separate_inputs(logs: list[ResidualLog], joint: str) -> tuple[ResidualLog, ...]:
-    """Recordings without constant inputs, and without the drive's torque where it equals the transmitted one."""
+    """Recordings without constant inputs, and without the drive torque if it is nearly the transmitted torque."""
     left_out = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
     if f"tl.{joint}" in logs[0].inputs.keys() - left_out:
         passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
@@ -283,9 +282,10 @@ def _with_separate_inputs(logs: list[ResidualLog], joint: str) -> tuple[Residual
 def _nuisances(
     shown: Shown, row: int, floors: Float[Array, " nv"], residual: Series
 ) -> tuple[Series, NuisancePrior, tuple[Float[Array, " F"], Float[Array, " F"]]]:
-    """Columns on one joint of the tolerance parameters and findings, which every fit of a law fits again.
+    """Columns of the tolerance parameters and findings on one joint, and the prior on their coefficients.
 
-    A coefficient is a change from the fit of the diagnosis. The torques of the other joints are part of its prior.
+    A coefficient is a change from the fit of the diagnosis. The prior includes the torques of the other joints, which
+    the same parameters change.
 
     Args:
         shown: The effects that are shown.
@@ -328,7 +328,7 @@ def _nuisances(
 
 
 def _places(active: Array, index: tuple[int, ...]) -> tuple[list[int], list[int]]:
-    """Indices of the active columns that are not zero on a row, and their places among the row's columns."""
+    """Positions of a row's active columns among all active columns, and among the columns ``index`` of the row."""
     place_on_row = {column: k for k, column in enumerate(index)}
     place = [k for k, column in enumerate(active.tolist()) if column in place_on_row]
     return place, [place_on_row[int(active[k])] for k in place]

@@ -1,4 +1,4 @@
-"""The library: terms that a formula may have, each with its text, its inputs and the unit of its coefficient.
+"""Library of the terms that a formula may have, each with its text, its inputs and the unit of its coefficient.
 
 Effects of the catalogue state their own terms (`Effect.formula`), as a formula may need them beside others. The terms
 listed here are those that no effect has. If an effect states the same term, that of the effect is used.
@@ -43,14 +43,14 @@ _LAGS = (0.0, 0.03, 0.1, 0.3)  # lags of a supply [s]
 
 @dataclass(frozen=True)
 class LibraryTerm:
-    """One term.
+    """One term of the library.
 
     Attributes:
-        kind: Its name without inner parameters: terms of one kind count as the same.
+        kind: Name without inner parameters, such as a speed or a position; terms of one kind count as the same.
         inputs: Names of its inputs.
-        texts: Text of its one or two columns in a formula.
-        per: Divisor of the unit of the coefficient, empty for none.
-        columns: One or two series at the full rate.
+        texts: Text in a formula of each of its one or two columns.
+        per: Unit by which the unit of the torque is divided to give that of the coefficient; empty for none.
+        columns: Functions that give its one or two columns at the full rate.
     """
 
     kind: str
@@ -61,7 +61,7 @@ class LibraryTerm:
 
 
 def rounded(x: float | np.floating) -> float:
-    """A number as a formula prints it, so that the printed formula gives what was computed."""
+    """A number with the digits that a formula prints, so that the printed formula gives the computed values."""
     return float(f"{x:.3g}")
 
 
@@ -145,7 +145,8 @@ def library(residual: JointResidual, *, memory: bool = True) -> tuple[LibraryTer
     for other in residual.others:
         out += _other(joint, _JointInputs(residual, other))
     of_effects = [term for terms in joint.of_effects.values() for term in terms]
-    # Terms of effects are listed twice, among similar ones and at the end, and a term listed here may be an effect's.
+    # Terms of effects appear twice in these lists, and a term of this module may equal one of an effect: by their texts
+    # each is kept once, and the effect's own is preferred.
     own = {term.texts: term for term in of_effects}
     known = {term.texts: own.get(term.texts, term) for term in (*out, *of_effects)}
     return tuple(term for term in known.values() if {base_of(name) for name in term.inputs} <= set(residual.inputs))
@@ -286,11 +287,11 @@ def _frequencies(joint: _JointInputs, count: int) -> list[float]:
 
 
 def _dynamic_motion(joint: _JointInputs) -> Iterator[LibraryTerm]:
-    """Responses to the motion that change with the frequency: a spring behind a damper, and a mass on a spring.
+    """Linear responses to the motion with memory: a spring in series with a damper, and a mass on a spring.
 
-    Together with the terms of a spring and a damper, which have no memory, they cover the responses of first and second
-    order to position and acceleration too: the response of a resonator to the acceleration is that of its rate to the
-    velocity.
+    Together with the terms of a spring and a damper, which have no memory, they also cover responses of first and
+    second order to position and acceleration. For example, the response of a resonator to the acceleration is the
+    response of its rate to the velocity.
     """
     v, named = joint.get("v"), frozenset({frequency_of(f"v.{joint.name}")})
     for hz in _frequencies(joint, _CORNERS):
@@ -354,7 +355,7 @@ def _heat(joint: _JointInputs) -> Iterator[LibraryTerm]:
 
 
 def _supply(joint: _JointInputs) -> Iterator[LibraryTerm]:
-    """Voltage sag: a drive that gives less torque under the load of all drives."""
+    """Terms of voltage sag: a drive gives less torque if the load of all drives is larger."""
     loads = supply_loads(joint.residual.inputs, joint.name)
     if not loads:
         return

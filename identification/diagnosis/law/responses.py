@@ -1,7 +1,7 @@
-"""Linear responses with memory along a recorded motion: second order, delay, and a basis for any that decays.
+"""Linear filters with memory: first and second order, delay, and Laguerre's basis for any decaying response.
 
-The basis is Laguerre's: a low pass, followed by equal all-passes. Source: Wahlberg, IEEE Transactions on Automatic
-Control 36 (1991) 551-562.
+Laguerre's basis is a low pass followed by equal all-passes. Source: Wahlberg, IEEE Transactions on Automatic Control 36
+(1991) 551-562.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from phantom_dyn.signals.recursive import lagging, recursive_filter
 
 
 def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Float[Array, "N 2"]:
-    """State of ``y'' + 2 d w y' + w^2 y = w^2 x`` with ``x`` held between samples, at rest at first: ``y``, ``y'/w``.
+    """State ``y, y'/w`` of ``y'' + 2 d w y' + w^2 y = w^2 x``, which is at rest at the start.
+
+    The input is constant between samples (zero-order hold), so the result is exact.
 
     Args:
         x: Samples.
@@ -37,7 +39,7 @@ def delayed(x: Float[Array, " N"], t: Float[Array, " N"], late: float) -> Float[
 
 
 def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[Array, "N order"]:
-    """A series behind a first-order low pass, and behind that with 1 to ``order - 1`` all-passes of the same corner.
+    """A series after a first-order low pass, and after the low pass and 1 to ``order - 1`` all-passes of its corner.
 
     Args:
         x: Samples.

@@ -1,16 +1,15 @@
 """Smooth functions of one or two inputs: the share of a residual that each predicts on held-out blocks, and by chance.
 
-A function is a table with linear interpolation between its nodes (hat functions, for two inputs their products), fitted
-by ridge regression together with tolerance parameters and findings. The share that it predicts is called its gain. The
-gain by chance is that on residuals whose blocks are permuted, with random signs. Each block keeps its spectrum. Slow
-drifts inside blocks stay, and the input time, which fits any drift, predicts some of them by chance: its gain has to
-exceed that as well.
+A function is a table with linear interpolation between its nodes (hat functions, for two inputs their products). It is
+fitted by ridge regression together with tolerance parameters and findings. The share that it predicts is its gain. The
+gain by chance is the largest gain of all inputs on residuals whose blocks are permuted, with random signs. Each block
+keeps its spectrum and its slow drifts. The input time can fit such drifts by chance, so the gain by chance includes
+this.
 
-A response with memory is tried like an input, under the name of a frequency: the residual may be a response to motion
-or torque whose gain and phase change with the frequency, which is no function of the present value of an input. A sum
-of the input and its series behind low passes and all-passes (Laguerre's) represents any response that decays within
-seconds, whatever its order. It is linear in its coefficients, and so it is fitted and tested as a table over an input
-is.
+The residual may also be a linear response to motion or torque with memory, whose gain and phase change with the
+frequency. Such a response is tried like an input, under the name of a frequency. It is the sum of the input and of the
+input after low passes and all-passes (Laguerre's basis), which represents any response that decays within seconds. As
+this sum is linear in its coefficients, it is fitted and tested like a table over an input.
 """
 
 from __future__ import annotations
@@ -37,11 +36,11 @@ _DRAWS = 60  # permutations of the blocks
 _CHANCE = 0.95  # quantile, over these permutations, of the largest gain
 _PAIRS = 6  # largest number of pairs that are listed
 _CURVE = 25  # points of a curve
-# By this share of the squared residual, a response with memory must be better than the best function without memory.
+# A response with memory must predict this share of the squared residual more than the best function without memory.
 _CLEARLY = 0.03
 _UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
 _CORNERS = (0.05, 0.25)  # corner frequencies, as a share of the edge of the judged band
-_ORDER = 5  # number of series behind each corner
+_ORDER = 5  # number of Laguerre series for each corner frequency
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ class Gains:
         listed: Those that the report lists, the largest first.
         frequency: Name of the input whose response with memory predicts the residual clearly better than every function
             without memory; None if there is none.
-        left: Squared residual of each block with that response, ``(B,)``; infinite without one.
+        left: Squared residual of each block after that response, ``(B,)``; infinite without one.
         judged: Blocks on which gains are compared, ``(b,)``.
     """
 
@@ -126,12 +125,12 @@ def input_gains(residual: JointResidual) -> Gains:
 
 
 def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:
-    """True if the gain of all blocks is a noticeable share of the whole, and its interval lies above zero.
+    """True if a gain is a noticeable share of the squared residual, and its interval is above zero.
 
     Args:
         more: Gain of each block.
         judged: Blocks that count.
-        whole: Squared residual that the share refers to.
+        whole: Squared residual of which the gain is a share.
     """
     share, interval = _shares(more, np.full(len(more), whole / len(judged)), judged)
     return share > _CLEARLY and interval[0] > 0.0
@@ -161,7 +160,13 @@ def _samples(residual: JointResidual, used: Array) -> _Samples:
 
 
 def _losses(samples: _Samples, x: Float[Array, "n k"], residual: JointResidual) -> Float[Array, "B D"]:
-    """Squared residual of each block by fits that have not seen its fold."""
+    """Squared residual of each block by fits to the other folds.
+
+    Args:
+        samples: The residual and its permutations.
+        x: Columns of the function, times the square root of each sample's weight.
+        residual: Residual of the joint.
+    """
     k, folds = x.shape[1], residual.folds
     x = np.column_stack([x, samples.nuisances])
     size = len(folds)
@@ -189,7 +194,7 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], residual: JointResidual) 
 
 
 def table_nodes(residual: JointResidual, name: str) -> Float[Array, " m"]:
-    """Nodes of a table over one input: evenly spaced, but for speed and displacement denser close to a reversal."""
+    """Nodes of a table over one input: evenly spaced, but denser near zero for speed and displacement."""
     every = np.concatenate([log.inputs[name] for log in residual.logs])
     low, high = np.percentile(every, [1, 99])
     kind = name.split(".")[0]
@@ -236,12 +241,13 @@ def frequency_responses(residual: JointResidual, inputs: tuple[str, ...]) -> tup
 
 
 def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse:
+    """Gain and phase of the response to one input, with bands from block bootstrap."""
     columns = response_columns(residual, name)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
     theta = _coefficients(residual, np.column_stack([columns / size, residual.nuisances]), _NODES)
     low, high = residual.frequencies(name)
     hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
-    # The torque on the joint is the opposite of that which the drive has to give.
+    # The torque on the joint is the negative of the torque that the drive has to give.
     responses = -(theta / size) @ complex_gains(residual, name, hz).T
     gains = np.abs(responses)
     phase = np.degrees(np.unwrap(np.angle(responses[0])))
@@ -254,6 +260,7 @@ def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse
 
 
 def _curves_over(residual: JointResidual, name: str, *, by_direction: bool) -> list[InputCurve]:
+    """Torque on the joint over one input, as one curve or as one for each direction of motion."""
     nodes = table_nodes(residual, name)
     parts = []
     for log in residual.logs:
@@ -268,7 +275,7 @@ def _curves_over(residual: JointResidual, name: str, *, by_direction: bool) -> l
     unit = _unit(residual, name)
     out = []
     for k, direction in enumerate(("forwards", "backwards") if by_direction else ("",)):
-        # The torque on the joint is the opposite of that which the drive has to give.
+        # The torque on the joint is the negative of the torque that the drive has to give.
         lines = -theta[:, k * len(nodes) : (k + 1) * len(nodes)] @ weights.T
         low, high = interval(lines[1:])
         out.append(InputCurve(name, unit, direction, *(tuple(z.tolist()) for z in (at, lines[0], low, high))))
@@ -304,7 +311,7 @@ def _unit(residual: JointResidual, name: str) -> str:
 
 
 def response_columns(residual: JointResidual, name: str) -> Float[Array, "n k"]:
-    """Columns of the response to an input in the judged band: its present value, and its series behind filters."""
+    """Columns of the response to an input in the judged band: its present value, and Laguerre series of the input."""
     names, parts = _inputs_of_response(residual, name), []
     for log in residual.logs:
         filtered = [laguerre(log.inputs[name], log.dt, hz, _ORDER) for hz in _corners(log)]
@@ -338,4 +345,5 @@ def _inputs_of_response(residual: JointResidual, name: str) -> list[str]:
 
 
 def _corners(log: ResidualLog) -> list[float]:
+    """Corner frequencies [Hz] of the Laguerre series."""
     return [share * log.cutoff_hz for share in _CORNERS]

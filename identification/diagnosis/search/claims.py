@@ -1,7 +1,7 @@
 """Gates of the search, applied to effects in a set, and backward elimination of effects that fail them.
 
-A claim says that effects are there. A gate is a test that a claim has to pass. The gap is what the given model leaves
-above the noise.
+A claim says that effects are there. A gate is a test that a claim has to pass. The gap is the squared residual of the
+given model beyond the noise.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _MOST_TRIED = 12
 
 
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
-    """Held-out gain that a claim needs: more than chance gives, and a fair part of the gap where it gains.
+    """Held-out gain that a claim needs: above chance, and a fair part of the gap on the joints where the claim gains.
 
-    An effect may have columns on a joint with a large gap and gain on another joint. Its gain counts only on joints
-    where it is a fair part of the gap, or of all that the other effects of the set leave. If the set contains
-    corrections of inertial parameters, the gap is what these leave, because their columns are exact.
+    An effect may have columns on a joint with a large gap, and gain on another joint only. Its gain counts on joints
+    where it is a fair part of the gap, or of the residual after the other effects of the set. If the set contains
+    corrections of inertial parameters, the gap is the residual after these, because their columns are exact.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
@@ -51,7 +51,7 @@ def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], 
 
 
 def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
-    """Gain on each row that is a fair part of its gap, or of what the effects of the set leave, ``(nv,)``."""
+    """Gain on each row that is a fair part of its gap, or of the residual after the other effects, ``(nv,)``."""
     gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
     if exact:
         left = search.fits.row_losses(exact)
@@ -91,7 +91,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     extra = search.price_of(chosen) - search.price_of(without)
     by_row = plain.row_losses - rich.row_losses
     needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
-    # A near twin may hide the gain. If the torque of the new effects is large enough, they need what chance gives.
+    # Beside a near twin an effect gains little. If its torque is large enough, only the threshold of chance applies.
     if _torque_beside_twins(new, without, rich) > needed:
         needed = min(needed, search.threshold.of(*new))
     yield fair_part_of_the_gap(gain, needed)
@@ -108,8 +108,8 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
 def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
     """Squared torque of new effects that have a near twin in the set; zero without twins.
 
-    The gain of one near twin beside the other is small even if its own torque is large: the other has explained nearly
-    all of it, with a wrong size.
+    The gain of one near twin beside the other is small even if its own torque is large, because the other twin explains
+    nearly the same torque with a wrong size.
     """
     if not any(are_near_twins(one, other) for one in new for other in without):
         return 0.0
@@ -130,8 +130,8 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
 def backward_elimination(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """The set without effects that fail the gates of a claim, removed one by one.
 
-    Of many effects only those are tried whose removal raises the loss least. On a robot of many joints several may be
-    removed in one step, if no two of them touch the same joint.
+    If there are many effects, only those are tried whose removal raises the loss least. On a robot of many joints one
+    step may remove several effects, if no two of them act on the same joint.
     """
     while chosen:
         whole, touched = chosen, frozenset[int]()

@@ -8,7 +8,7 @@ from functools import cache
 
 from identification.diagnosis.columns.terms import Term
 
-# Inertial parameters of one body.
+# Number of inertial parameters of one body.
 BODY = 10
 
 
@@ -32,12 +32,13 @@ def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
 
 
 def _exclude(one: Term, other: Term) -> bool:
-    """True for two shapes of one effect, two friction laws with many parameters on one joint, and the like.
+    """True if a set may not contain both effects.
 
-    A joint has one torque constant, its own or one that several joints share. Together with free parameters of a body,
-    a common torque constant can express wrong friction of all these joints, as the body absorbs its change of all other
-    torque. Friction expresses that by itself, and so does a torque constant for each joint. A load cannot absorb it:
-    its mass and centre change no torque of the links before it as a factor does.
+    - They are two shapes of one effect on one joint, or two laws on one joint that contain the same effect.
+    - They are two torque constants with a joint in common: a joint has one torque constant.
+    - One is a torque constant common to several joints, the other free parameters of a body. Together they can imitate
+      wrong friction on all these joints, as the body cancels the change of all other torques. A load cannot: its mass
+      and centre do not scale the torque of the links before it.
     """
     for scale, bodies in ((one, other), (other, one)):
         if (is_of_many_joints(scale) and bodies.effect.inertial == "free") or scales_all_bodies(scale, bodies):
@@ -66,21 +67,21 @@ def can_join(chosen: frozenset[Term], term: Term) -> bool:
 
 
 def is_beside_parts(chosen: frozenset[Term], term: Term) -> bool:
-    """True for one parameter of several joints if a set contains effects on these joints that may be its parts."""
+    """True for an effect with one parameter for several joints, if a set contains effects that may be parts of it."""
     parts = (other for other in chosen if are_parts([other], term) and other.joint in joints_of(term))
     return is_of_many_joints(term) and any(parts)
 
 
 def are_parts(parts: Iterable[Term], whole: Term) -> bool:
-    """True if a sum of some effects may make much the same torque as ``whole``."""
+    """True if a sum of some effects may make nearly the same torque as ``whole``."""
     return all(part.effect.name in whole.effect.sum_parts for part in parts)
 
 
 def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
     """Two cached functions of a term.
 
-    The first gives the terms that remove it from a set when they are added, itself included; the second those of which
-    it is a special case.
+    The first gives the terms that remove the given term from a set when they are added, itself included. The second
+    gives the terms of which it is a special case.
     """
     near: dict[object, list[Term]] = defaultdict(list)
     for term in terms:
@@ -107,13 +108,16 @@ def _keys(term: Term) -> tuple[object, ...]:
 
 
 def are_near_twins(one: Term, other: Term) -> bool:
-    """True if two effects are near twins on the same joint, or one of them on all."""
+    """True if two effects make nearly the same torque (near twins), on one joint or one of them on the whole robot."""
     names = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
     return names and (one.joint == other.joint or None in (one.joint, other.joint))
 
 
 def is_nested(term: Term, others: frozenset[Term]) -> bool:
-    """True if a finding and its replacement contain one another, or if several effects replace it that are no parts."""
+    """True if a finding or one of its replacements contains the other, or tends to it as a limit.
+
+    It is also true if several effects replace the finding that are not parts of it.
+    """
     if len(others) > 1 and not are_parts(others, term):
         return True
     return any(

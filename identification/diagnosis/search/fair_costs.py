@@ -17,17 +17,19 @@ from phantom_dyn.array_types import Array, Float
 def costs_of(
     search: Search, sets: list[frozenset[Term]], twins: list[bool], free: Sequence[bool] = ()
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Cost of each set, price plus penalty on changes within tolerance, in two versions that have the same weight.
+    """Cost of each set, price plus penalty on changes within tolerance, in two versions that count equally.
 
-    In the first all of the penalty counts. In the second only the part by which it differs from that of the first set
-    by more than four (two tolerances of one quantity) counts, as stated tolerances are not known that well.
+    In the first version the whole penalty counts. Stated tolerances are only rough. So in the second version the
+    penalty of a set counts only as far as it differs from that of the first set by more than four, which is the penalty
+    of a change by two tolerances.
 
     Args:
         search: Rivals.
-        sets: The compared sets, the finding's first.
-        twins: True for sets with the cost of the first one.
-        free: True for sets with the price of the first one, and with its penalty, too, where that would pay for the
-            price: free inertias also take over errors of the model within its tolerances. Empty: none.
+        sets: The compared sets, that of the finding first.
+        twins: True for sets that get the price of the first set.
+        free: True for sets that get the price of the first set. If their price and their penalty differ from those of
+            the first set in opposite directions, they get its penalty, too: free inertias also take over errors of the
+            model within its tolerances. Empty: none.
     """
     prices = np.array([search.price_of(chosen) for chosen in sets])
     dearer = prices - prices[0]
@@ -52,7 +54,7 @@ def rarities_of(search: Search, sets: list[frozenset[Term]]) -> Float[Array, " m
 
 
 def weighted_by_rarity(shares: Float[Array, " m"], rarities: Float[Array, " m"]) -> Float[Array, " m"]:
-    """Probabilities by the data, ``(m,)``, times the prior of the sizes that each set needs; their sum is kept."""
+    """Probabilities of sets by the data, times the prior of the sizes in each set, ``(m,)``; with the same sum."""
     likely = shares * np.exp(-0.5 * (rarities - rarities.min()))
     return likely * (shares.sum() / likely.sum())
 
@@ -60,17 +62,17 @@ def weighted_by_rarity(shares: Float[Array, " m"], rarities: Float[Array, " m"])
 def without_method_errors(
     losses: Float[Array, "B m"], more: Float[Array, " m"], alike: Sequence[bool], gain: float
 ) -> Float[Array, "B m"]:
-    """Losses of rivals, nearer to those of the finding by what the method is accurate to.
+    """Losses of rivals, with their differences from the finding's loss reduced by the errors of the method.
 
-    Derivatives, filters and the linearised tolerances have errors, too: a difference between two causes that is a tiny
-    part of what they explain says nothing, however large it is beside the noise. A difference in favour of the set
-    with fewer numbers counts in full: a law with more numbers takes up such errors.
+    Derivatives, filters and the linearised tolerances have errors. So a difference between two causes that is a tiny
+    part of what they explain is no evidence, even if it is far above the noise. A difference in favour of the set with
+    fewer parameters counts in full, because additional parameters can only fit such errors.
 
     Args:
-        losses: Held-out losses by block and set, the finding's set first.
-        more: How many numbers each set has more than that of the finding.
+        losses: Held-out losses by block and set, that of the finding first.
+        more: Number of parameters of each set minus that of the finding's set.
         alike: True for sets to which this applies.
-        gain: What the finding explains.
+        gain: Decrease of the loss by the finding.
     """
     worse = losses - losses[:, :1]
     total = worse.sum(axis=0)
@@ -79,10 +81,10 @@ def without_method_errors(
 
 
 def does_not_cancel(search: Search, chosen: Chosen) -> bool:
-    """False for effects that nearly cancel each other.
+    """False if the torques of the effects of a set nearly cancel each other.
 
-    On one sine a large lag and much friction together make the torque of little friction alone: of causes that the data
-    do not separate, those that have to cancel are less likely.
+    For example, in a motion of one sine a large lag and much friction together make the torque of little friction. If
+    the data do not separate two causes, the one whose torques have to cancel is less likely.
     """
     a, theta = search.problem.total_a, search.held_out_fit(chosen).theta
     each = [np.array(one.columns) for one in ordered(chosen)]

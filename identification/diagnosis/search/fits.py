@@ -22,10 +22,10 @@ from phantom_dyn.array_types import Array, Float
 
 Chosen = frozenset[Term]
 
-# Number of fitted nuisances above which fits are computed as changes of the nearest one; with fewer, a new fit is as
+# With at least this many fitted nuisances a fit is computed as a change of a similar fit. With fewer, a new fit is as
 # fast.
 _MANY_NUISANCES = 120
-# With fewer nuisances: number of recent sets among which a similar one is searched for as a start.
+# With fewer nuisances: number of recent fits among which the most similar one is taken as a start.
 _RECENT = 40
 
 
@@ -40,10 +40,10 @@ class Fits:
 
     Args:
         problem: The problem that is fitted.
-        allowed: Has an item for each fit that may be made, and is shared by searches with one limit; None: no limit.
+        allowed: Yields one item for each fit that may be made; several searches share it. None: no limit.
 
     Raises:
-        SearchWithoutEnd: By the first fit that may not be made.
+        SearchWithoutEnd: By the first fit beyond the limit.
     """
 
     def __init__(self, problem: Problem, allowed: Iterator[int] | None = None):
@@ -58,7 +58,7 @@ class Fits:
         self._at_readings = None if problem.at_readings is None else Fits(problem.at_readings, allowed)
 
     def without_limit(self) -> None:
-        """From here on any number of fits may be made: the judge asks for single ones."""
+        """Remove the limit, because after the search only single fits are made."""
         self.allowed = count()
         if self._at_readings is not None:
             self._at_readings.without_limit()
@@ -83,7 +83,7 @@ class Fits:
         return own._row_losses[chosen]
 
     def in_sample(self, chosen: Chosen) -> float:
-        """In-sample loss of a set, for a tenth of the work: ranks the sets before held-out losses are computed."""
+        """In-sample loss of a set, which takes a tenth of the time of held-out losses and is used to rank sets."""
         own = self.of(chosen)
         if chosen not in own._in_sample:
             known = own._held_out.get(chosen) or own._fitted(chosen, held_out=False)
@@ -105,9 +105,10 @@ class Fits:
         return {term: known[term.columns] for term in terms}
 
     def of_subsets(self, terms: Chosen) -> Callable[[Chosen], Float[Array, "G K"]]:
-        """Coefficients of any subset of some effects, of the fit without each fold and, last, of that to all blocks.
+        """Function that gives the coefficients of a subset of some effects.
 
-        No losses are computed and nothing is cached, as there are many subsets and each is needed once.
+        It gives one row for the fit without each fold and, last, one for the fit to all blocks. No losses are computed
+        and nothing is cached, as there are many subsets and each is needed once.
         """
         problem, total = self.problem, len(self.problem.precision)
         free = any(term.effect.inertial == "free" for term in terms)
@@ -142,6 +143,7 @@ class Fits:
 
     @cached_property
     def _near(self) -> NearFits | None:
+        """Fits computed as changes of a similar one; None with few nuisances."""
         many = len(self.problem.fitted_nuisances) >= _MANY_NUISANCES
         return NearFits(self.problem, self._start.theta) if many else None
 
@@ -153,7 +155,7 @@ class Fits:
             bodies = self.problem.bodies_of(chosen)
             if not any(impossible_bodies(bodies, theta) for theta in (found.theta, *found.fold_theta)):
                 return Fitted(self.problem, LinearisationPoint(), *found)
-        # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
+        # Several fits are needed to find the linearisation point. It is the same in sample and held out.
         point = self._points.get(chosen)
         found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
         if found.point.iterated:
@@ -162,7 +164,7 @@ class Fits:
         return found
 
     def _beginning(self, chosen: Chosen) -> WarmStart:
-        """Start of a fit: gains and bounds of a similar one, most of which are the same in both."""
+        """Start of a fit: gains and active bounds of a similar fit."""
         if self._near is not None and (_linear(chosen) or not self._recent):
             others = ordered(term for term in chosen if _linear(frozenset([term])))
             found = self._near.fit(active_columns(self.problem, others), held_out=False)
@@ -175,7 +177,10 @@ class Fits:
 
     @cached_property
     def _start(self) -> WarmStart:
-        """The nuisances alone, whose bounds bind in most fits, and the point mass that explains most by itself."""
+        """Start of a fit without a similar one: coefficients of the nuisances alone, and the best single point mass.
+
+        The same bounds of the nuisances are active in most fits.
+        """
         start = WarmStart.nothing(self.problem)
         start = start.after(fit(self.problem, (), held_out=False, near=start), ())
         load = next((term for term in self.problem.columns.terms if term.effect.inertial == "point mass"), None)

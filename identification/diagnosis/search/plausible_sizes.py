@@ -1,9 +1,9 @@
-"""Test whether the fitted size of an effect is plausible, by ranges of the effect and of the recording.
+"""Test whether the fitted size of an effect is plausible.
 
-Ranges that hold for every robot are written in each effect, with their reason. Those of this module are relative to the
-recorded torque and speed of the joint. No sound robot has a size outside of its range: a rival of a plausible size
-leads in its place, and where there is none, the finding does not count for the verdict "explained". A size whose
-interval reaches into the range may be plausible: a slow motion hardly shows the mass of a load.
+No sound robot has a size outside of its plausible range. If a finding has such a size, a rival of a plausible size
+replaces it; without such a rival, the finding does not count for the verdict "explained". Each effect states the ranges
+that hold for every robot. This module adds ranges relative to the recorded torque and speed of the joint. A size counts
+as plausible if its uncertainty interval overlaps the range, as a slow motion hardly shows the mass of a load.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from identification.diagnosis.search.containment import joints_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect, Parameter
 
-# Deviations by which a size has to be outside of its range.
+# Standard deviations by which a size has to be outside of its range.
 _DEVIATIONS = 2.0
 
 
-# Upper ends of the ranges, in largest recorded torques, and in these over the largest recorded speed. They are twice as
-# wide as their reasons say, as a torque may be recorded too small by as much.
+# Upper end of the ranges of friction: of dry friction in largest recorded torques, of viscous friction in largest
+# recorded torques over largest recorded speed. The reasons below allow one of these; it is doubled because the recorded
+# torque may be half the true one.
 _MOST = 2.0
 _BY_TORQUE = (
     "a drive that moves a joint gives its friction at least, and this is more than twice the largest torque that was "
@@ -44,7 +45,7 @@ def implausible_size(
         session: The given model and the largest recorded torque and speed of each joint.
         term: An effect.
         theta: Coefficients of its columns.
-        cov: Their covariance; None: they are exact.
+        cov: Their covariance; None: the coefficients are exact.
     """
     if not isinstance(term.effect, Effect) or term.effect.inertial == "free":
         return None
@@ -63,13 +64,14 @@ def implausible_size(
 
 
 def rarity(session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
-    """How rare the size of a fitted effect is, as minus two log likelihoods of a normal distribution (prior).
+    """How rare the size of a fitted effect is: minus two log likelihoods of a normal prior.
 
-    It counts effects that every device has a little of, in either direction. The ends of their plausible range are two
-    deviations from a device as it is stated. Other effects are there or not, with any size of their range: zero.
+    Some effects are present in every device to a small extent, with either sign. Their prior has its mean at the device
+    as stated, and the ends of the plausible range are two standard deviations from it. Other effects are present or
+    not, with any size of their range: their rarity is zero.
 
     Args:
-        session: The given model, and what its drives did.
+        session: The given model.
         term: An effect.
         theta: Coefficients of its columns.
         cov: Their covariance.
@@ -107,7 +109,7 @@ def _deviations(
 
 
 def _limited(session: Session, term: Term, parameter: Parameter) -> Parameter:
-    """The parameter with a range relative to what was recorded, if that ends below the range of the effect."""
+    """The parameter with the range by the recorded torque and speed, if that range ends below the effect's own."""
     rows = [session.robot.joint_names.index(one) for one in joints_of(term) if one in session.robot.joint_names]
     by_speed = parameter.unit in ("N m s/rad", "N s/m")
     of_friction = by_speed or (term.effect.rubs and parameter.unit in ("N m", "N"))

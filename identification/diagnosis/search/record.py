@@ -12,9 +12,9 @@ EffectJoint = tuple[str, str | None]
 
 
 class Record:
-    """Decisions on effects: one entry for an effect and joint, with the last result of each gate.
+    """Decisions on effects: one entry for each effect and joint, with the last result of each gate.
 
-    All shapes of a law share the entry. Torques that match no effect have none, but may replace effects.
+    All shapes of a law share one entry. Structures without a name get no entry, but may be recorded as replacements.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class Record:
                 self._replacements.pop(term.effect_joint, None)
 
     def add_failed(self, terms: Iterable[Term], *results: GateResult, replaced_by: Iterable[Term] = ()) -> None:
-        """Record that effects have failed a gate, the last of some results, and what replaced them."""
+        """Record that effects have failed the gate of the last result, and which effects replaced them."""
         others = tuple(dict.fromkeys(term.effect_joint for term in replaced_by))
         for term in terms:
             if term.named:

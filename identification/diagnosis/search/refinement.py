@@ -1,4 +1,4 @@
-"""Points at which nonlinear laws are linearised again: the effects of a fit, and their best rivals (runners-up)."""
+"""Points about which nonlinear laws are linearised for the next search: found effects and their best rivals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.search.containment import with_term
 from identification.diagnosis.search.search import Search
 
-# Most runners-up of one finding.
+# Largest number of runners-up of one finding.
 _MOST_CLOSE = 3
 # Relative difference of shapes below which laws are linearised about the same point.
 _SAME_SHAPE = 0.03
@@ -24,8 +24,8 @@ def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect,
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
     """Rivals with a shape that gain nearly as much as a finding, or nearly enough for a claim.
 
-    A grid of shapes is coarse, and a linearised law is wrong where an effect is large: for these reasons alone the true
-    effect may gain less than one with more parameters.
+    One of them may be the true effect. It may gain less than a wrong effect with more parameters only because the grid
+    of shapes is coarse, or because its law was linearised far from the true size.
     """
     taken = {term.effect_joint for term in chosen}
     shaped = tuple(term for term in search.terms if term.named and term.shape and term.effect_joint not in taken)
@@ -76,6 +76,6 @@ def _found_effect(fitted: Fitted, term: Term) -> FoundEffect:
 
 
 def _shape_distance(point: FoundEffect, term: Term) -> tuple[int, float]:
-    """Difference of the numbers of shape parameters, and sum of the differences of those that both shapes have."""
+    """How much two shapes differ: in their numbers of parameters, then in the parameters that both have."""
     apart = sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))
     return abs(len(term.shape) - len(point.shape)), apart

@@ -1,4 +1,4 @@
-"""Odds of laws with more parameters against a finding that is their special case; test of a set for plausible sizes."""
+"""Odds of laws with more parameters against a finding that is their special case."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def odds_of_richer_laws(
 ) -> dict[tuple[EffectJoint, ...], float]:
     """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
 
-    A fit that does not differ from the special case does not rule out the law: friction that falls at the lowest speeds
-    can be identified only where a joint is so slow. So odds are averaged over the shapes of a law, those included that
-    the recording hardly shows. A law of plausible size has odds of one against a finding of implausible size: no load
-    weighs less than nothing.
+    A law is not ruled out if its fit does not differ from the special case. For example, friction that falls at the
+    lowest speeds shows only if the joint is that slow. So odds are averaged over all shapes of a law, including shapes
+    that the recording hardly shows. A law of plausible size has odds of one against a finding of implausible size, such
+    as a load of negative mass.
 
     Args:
         search: Rivals.
@@ -67,8 +67,8 @@ def odds_of_richer_laws(
 def _bounded_odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
     """Odds of a set against one with a special case of one of its laws, at most one.
 
-    Where the law has other columns than its special case, they are no more than twice the probability that other blocks
-    would favour it.
+    If the columns of the law do not include those of the special case, the odds are also at most twice the probability
+    that other blocks would favour the law.
     """
     odds = min(odds_of_richer(search, chosen, rich), 1.0)
     columns = {column for one in chosen for column in one.columns}
@@ -80,10 +80,10 @@ def _bounded_odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
 
 
 def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
-    """Odds of a law with more parameters against its special case (Laplace's approximation).
+    """Odds of a law with more parameters against its special case (Laplace's approximation), at most one.
 
-    By the prior, each further direction makes about half of the torque of the finding. If the data do not determine
-    such a direction beside the tolerances, the odds stay near one.
+    By the prior, each additional column makes about half as much torque as the finding. If the data and the tolerances
+    do not determine the coefficient of an additional column, the odds are near one.
     """
     problem, found = search.problem.of(chosen), search.held_out_fit(chosen)
     more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
@@ -103,6 +103,6 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
 
 
 def has_plausible_sizes(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
-    """True if the sizes of some effects of a set are plausible."""
+    """True if the effects ``theirs`` of a set have plausible sizes in its fit."""
     session, found = search.problem.session, search.held_out_fit(chosen)
     return all(implausible_size(session, one, *found.coefficients_of(one)) is None for one in theirs)

@@ -1,4 +1,4 @@
-"""Rivals of a finding: other sets of effects that explain the held-out data, with their probabilities."""
+"""Rivals of a finding: other effects that may explain the recordings in its place, with their probabilities."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ from identification.gates import fair_part, rivalry
 from identification.gates.rivalry import likelier_than_rivals, plausible_size
 from phantom_dyn.array_types import Array, Float
 
-# Largest share of what an implausible size explains that a plausible cause may leave.
+# A plausible cause replaces a finding of implausible size if it explains at least this share of what the finding does.
 _MOSTLY = 0.5
-# Most passes over all findings.
-_LOOKS = 3
+# Largest number of passes over all findings.
+_PASSES = 3
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class RivalComparison:
     Attributes:
         probability: Probability of the finding.
         rivals: The rivals with their probabilities, the most probable first.
-        leading_set: The whole set with a rival that leads in the finding's place (the most probable of those with
-            plausible sizes, or of all if none is plausible); None if the finding leads.
-        gates: Results of the gates of rivals for the finding.
-        rival_sets: Whole sets with a rival in the finding's place, each with its probability; without sets whose
-            effects nearly cancel each other.
+        leading_set: The whole set of effects with the leading rival in place of the finding; None if the finding leads.
+            The most probable cause of a plausible size leads, or the most probable of all if no size is plausible.
+        gates: Results for the finding of the gates that compare it with its rivals.
+        rival_sets: Whole sets of effects with a rival in place of the finding, each with its probability. Sets whose
+            effects nearly cancel each other are left out.
     """
 
     probability: float
@@ -75,30 +75,35 @@ def compare_with_rivals(
 ) -> RivalComparison:
     """Compare a finding with all effects and sets of effects that could replace it.
 
-    In a robot that was diagnosed before, a new finding of an implausible size has the probability zero where other
-    causes of plausible sizes explain most of it: the robot is known to be sound.
+    The probability of a cause is the share of bootstrap replicates over blocks in which its set has the lowest cost.
+
+    A robot that was diagnosed before is known to be sound. There a new finding of an implausible size has the
+    probability zero, if other causes of plausible sizes explain most of it.
 
     An effect with more parameters that contains the finding is a rival only if these lower the held-out loss. It leads
-    in a replicate only if they gain more there than their price and the errors of the method; equal predictions share a
-    replicate. It need not pass the threshold of chance over the whole catalogue, as laws of one kind on one joint are
-    few.
+    in a replicate only if they gain more there than their price and the errors of the method. Sets with equal
+    predictions share a replicate. The effect need not pass the threshold of chance over the whole catalogue, because
+    there are few laws of one kind on one joint.
 
-    Prices of parameters count as follows. If finding and rival can each make the torque of the other, they are compared
-    without prices. If neither law contains the other, or if the rival is a sum of parts of the finding, probabilities
-    are means with and without prices: on held-out blocks a law already loses by parameters that fit noise. If one of
-    two such laws has a shape, losses that differ by less than the errors of the method count as equal, unless the
-    better set has fewer parameters. A law that has come to a special case of itself counts as that case.
+    Prices of parameters count as follows:
+
+    - Finding and rival can each make the torque of the other: no prices.
+    - Neither law contains the other, or the rival is a sum of parts of the finding: probabilities are means of
+      comparisons with and without prices, because on held-out blocks a law already loses by parameters that fit noise.
+      If one of the laws has a shape, losses that differ by less than the errors of the method count as equal, unless
+      the better set has fewer parameters.
+    - A fitted law that does not differ from one of its special cases counts as that special case.
 
     Args:
         search: Rivals.
         chosen: A set of effects.
-        term: One of them.
+        term: The finding, one of these effects.
         barred: Laws, with their joints, that do not differ from a simpler one. As parts of a sum they may be rivals.
         other_conditions: Searches over the same rivals under conditions that should not matter, such as another band.
             If there are any, the comparison is repeated with each of them and on each half of the blocks, and
             probabilities are means over all of these.
-        losses_beyond: Held-out losses, by block, beyond that of ``chosen``, of sets with a rival that is compared on a
-            part of the data only, with its penalty. They replace losses and costs of these sets in all searches.
+        losses_beyond: For sets with a rival that is compared on a part of the data only: held-out loss of each block
+            minus that of ``chosen``, penalty included. They replace losses and costs of these sets in all searches.
     """
     base, diagnosed = search.held_out_fit(chosen), bool(search.problem.session.known)
     sound = has_plausible_sizes(search, chosen, frozenset([term]))
@@ -110,7 +115,7 @@ def compare_with_rivals(
     replacing |= {key: key - chosen for key in beyond}
     plausible = {key for key in replacing if has_plausible_sizes(search, key, key - chosen)}
     if plausible or sound:
-        # An implausible size is left out where a plausible cause explains most of it.
+        # Rivals of implausible sizes are left out if the finding or another rival has a plausible size.
         replacing = {key: others for key, others in replacing.items() if key in plausible}
         losses_of = {key: loss for key, loss in losses_of.items() if key == chosen or key in replacing}
     if diagnosed and not sound and any(has_plausible_sizes(search, key, key) for key in plausible):
@@ -129,8 +134,8 @@ def compare_with_rivals(
     priced = [chosen if key in beyond else key for key in fitted]
     is_twin, is_apart = ([key in some for key in keys] for some in (twins, apart))
     effects = {key: _replacing_effects(search, chosen, others, key, exact) for key, others in replacing.items()}
-    # Laws without a shape are linear in their parameters, and have no errors of their own.
-    alike = [key in apart and any(one.shape for one in (term, *replacing[key])) for key in keys]
+    # Only laws with a shape have errors of linearisation.
+    within_errors = [key in apart and any(one.shape for one in (term, *replacing[key])) for key in keys]
     more = np.array([search.sizes_of(one) - search.sizes_of(chosen) for one in fitted], dtype=float)
     allowance = [losses_of[key] - search.held_out_fit(one).loss for key, one in zip(keys, fitted, strict=True)]
 
@@ -141,7 +146,8 @@ def compare_with_rivals(
             for one, more_loss in zip(fitted, allowance, strict=True)
         ]
         costs = (*costs_of(fits, priced, is_twin), *costs_of(fits, priced, is_twin, is_apart))
-        return without_method_errors(np.array(held_out).T, more, alike, explained_loss(fits, chosen, term)), costs
+        gain = explained_loss(fits, chosen, term)
+        return without_method_errors(np.array(held_out).T, more, within_errors, gain), costs
 
     conditions = [losses_and_costs(other) for other in other_conditions]
     won = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))
@@ -152,7 +158,7 @@ def compare_with_rivals(
     for causes, odds in richer.items():
         shares[causes] = max(shares[causes], odds * shares[()])
     for swapped, others in replacing.items():
-        # The same two sets have the same odds, whichever of them holds the finding.
+        # The odds of the richer to the simpler law must not depend on which of them is the finding.
         if effects[swapped] and all(contains(term, other) for other in others):
             same_sum = has_parts(term, {other.effect.name for other in others})
             odds = 1.0 if same_sum else min(odds_of_richer(search, swapped, chosen), 1.0)
@@ -160,7 +166,8 @@ def compare_with_rivals(
     own = shares[()]
     listed = min(contract_levels.LISTED, max(shares.values()))
     kept = {causes: share for causes, share in shares.items() if share >= listed and causes}
-    # Odds of laws with more parameters are added to the shares, so that the sum may be above one.
+    # With the odds of laws with more parameters the sum of the shares may be above one. So it is normalised, and rivals
+    # that are then too improbable to be listed are removed, the least probable first.
     while kept and min(kept.values()) < contract_levels.LISTED * (own + sum(kept.values())):
         del kept[min(kept, key=lambda causes: kept[causes])]
     total = own + sum(kept.values())
@@ -188,12 +195,21 @@ def _candidate_sets(
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[Chosen]]:
     """Held-out losses, by block, of the set and of all sets with another cause in place of a finding.
 
-    Sets that are far worse are left out, if they are so in the judged band, too: frequencies above that band have the
-    same weight where noise is white, and a small error of the model there could exclude the true cause. The search with
-    wider tolerances is not used for this: where these explain the whole gap, no set is far worse.
+    A set is left out if it is far worse in all bands. One band is not enough: where noise is white, frequencies above
+    the judged band have the same weight as others, and a small error of the model there could exclude the true cause.
+    The search with wider tolerances is not used for this, because wide tolerances may explain the whole gap by
+    themselves, and then no set is far worse.
+
+    Args:
+        search: Rivals.
+        chosen: A set of effects.
+        term: The finding, one of these effects.
+        barred: Laws, with their joints, that do not differ from a simpler one.
+        other_conditions: Searches over the same rivals under other conditions.
+        sound: False if a finding of implausible size is to be replaced by any cause that explains most of it.
 
     Returns:
-        Losses by set; for each set the effects in the finding's place; and laws with more parameters.
+        Losses by set; for each set the effects in place of the finding; and laws with more parameters.
     """
     base, accuracy = search.held_out_fit(chosen), fair_part.ACCURACY * explained_loss(search, chosen, term)
     losses_of, replacing, richer_laws = {chosen: base.loss}, dict[Chosen, Chosen](), list[Chosen]()
@@ -236,9 +252,9 @@ def _candidate_sets(
 def _replacing_effects(
     search: Search, chosen: Chosen, others: Chosen, swapped: Chosen, exact: dict[Chosen, Chosen]
 ) -> tuple[EffectJoint, ...]:
-    """Effects and joints that replace a finding; for a law that has come to a special case those of that case.
+    """Effects and joints that replace a finding; a law that does not differ from a special case counts as that case.
 
-    Empty if these are the effects of the set with the finding.
+    The result is empty if both sets then have the same effects.
     """
     if swapped in exact:
         return tuple(other.effect_joint for other in ordered(others))
@@ -260,7 +276,7 @@ def _best_set_of_each(
     """The whole set with the best score for each rival, by the effects that replace the finding."""
     best_sets: dict[tuple[EffectJoint, ...], Chosen] = {}
     for key in sorted(effects, key=search.score):
-        # In place of a law that has come to a special case, the set with the case itself leads.
+        # If a law does not differ from a special case, the set with the special case leads in its place.
         known = {one.effect_joint for one in key - chosen} <= set(effects[key])
         if effects[key] in kept and effects[key] not in best_sets:
             leading = key if known else _with_best_shapes(search, chosen, term, effects[key])
@@ -276,12 +292,21 @@ def _leader(
     kept: dict[tuple[EffectJoint, ...], float],
     best_sets: dict[tuple[EffectJoint, ...], Chosen],
 ) -> tuple[Chosen | None, tuple[GateResult, ...]]:
-    """The set with the rival that leads in the finding's place, None if the finding leads; and the gates' results."""
+    """The set with the rival that leads in place of the finding, None if the finding leads; and results of the gates.
+
+    Args:
+        search: Rivals.
+        chosen: A set of effects.
+        term: The finding, one of these effects.
+        own: Probability of the finding.
+        kept: Probability of each listed rival.
+        best_sets: The whole set with the best score for each listed rival.
+    """
     if not best_sets:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
     new = {(): (chosen, frozenset([term]))} | {at: (key, key - chosen) for at, key in best_sets.items()}
-    # An earlier diagnosis of this robot has not found a new effect of its build. Loads, friction and controllers differ
-    # between recordings: where one of these explains a new finding, it leads, and the effect of the build is a rival.
+    # If an earlier diagnosis of this robot did not find an effect of its build, the robot hardly has that effect now.
+    # Loads, friction and controllers differ between recordings. So if one of these explains a new finding, it leads.
     built = {at for at, (_, own) in new.items() if search.problem.session.known and any(e.effect.built_in for e in own)}
     is_sound = {at: has_plausible_sizes(search, key, own) and at not in built for at, (key, own) in new.items()}
     shares = {(): own} | {at: kept[at] for at in best_sets}
@@ -291,7 +316,7 @@ def _leader(
         plain = set()
 
     def rank(at: tuple[EffectJoint, ...]) -> tuple[bool, bool, float, int, bool]:
-        # Of twins the one with fewer causes leads: free bodies come with a load.
+        # Of equally probable sets the one with fewer effects leads.
         return is_sound[at], at in plain, shares[at], -len(best_sets.get(at, chosen)), at == ()
 
     first = max(shares, key=rank)
@@ -317,7 +342,7 @@ def _excess_of_range(search: Search, chosen: Chosen, term: Term) -> tuple[float,
 
 
 def _with_best_shapes(search: Search, chosen: Chosen, term: Term, effects: tuple[EffectJoint, ...]) -> Chosen | None:
-    """The set with given effects in place of a finding, each in its best shape; None if one of them is no rival."""
+    """The set with given effects in place of a finding, each in its best shape; None if one is not in the search."""
     others: Chosen = frozenset()
     for cause in effects:
         shapes = [one for one in search.terms if one.effect_joint == cause]
@@ -328,13 +353,14 @@ def _with_best_shapes(search: Search, chosen: Chosen, term: Term, effects: tuple
 
 
 def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """``chosen`` with findings replaced by rivals that lead, see `RivalComparison`.
+    """``chosen`` with each finding replaced by its rival if the rival leads, see `RivalComparison`.
 
-    The search compares sums over all blocks; a rival that leads in most bootstrap replicates is the more probable
-    cause. After each replacement the other findings are compared again; no set is used twice.
+    The stepwise search compares sums over all blocks. A rival that leads in most bootstrap replicates over blocks is
+    the more probable cause, even if its sum is larger. After each replacement the other findings are compared again; no
+    set is used twice.
     """
     seen = [chosen]
-    for _ in range(_LOOKS):
+    for _ in range(_PASSES):
         before = chosen
         for term in ordered(chosen):
             if not term.named or term not in chosen:
@@ -351,9 +377,9 @@ def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Te
 
 
 def is_far_worse(search: Search, chosen: frozenset[Term], swapped: frozenset[Term], *, priced: bool) -> bool:
-    """True if the swap is so much worse over the blocks that it would lead in no bootstrap replicate.
+    """True if the set ``swapped`` is so much worse than ``chosen`` that it would lead in no bootstrap replicate.
 
-    Without prices only losses and penalties are compared.
+    If not ``priced``, a higher price is no disadvantage.
     """
     if search.in_sample_loss(swapped) > search.in_sample_loss(chosen) + rules.HOPELESS_LOSS:
         return True

@@ -13,8 +13,15 @@ from identification.diagnosis.search.swaps import can_make_torque, with_replacem
 def same_torque(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
     """True if each of two causes can make the torque of the other in these recordings.
 
-    Laws of which one contains the other by definition are excluded, see `compare_with_rivals`. Free inertial parameters
-    of a link contain every effect that moves with it.
+    It is false if one law contains the other by definition, as `compare_with_rivals` treats these separately. It is
+    also false for free inertial parameters, which contain every effect that moves with the links.
+
+    Args:
+        search: Fits of sets.
+        term: A finding.
+        chosen: The set with the finding.
+        others: The effects that replace the finding.
+        swapped: The set with these effects.
     """
     if any(contains(one, term) or contains(term, one) or one.effect.inertial == "free" for one in others):
         return False
@@ -22,7 +29,7 @@ def same_torque(search: Search, term: Term, chosen: Chosen, others: Chosen, swap
         return False
     one, two = list(term.columns), sorted({column for other in others for column in other.columns})
     theta, swapped_theta = search.held_out_fit(chosen).theta[one], search.held_out_fit(swapped).theta[two]
-    # A replacement of an effect that displaces the links has its columns at the positions as read.
+    # If the finding displaces the links, its replacement has its columns at the positions that the encoders read.
     search = search.of(swapped)
     return can_make_torque(search, one, theta, two, rules.SAME_CAUSE) and can_make_torque(
         search, two, swapped_theta, one, rules.SAME_CAUSE
@@ -30,12 +37,11 @@ def same_torque(search: Search, term: Term, chosen: Chosen, others: Chosen, swap
 
 
 def exact_twins(search: Search, chosen: Chosen, term: Term) -> dict[Chosen, Chosen]:
-    """The set with an exact twin of a finding, with the effects that replace the finding; empty if there is none.
+    """The set with an exact twin in place of a finding, mapped to the effects of the twin; empty without a twin.
 
-    It is an effect that is the sum of others in the set, or free bodies in place of a common torque scale.
-
-    A torque scale of all joints is the same as a change of all inertias, loads and friction. Beside friction in the
-    set, wrong bodies of all links make the same torque.
+    A twin is an effect that is the sum of the finding and others in the set on its joint. Free bodies are a twin of a
+    torque scale common to all joints, if the set contains friction: the scale changes inertias, loads and friction all
+    alike, so wrong bodies of all links and the friction make the same torque.
     """
     here = {other.effect.name for other in chosen if other.joint == term.joint}
     for rich in search.terms:

@@ -1,6 +1,7 @@
-"""Rivals and the score of a set of them: held-out loss plus a BIC-like price, with thresholds from chance.
+"""Candidate effects of a diagnosis ("rivals"), and the score by which sets of them are compared.
 
-A claim has to gain more on held-out data than the best of the whole catalogue, or of one joint, gains by chance.
+The score is the held-out loss plus a price for each parameter, as in BIC. A claim says that an effect is there. It has
+to gain more on held-out data than the best effect of the whole catalogue, or of one joint, gains by chance.
 """
 
 from __future__ import annotations
@@ -23,40 +24,42 @@ from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import vanishes_at_bound
 from identification.gates import above_chance
 
-# Number of joints from which on effects on different ones are added, swapped and dropped in one step, to save time.
+# From this number of joints on, effects on different joints are added, swapped and removed in one step, to save time.
 _MANY_JOINTS = 10
-# Most sets that the searches of a diagnosis fit for each joint, of a robot with fewer joints than that and of others.
-# A real TX40 needed 792, a biped with a payload (seed 316 of `benchmarks.legged`) 180, by `benchmarks/search_fits.py`.
+# Largest number of sets per joint that all searches of a diagnosis may fit: on a robot with fewer joints, and on one
+# with that many. A real TX40 needed 792, a biped with a payload (seed 316 of `benchmarks.legged`) 180, by
+# `benchmarks/search_fits.py`.
 _MOST_FITS, _MOST_FITS_OF_MANY = 4000, 600
-# Most rivals whose in-sample gain is computed by a fit: the best ranked, and those with this share of the best gain.
+# Largest number of rivals whose in-sample gain is computed by a fit and not only estimated.
 _MOST_FITTED = 30
-_WORTH_FITTING = 0.2  # share of the best gain below which a rival is no such rival
-# With released bounds a gain may be so many times its estimate with the binding bounds held.
+# Smallest estimated gain of such a rival, as a share of the largest one.
+_WORTH_FITTING = 0.2
+# A gain is estimated with coefficients held at their active bounds. The gain of a fit may be this many times larger.
 _RELEASED = 2.0
-# Score of an impossible set, more than any recording's loss.
+# Score of a set with a physically impossible size: more than the loss of any recording.
 IMPOSSIBLE = 1e15
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """Held-out gain that a claim needs: that of the best effect of the catalogue, or of one joint, by chance.
+    """Held-out gain that a claim needs: what the best effect of the catalogue, or of one joint, gains by chance.
 
     Attributes:
-        overall: Gain that no effect reaches by chance.
-        joints: The same for the effects of one joint, under None for those of no single joint. An unexplained residual
-            of one joint raises its threshold, and should not raise that of effects on others.
+        overall: Gain that no effect of the catalogue reaches by chance.
+        joints: The same for the effects of each joint; under None for effects of several joints or of the whole robot.
+            An unexplained residual on one joint raises the threshold of that joint only.
     """
 
     overall: float
     joints: dict[str | None, float]
 
     def of(self, *terms: Term) -> float:
-        """Threshold of a claim of these effects together."""
+        """Threshold of a claim of several effects together: the largest of their thresholds."""
         return max((min(self.joints.get(joint_of(term), self.overall), self.overall) for term in terms), default=0.0)
 
 
 def joint_of(term: Term) -> str | None:
-    """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""
+    """The single joint of a term; None for the whole robot, and for several joints, whose names are joined by ``+``."""
     return None if term.joint is None or "+" in term.joint else term.joint
 
 
@@ -67,15 +70,15 @@ class Search:
     Attributes:
         problem: The problem that is fitted.
         terms: All rivals.
-        sizes: Number of parameters that each rival really adds (its rank), by rival.
+        sizes: Number of parameters of each rival that change the torque independently (rank of its columns).
         fits: Fits of sets of rivals, each made once.
-        displacing: For each rival those that remove it when they are added, itself among them; cached.
-        covering: For each rival those of which it is a special case; cached.
-        threshold: Gains by chance.
+        displacing: Gives the rivals that remove a rival from a set when they are added, itself included; cached.
+        covering: Gives the rivals of which a rival is a special case; cached.
+        threshold: Held-out gains that claims need.
         rows: Gap of each row: an effect on a row with a large gap has to close a fair part of it.
-        spurious: Gain of each effect by encoder noise alone.
+        spurious: Gain that encoder noise alone gives each effect, by its name and joint.
         record: Decisions on each effect.
-        near: Cached alternatives of an effect that touch a joint that it touches, see `swaps.relevant_alternatives`.
+        near: Cache of `swaps.relevant_alternatives`: alternatives of each effect that act on one of its joints.
     """
 
     problem: Problem
@@ -98,7 +101,7 @@ class Search:
 
     @cached_property
     def alone(self) -> dict[Term, frozenset[Term]]:
-        """The set of each rival by itself."""
+        """For each rival the set that contains it alone."""
         return {term: frozenset([term]) for term in self.terms}
 
     def of(self, chosen: frozenset[Term]) -> Search:
@@ -136,16 +139,17 @@ class Search:
     ) -> dict[Term, float]:
         """In-sample gain of each term if it is added to a set, less the price of its parameters.
 
-        Gains are first estimated with the active bounds of the set fixed. Then the best terms are fitted, and also
-        those that would remove others from the set, if their gain may be above ``above``. A gain is larger once bounds
-        are released: a few times larger if tolerance parameters are at their bounds to imitate the cause.
+        All gains are first estimated, with coefficients held at their active bounds. Then the best terms are fitted,
+        and so are terms that would remove others from the set, if their gain may exceed ``above``. A fit gains more
+        than the estimate because bounds are released: a few times more if tolerance parameters had reached their bounds
+        in order to imitate the cause.
 
         Args:
-            chosen: A set.
-            terms: Rivals.
+            chosen: The set to which a term is added.
+            terms: The terms, one of which is added at a time.
             above: Gain below which an estimate is good enough.
-            instead_of: A finding that the terms may replace. Its own gain shows how much larger gains are without the
-                bounds.
+            instead_of: A finding that the terms may replace. The ratio of its fitted to its estimated gain is expected
+                of the terms, too.
         """
         gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
@@ -173,7 +177,7 @@ class Search:
         return out
 
     def can_join(self, chosen: frozenset[Term], term: Term) -> bool:
-        """As `containment.can_join`, with the cached relations of this search."""
+        """False if a term is in the set already, or is a special case of one of its effects; from cached relations."""
         return term not in chosen and chosen.isdisjoint(self.covering(term))
 
     def price_of(self, chosen: frozenset[Term]) -> float:
@@ -196,12 +200,15 @@ def price(size: int) -> float:
 
 
 def most_fits(joints: int) -> int:
-    """Number of fits after which a search has no end: it goes on from one set of effects to another."""
+    """Number of fits after which a search is stopped, because it seems to replace one set by another without end."""
     return joints * (_MOST_FITS if joints < _MANY_JOINTS else _MOST_FITS_OF_MANY)
 
 
 def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
-    """Independent directions among the columns of each term in these recordings, at most its number of parameters."""
+    """Number of parameters of each term that change the torque of these recordings independently.
+
+    It is the rank of the term's columns plus the number of its shape parameters.
+    """
     out: dict[Term, int] = {}
     a = problem.grams.everything
     for count in {len(term.columns) for term in terms}:
@@ -209,7 +216,7 @@ def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
         index = np.array([term.columns for term in alike])
         scale = np.sqrt(np.einsum("tkk->tk", a[index[:, :, None], index[:, None, :]]))
         alive = scale > 1e-9 * np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
-        # A column of zeros makes a direction of size zero.
+        # A column of zeros adds nothing to the rank.
         inverse = np.where(alive, 1.0 / np.where(alive, scale, 1.0), 0.0)
         normal = a[index[:, :, None], index[:, None, :]] * inverse[:, :, None] * inverse[:, None, :]
         values = np.linalg.eigvalsh(normal)
@@ -232,11 +239,11 @@ def set_up_search(
 
     Args:
         problem: Columns, products, priors.
-        threshold: See `Search`, as for the next two.
-        rows: Gaps of the joints.
-        spurious: Gains by noise of encoders.
-        record: Decisions on each effect until now; None: a new one.
-        allowed: Has an item for each fit that may be made, see `Fits`.
+        threshold: Held-out gains that claims need.
+        rows: Gap of each joint.
+        spurious: Gain that encoder noise alone gives each effect, by its name and joint.
+        record: Earlier decisions on each effect; None: an empty record.
+        allowed: Yields one item for each fit that may be made; None: no limit.
     """
     sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)

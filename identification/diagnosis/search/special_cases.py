@@ -14,9 +14,9 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.rival import SpecialCase
 from phantom_dyn.model.robot import Robot
 
-# Smallest over largest eigenvalue of a covariance above which a direction is more than rounding.
+# Eigenvalues of a covariance below this share of the largest one are rounding errors.
 _RANK = 1e-9
-# Accuracy with which coefficients meet their bounds.
+# Accuracy with which coefficients reach their bounds.
 _END = 1e-12
 
 
@@ -35,8 +35,8 @@ def certainty_of_difference(numbers: Float[Array, " k"], cov: Float[Array, "k k"
 def nearest_case(robot: Robot, term: Term, fitted: FullFit) -> tuple[float, tuple[str, ...]] | None:
     """Certainty that an effect differs from its nearest special case in a full fit, and the effects of that case.
 
-    None for an effect without special cases. The nearest case is the first that the effect does not differ from; if it
-    differs from all, it is the one from which it differs with the smallest certainty.
+    The nearest case is the first one from which the effect does not differ. If the effect differs from all cases, the
+    nearest is the one with the smallest certainty. The result is None for an effect without special cases.
 
     Args:
         robot: The given model.
@@ -57,9 +57,9 @@ def nearest_case(robot: Robot, term: Term, fitted: FullFit) -> tuple[float, tupl
 
 
 def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
-    """Effect and joint of the simplest law that a fitted term does not differ from: its own, or that of a special case.
+    """Effects and joints of the simplest law that describes a fitted term: its own law, or a special case of it.
 
-    None if the fit does not differ from no effect at all, or has an impossible size. Shapes count as known.
+    The result is None if the fit does not differ from zero, or has an impossible size. Shapes count as known.
     """
     nearest = nearest_case_at_shape(robot, term, fitted)
     if nearest is None or differs_from_simpler(nearest[0]).passed:
@@ -70,7 +70,14 @@ def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[st
 def nearest_case_at_shape(
     robot: Robot, term: Term, fitted: Fitted, names: tuple[str, ...] | None = None
 ) -> tuple[float, tuple[str, ...]] | None:
-    """As `nearest_case`, for a fit with fixed shapes; with ``names`` only the special case of these effects counts."""
+    """Nearest special case of an effect in a fit with fixed shapes, as in `nearest_case`.
+
+    Args:
+        robot: The given model.
+        term: An effect of the fit.
+        fitted: Fit with fixed shapes.
+        names: Effects of the only special case that is tested; None: all cases are tested.
+    """
     if term.effect.inertial == "free":
         return None
     columns = list(term.columns[:4] if term.effect.inertial == "point mass" else term.columns)
@@ -85,7 +92,10 @@ def nearest_case_at_shape(
 
 
 def _cases_of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
-    """Special cases that an effect becomes at another shape: a fit with fixed shapes says nothing about them."""
+    """Special cases that an effect becomes at another shape, which a fit with fixed shapes cannot test.
+
+    Their numbers change if the shape is scaled by one per cent.
+    """
     at, near = (
         term.effect.special_cases(robot, term.joint, theta, tuple(scale * one for one in term.shape))
         for scale in (1.0, 1.01)
@@ -96,7 +106,7 @@ def _cases_of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -
 
 
 def vanishes_at_bound(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
-    """True if the coefficients of an effect lie on a bound at which its law is the same as no effect.
+    """True if the coefficients of an effect are at a bound where its law makes no torque.
 
     Args:
         robot: The given model.
@@ -114,7 +124,11 @@ def _nearest(
     names: tuple[str, ...] | None = None,
     excluded: frozenset[tuple[str, ...]] = frozenset(),
 ) -> tuple[float, tuple[str, ...]] | None:
-    """The first special case from which the numbers do not differ, else the one from which they differ least."""
+    """Certainty and effects of the first special case from which the numbers ``x`` do not differ, else of the nearest.
+
+    A special case has some numbers that are zero if the case holds. Their covariance follows from that of ``x`` to
+    first order, by finite differences.
+    """
     step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))
     shifted, tested = [cases(x + row) for row in np.diag(step)], list[tuple[float, tuple[str, ...]]]()
     for k, case in enumerate(cases(x)):

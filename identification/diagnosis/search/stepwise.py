@@ -1,7 +1,8 @@
-"""Stepwise search: forward selection of effects with backward elimination and swaps, generic structures included.
+"""Stepwise search for the set of effects that explains the recordings.
 
-Effects are added by their held-out gain, removed once they are needless, and swapped for simpler or better ones.
-Structures outside the catalogue are then added to the set, or replace effects that only resemble them.
+Effects are added in the order of their held-out gain, removed once they are needless, and swapped for simpler or better
+ones. Then structures without a name, which match no effect of the catalogue, are added to the set, or replace effects
+that only resemble them.
 """
 
 from __future__ import annotations
@@ -27,45 +28,48 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.exchange import explains_more_than_others
 from identification.stages import Announcement, Progress, Stage
 
-# Most rivals that are tested on held-out data in one step, the best in sample.
+# Largest number of rivals that one step tests on held-out data: those with the largest in-sample gains.
 _MOST_JUDGED = 24
-# The same where the best is seldom far behind: of effects below the threshold of chance, of structures without a name,
-# and of effects with which a search begins again where a joint moves in one sine.
+# The same for rivals of which the best one nearly always has a large in-sample gain: effects below the threshold of
+# chance, structures without a name, and effects with which a search begins again where a joint moves in one sine.
 _FEW_JUDGED = 8
-# Most joints of a robot for which a search begins again.
+# Largest number of joints of a robot for which a search begins again.
 _MOST_JOINTS_BEGUN = 3
-# Most structures without a name in a set.
+# Largest number of structures without a name in a set.
 _MOST_NAMELESS = 4
 
 
 def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
     """The set of effects that explains the recordings with the fewest parameters.
 
-    Free inertial parameters of all links explain a little of any missing effect. So they are tested last, beside the
-    other effects; where they alone explain more than all others, the search begins with them. On a robot of many joints
-    gains of torque constants are tested last, too: a fit with one takes many times as long.
+    Free inertial parameters of all links explain a little of any missing effect. So the search finds the other effects
+    first. If free inertial parameters alone explain more than all of these, they replace them, and the search goes on
+    from there. On a robot of many joints gains of torque constants are tested last, too, because a fit with one takes
+    many times as long.
 
     Args:
         search: Problem, rivals, threshold.
-        progress: Takes the stages.
-        start: Result of an earlier search.
+        progress: Is called at the beginning of each stage.
+        start: Effects that an earlier search has found.
     """
-    # Laws that were linearised again are compared first: further effects would make up for a law that is wrong.
+    # The laws of these effects were linearised again, so swaps come first: beside a law that is now the wrong one,
+    # effects would be added that only correct its errors.
     chosen = with_swaps(search, backward_elimination(search, frozenset(term for term in start if term.named)))
-    whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
+    bodies = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
     gains = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
-    if whole is not None or gains:
-        chosen = _improved_without(search, gains | {whole}, chosen, progress)
-    if whole is not None and whole not in chosen:
-        alone = search.alone[whole]
-        priced, others = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
-        if priced < others:
+    if bodies is not None or gains:
+        chosen = _improved_without(search, gains | {bodies}, chosen, progress)
+    if bodies is not None and bodies not in chosen:
+        alone = search.alone[bodies]
+        # Held-out losses take longer, so they are computed only if bodies are better in sample.
+        of_bodies, of_others = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
+        if of_bodies < of_others:
             stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
             if not stays.passed:
-                search.record.add_failed(chosen, stays, replaced_by=[whole])
-                search.record.add_passed([whole])
+                search.record.add_failed(chosen, stays, replaced_by=[bodies])
+                search.record.add_passed([bodies])
                 chosen = alone
-    if whole is not None and gains:
+    if bodies is not None and gains:
         chosen = _improved_without(search, gains, chosen, progress)
     chosen = _with_other_starts(search, _improved(search, chosen, progress), progress)
     return with_nameless(search, chosen, progress)
@@ -74,7 +78,7 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
 def _improved_without(
     search: Search, late: Collection[Term | None], chosen: frozenset[Term], progress: Progress
 ) -> frozenset[Term]:
-    """The set that `_improved` finds without some effects; the same set if it contains one of these effects."""
+    """The set that `_improved` finds without the effects ``late``; ``chosen`` itself if it contains one of them."""
     if not chosen.isdisjoint(late):
         return chosen
     return _improved(replace(search, terms=tuple(term for term in search.terms if term not in late)), chosen, progress)
@@ -94,10 +98,11 @@ def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> fr
 
 
 def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The set, or a better one from a search that begins with another effect, where a joint moves in one sine.
+    """The set, or a better one from a search that begins with another effect, if a joint moves in one sine.
 
-    There the torque of a joint is determined by two numbers, in phase and out of phase with the motion. An effect that
-    contributes to both gains most alone, and the two true effects, which contribute to one each, then gain nothing.
+    In one sine the torque of a joint consists of two numbers: its parts in phase and out of phase with the motion. Two
+    true effects may make one part each. A wrong effect that makes both parts then gains most by itself, and the true
+    effects gain nothing beside it.
     """
     sines = search.problem.session.in_one_sine
     if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
@@ -137,8 +142,9 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
     A gain in sample is larger than on held-out data. So rivals are tested on held-out data in the order of their gains
-    in sample, until no further one can be better than the best so far. An added effect can make earlier ones
-    unnecessary, and without them it can be unnecessary itself: if sets repeat, the best set of the cycle is returned.
+    in sample, until no further one can be better than the best so far. An added effect may make earlier ones
+    unnecessary, and once they are removed it may be unnecessary itself. If a set repeats for this reason, the best set
+    of the cycle is returned.
     """
     seen = [chosen]
     while True:
@@ -151,7 +157,7 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
         for term in ranked[:_MOST_JUDGED]:
             if promised[term] < most:
                 break
-            # A claim has to gain what chance gives before its price is paid.
+            # The threshold of chance applies to the gain before the price is subtracted.
             if not more_than_chance(promised[term] + price(search.sizes[term]), search.threshold.of(term)).passed:
                 continue
             gain = base - search.score(with_term(chosen, term))
@@ -202,13 +208,13 @@ def _with_claimed(search: Search, chosen: frozenset[Term], term: Term) -> frozen
 
 
 def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The set with effects of single joints in place of a law of many joints.
+    """The set with effects of single joints in place of a law of many joints, if they explain more.
 
     A law with more parameters than the robot has joints gains most at first, because it explains a little of every
-    effect: free inertial parameters also explain wrong rotor inertias on all joints. So does one torque constant for
-    several joints: it explains wrong friction on all of them. No swap of one effect for another leads away from such a
-    law, so the search is repeated without it. That constant is one claim about all its joints, and is compared with
-    friction of all of them, the parts of it that are too small to be claimed included.
+    effect: free inertial parameters explain wrong rotor inertias on all joints. One torque constant for several joints
+    also explains wrong friction on all of them. No swap of one effect for another removes such a law, so the search is
+    repeated without it. A common torque constant is compared with friction on all of its joints, even where the
+    friction of one joint is too small for a claim.
     """
     for term in ordered(chosen):
         rows = search.problem.columns.rows
@@ -221,14 +227,14 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
         )
         several = [tried] if search.sizes[term] > len(rows) else [tried, _with_small_parts(without, tried, term)]
         margin = min(search.score(one) for one in several) - search.score(chosen)
-        # Many sets were tried, so that a small margin is chance.
+        # Many sets were tried, so a small margin may be chance.
         stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
         if not stays.passed:
             search.record.take_over(without.record)
             search.record.add_failed([term], stays, replaced_by=tried - chosen)
             chosen = tried
         else:
-            # Effects of the trial fail the gate of exchanges: they explain no more than the law.
+            # The effects of the trial are recorded as failed: they explain no more than the law.
             explains = explains_more_than_others(-margin, above_chance.PARAMETER_PRICE)
             search.record.add_failed(tried - chosen, explains, replaced_by=[term])
     return chosen
@@ -237,7 +243,7 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
 def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> bool:
     """False for an effect with one parameter for several joints that gains no more than its parts on these joints.
 
-    Such an effect explains a little on each joint, and so the remaining friction that is below chance on each of them.
+    Its gain may come from friction that is too small for a claim on each single joint.
     """
     if not is_beside_parts(chosen, term):
         return True
@@ -247,7 +253,7 @@ def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> b
 
 
 def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set with all effects on the joints of a law that together make much the same torque as the law."""
+    """The set plus all effects of single joints whose sum makes nearly the same torque as a law of these joints."""
     for part in parts_of(search, term):
         if part.joint is not None and can_join(chosen, part):
             chosen = with_term(chosen, part)
@@ -258,8 +264,8 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
     """The set with structures outside the catalogue, added to named effects or in place of them.
 
     A structure has to gain as much as any claim beyond the best set of named effects; effects that it makes unnecessary
-    are then removed. A structure may replace several effects at a lower price, but not where a joint moves in one sine:
-    there two numbers determine every torque, and a structure with two parameters makes any.
+    are then removed. A structure with fewer parameters may replace several effects, except where a joint moves in one
+    sine: there a structure with two parameters can make any torque.
     """
     sines = search.problem.session.in_one_sine
     progress(Announcement(Stage.NAMELESS))
@@ -273,7 +279,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
                 if not more_than_chance(promised[term], search.threshold.overall).passed or not can_join(base, term):
                     continue
                 tried = _with_needed_only(search, term, base, chosen)
-                # The set stays if it explains more than the one with the structure, by the margin of that gate.
+                # The present set stays unless the set with the structure has a score that is lower by ``needed``.
                 in_one_sine = not sines.isdisjoint(rows_touched_by(search.problem, term))
                 needed = _least_nameless_gain(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
                 stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
@@ -287,23 +293,23 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
 
 
 def _count_of_causes(effects: frozenset[Term]) -> int:
-    """Number of causes that several effects may have: the same kinds of friction on many joints may have one."""
+    """Number of causes of several effects: one effect on many joints, or many effects on one joint, count as one."""
     return min(len({term.effect for term in effects}), len({term.joint for term in effects}))
 
 
 def _least_nameless_gain(
     search: Search, structure: Term, replaced: frozenset[Term], accuracy: float, *, in_one_sine: bool
 ) -> float:
-    """Least gain in score that a set with a nameless structure needs if the structure makes some effects unnecessary.
+    """Decrease of the score that a nameless structure has to bring if it makes some effects unnecessary.
 
-    It is zero for a structure with fewer parameters than several effects together: they imitate it.
+    It is zero if several effects together have more parameters than the structure: then they probably imitate it.
 
     Args:
         search: Rivals.
         structure: A structure outside the catalogue.
-        replaced: Effects that it makes unnecessary.
-        accuracy: Gain of a structure with many shapes from inaccuracies of the laws that it replaces.
-        in_one_sine: True if its joint moves in one sine, where two parameters make any torque.
+        replaced: Effects that the structure makes unnecessary.
+        accuracy: Gain that the structure may owe to inaccuracies of the laws that it replaces.
+        in_one_sine: True if the joint of the structure moves in one sine, where two parameters can make any torque.
     """
     simpler = not structure.shape and search.sizes[structure] < search.sizes_of(replaced)
     if simpler and len(replaced) > 1 and not in_one_sine:
@@ -315,28 +321,30 @@ def _least_nameless_gain(
 def _with_needed_only(
     search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]
 ) -> frozenset[Term]:
-    """A set with a structure and those named effects that are still needed.
+    """The set ``base`` with a structure, and with those named effects of ``chosen`` that are still needed.
 
-    Effects on other joints than the structure's count as needed. Of many others only those are tested whose removal
-    raises the loss least.
+    Effects on other joints count as needed without a test. If there are many effects on the structure's joints, only
+    those are tested whose removal raises the loss least; the others count as needed.
     """
     rows = rows_touched_by(search.problem, structure)
     whole = with_term(chosen, structure)
-    missed = whole.difference(least_needed(search, whole))
-    beside = [
-        t for t in ordered(chosen) if t.named and (t in missed or rows.isdisjoint(rows_touched_by(search.problem, t)))
+    untested = whole.difference(least_needed(search, whole))
+    needed = [
+        term
+        for term in ordered(chosen)
+        if term.named and (term in untested or rows.isdisjoint(rows_touched_by(search.problem, term)))
     ]
     tried = with_term(base, structure)
-    for term in beside:
+    for term in needed:
         if can_join(tried, term):
             tried = with_term(tried, term)
-    for term in ordered(chosen.difference(beside)):
+    for term in ordered(chosen.difference(needed)):
         more = with_term(tried, term)
         if term.named and can_join(tried, term) and passes_gates(search, more, tried) and more >= tried:
             tried = more
     while True:
-        left = ordered(tried.difference(beside))
-        needless = [term for term in left if term.named and not passes_gates(search, tried, tried - {term})]
+        tested = ordered(tried.difference(needed))
+        needless = [term for term in tested if term.named and not passes_gates(search, tried, tried - {term})]
         if not needless:
             return tried
         tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}

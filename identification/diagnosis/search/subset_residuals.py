@@ -1,4 +1,4 @@
-"""Squared residuals after any subset of some effects, from products of their columns that are summed once."""
+"""Squared residuals after fits of many subsets of some effects, from products of columns that are summed only once."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 
 @dataclass(frozen=True)
 class _Row:
-    """Products of one row's columns and residual over the judged blocks, summed over those that one fit predicts.
+    """Products of one row's columns and residual, summed over each group of judged blocks that one fit predicts.
 
     Attributes:
-        index: Which of all columns, ``(k,)``.
-        square: Columns and residual times themselves, ``(G, k + 1, k + 1)``.
-        counts: Samples, ``(G,)``.
+        index: Indices of these columns among all columns, ``(k,)``.
+        square: Products of the columns and, last, the residual with each other, ``(G, k + 1, k + 1)``.
+        counts: Weighted number of samples, ``(G,)``.
     """
 
     index: Int[Array, " k"]
@@ -31,13 +31,13 @@ class _Row:
 
 
 def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], ResidualSums]:
-    """Squared residuals in the judged band of the model with some of the effects, on blocks held out of their fit.
+    """Function that gives, for a subset of some effects, the squared residuals on blocks held out of its fit.
 
-    The columns are in the judged band already, so that each block is predicted by one fit from end to end, and no fit
-    needs the samples. Blocks that the same fit predicts count as one.
+    The columns are in the judged band already, so residuals follow from products of columns, without the samples.
+    Blocks that the same fit predicts are summed.
 
     Args:
-        plain: Fits in the judged band.
+        plain: Search with fits in the judged band.
         terms: The effects of which subsets are fitted.
     """
     problem = plain.problem
@@ -56,16 +56,17 @@ def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozens
 
     counts = np.column_stack([row.counts for row in rows_of(True)])
 
-    def left(chosen: frozenset[Term]) -> ResidualSums:
+    def residuals(chosen: frozenset[Term]) -> ResidualSums:
         scaled = [term.columns[0] for term in chosen if term.effect.scales_joint]
         theta = coefficients(chosen)[fits]
         rows = rows_of(problem.of(chosen) is problem)
         return ResidualSums(np.column_stack([_squares(row, theta, scaled) for row in rows]), counts)
 
-    return left
+    return residuals
 
 
 def _row(problem: Problem, j: int, wanted: set[int], groups: list[Bool[Array, " B"]]) -> _Row:
+    """Products of row ``j`` for the wanted columns, summed over each group of judged blocks."""
     columns = problem.white
     local = [k for k, column in enumerate(columns.rows[j]) if column in wanted]
     square, counts = [], []
@@ -80,11 +81,17 @@ def _row(problem: Problem, j: int, wanted: set[int], groups: list[Bool[Array, " 
 
 
 def _squares(row: _Row, theta: Float[Array, "G K"], scaled: list[int]) -> Float[Array, " G"]:
-    """Sum of squares of one row's residual in each group of blocks, for coefficients of its own."""
+    """Sum of squares of one row's residual in each group of blocks, with the coefficients ``theta`` of that group.
+
+    Args:
+        row: Products of the row.
+        theta: Coefficients of all columns, one row for each group.
+        scaled: Columns of torque constants.
+    """
     x = theta[:, row.index]
     own = [k for k, column in enumerate(row.index) if column in scaled]
     if own:
-        # The gain of a torque constant scales what its column shows of the modelled torque, and all beside it.
+        # A torque constant scales the modelled torque, which is its own column, and all other columns of the row.
         gains = x[:, own]
         x = x * (1.0 + gains.sum(axis=1, keepdims=True))
         x[:, own] = gains

@@ -1,4 +1,4 @@
-"""Swaps of the stepwise search: a chosen effect is replaced by alternatives that score better or are simpler."""
+"""Swaps of the stepwise search: an effect of the set is replaced by one or several that are better or simpler."""
 
 from __future__ import annotations
 
@@ -62,16 +62,16 @@ def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) -> bool:
-    """True if another set has the lower score; one with more parameters has to pass the gates of a claim as well.
+    """True if another set has the lower score, and passes the gates of a claim if it has more parameters.
 
-    Otherwise the next elimination would undo the swap.
+    Without these gates the next elimination would undo the swap.
     """
     cheaper = search.price_of(other) <= search.price_of(chosen)
     return _exchange(search, chosen, other).passed and (cheaper or passes_gates(search, other, chosen))
 
 
 def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:
-    """Result of the gate of exchanges for one set in place of another."""
+    """Result of the gate that asks whether the set ``after`` scores better than the set ``before``."""
     return explains_more_than_others(search.score(before) - search.score(after), exchange.ROUNDING)
 
 
@@ -95,10 +95,10 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
 
 
 def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set with special cases in place of effects where they explain as much, within the accuracy of the method.
+    """The set with special cases in place of effects, if they explain as much within the accuracy of the method.
 
-    Where noise is small beside the torque of an effect, further parameters of its law explain errors of filters and of
-    the linearised tolerances.
+    If the torque of an effect is far above the noise, additional parameters of its law can fit the errors of filters
+    and of the linearised tolerances.
     """
     for term in ordered(chosen):
         accuracy = fair_part.ACCURACY * explained_loss(search, chosen, term)
@@ -118,7 +118,7 @@ def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term
 
 
 def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set with one parameter for several joints in place of one for each, where it explains as much."""
+    """The set with one parameter for several joints in place of one for each joint, if it explains as much."""
     single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
     for term in search.terms:
         own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
@@ -142,9 +142,9 @@ def explained_loss(search: Search, chosen: frozenset[Term], term: Term) -> float
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     """Sets of effects that may replace ``term``: single effects, special cases, and sums of effects.
 
-    An effect between two joints has a lower price than friction of both, and the same torque if both move alike: it is
-    compared with all sets of such friction. A torque constant scales all torques of its drive, and is compared with
-    sums of its parts.
+    An effect between two joints makes the same torque as friction on both, if both move alike, and it has fewer
+    parameters. So it is compared with all sets of such friction. A torque constant scales all torques of its drive. So
+    it is compared with sums of effects that make these torques.
     """
     single = [
         search.alone[other]
@@ -158,8 +158,10 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
         for other in search.terms
         if (contains(term, other) and other.joint == term.joint) or _of_passive_joint(search, term, other)
     ]
-    each, joints = term.effect.on_each_joint, joints_of(term) if term.effect.scope == "pair" else ()
-    on_each_joint = [other for other in search.terms if other.joint in joints and other.effect.name in each]
+    joints = joints_of(term) if term.effect.scope == "pair" else ()
+    on_each_joint = [
+        other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint
+    ]
     several = [*_groups(parts, most=3), *_groups(on_each_joint), *_of_near_twins(search, term)]
     several += _sums_of_parts(search, term)
     same = [
@@ -169,13 +171,13 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
 
 
 def _groups(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]:
-    """All sets of two or more of some effects; with ``most`` no larger ones."""
+    """All sets of two to ``most`` of some effects; None: of two to all."""
     sizes = range(2, (len(terms) if most is None else most) + 1)
     return [frozenset(group) for size in sizes for group in combinations(terms, size)]
 
 
 def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
-    """Sets of two or more effects that together may make the torque of one, where none does alone.
+    """Sets of two or more effects whose sum may make the torque of one effect.
 
     An effect with one parameter for several joints is replaced by parts on all of these joints.
     """
@@ -186,19 +188,20 @@ def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
 
 
 def parts_of(search: Search, term: Term) -> list[Term]:
-    """Effects on the joints of another one, and of the whole robot, whose sum may make much the same torque."""
+    """Effects on the joints of ``term``, or of the whole robot, whose sum may make nearly the torque of ``term``."""
     names, joints = term.effect.sum_parts, {None, *joints_of(term)}
     return [other for other in search.terms if other.effect.name in names and other.joint in joints]
 
 
 def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
-    """Pairs of a near twin of an effect with a further part of a law that contains either, or with the effect itself.
+    """Pairs of a near twin of an effect, which makes nearly the same torque, with a further effect.
 
-    Without the further part the twin would seem worse; and beside each other near twins gain little.
+    A law with more parameters may contain the effect or its twin. The further effect is another part of that law, as
+    without it the twin would seem worse than it is. It may also be the effect itself, as twins gain little beside each
+    other.
     """
     own = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]
-    # Either twin may be part of a law with more parameters; the other parts are added to the other twin.
     names = {term.effect.name, *(twin.effect.name for twin in twins)}
     richer = [other.effect for other in own if names & set(other.effect.contains)]
     beside = {name for effect in richer for name in effect.contains} - names
@@ -207,7 +210,7 @@ def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
 
 
 def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
-    """True if a coupling can make the torque of a passive joint's friction: both move with the same two joints."""
+    """True if a coupling of two joints can make the torque of friction on a passive joint that moves with these two."""
     passive = search.problem.session.robot.passive_names
     if term.effect.scope != "pair" or other.joint not in passive or other.shape:
         return False
@@ -217,14 +220,14 @@ def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
 def can_make_torque(
     search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = fair_part.ACCURACY
 ) -> bool:
-    """True if other columns can make the torque of some columns, within the accuracy of the method.
+    """True if the columns ``by`` can make the torque ``columns @ theta``, within the accuracy of the method.
 
     Args:
         search: Has the products of all columns.
         columns: Columns that make the torque.
         theta: Their coefficients.
-        by: The other columns.
-        left: Largest share of the squared torque that these may leave.
+        by: The other columns, fitted to that torque.
+        left: Largest allowed share of the squared torque in the residual of that fit.
     """
     a = search.problem.total_a
     energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
@@ -235,13 +238,13 @@ def can_make_torque(
 def relevant_alternatives(
     search: Search, chosen: frozenset[Term], term: Term, slack: float
 ) -> tuple[frozenset[Term], ...]:
-    """Alternatives of an effect that act on one of its joints and could gain as much in sample.
+    """Alternatives of an effect that act on one of its joints and may gain nearly as much in sample.
 
     Args:
         search: Fits and scores of sets.
         chosen: A set with ``term`` in it.
         term: The effect to be replaced.
-        slack: Allowed deficit of an alternative's gain, after prices.
+        slack: How much smaller the gain of an alternative may be than that of the effect, with prices subtracted.
     """
     remaining = chosen - {term}
     if term not in search.near:
@@ -256,7 +259,7 @@ def relevant_alternatives(
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
     lost = explained_loss(search, chosen, term)
-    # Estimated gains are to second order, and may be off by a few per cent where a law is nonlinear.
+    # The estimated gains of nonlinear laws may have errors of a few per cent.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
     promised = search.gains(remaining, singles, above=least, instead_of=term)
     return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)

@@ -1,1 +1,1 @@
-"""What the motion of a recording allows: where joints stand still, whether one sine is all of it, soft friction."""
+"""Limits of what a recorded motion shows: standstill, motion in one sine, and MuJoCo's soft friction."""

@@ -1,9 +1,9 @@
 """Joints that move at one frequency alone, whose recordings may not show which law their friction follows.
 
-Moved by one sine, a law of friction shows in the odd harmonics. Where the band of a recording ends below the third
-harmonic, the torque has two amplitudes only, in phase with the velocity and with the position, and every law can give
-any value of both. Such recordings are not used beside others that show more: they distinguish no laws, and the search
-would explain small errors of the model by wrong ones.
+If a joint moves in one sine, laws of friction differ only in the odd harmonics of the torque. If the band of the
+recording ends below the third harmonic, only two numbers remain: the amplitudes in phase with the velocity and with the
+position. Every law can produce any values of both. If other recordings show more of the joint, such recordings are not
+used: they distinguish no laws, and the search would explain small errors of the model by wrong effects.
 """
 
 from __future__ import annotations
@@ -32,18 +32,22 @@ def in_one_sine(logs: tuple[Log, ...], moves: Bool[Array, "L nv"]) -> frozenset[
 
 
 def two_numbers_beside_more(logs: tuple[Log, ...], moves: Bool[Array, "L nv"]) -> Bool[Array, "L nv"]:
-    """True where a recording shows two amplitudes of a joint's torque alone, while another recording shows more."""
+    """True if a recording shows only two amplitudes of a joint's torque, while another recording shows more."""
     few = moves & _sines(logs) & np.array([_without_harmonics(log) for log in logs])
     return few & (moves & ~few).any(axis=0)
 
 
 def held(log: Log) -> Log:
-    """A recording that is not used, with its joints held still, so that no grid of speeds is made for it."""
+    """A recording that is not used, with zero velocities and accelerations.
+
+    The grids of shapes, which depend on the speeds of all recordings, then do not depend on this one.
+    """
     still = np.zeros_like(log.motion.v)
     return replace(log, motion=replace(log.motion, v=still, a=still))
 
 
 def _sines(logs: tuple[Log, ...]) -> Bool[Array, "L nv"]:
+    """True if a joint moves in one sine, for each recording."""
     return np.array([[is_one_sine(q) for q in log.motion.q[log.valid].T] for log in logs])
 
 

@@ -1,9 +1,9 @@
 """MuJoCo's soft dry friction, and whether a recording shows it.
 
 Models of MuJoCo are often compared with recordings from MuJoCo. Its dry friction is a soft constraint, which changes
-sign about ten milliseconds before the velocity does: compared with Coulomb's law that looks like a delay. The friction
-of a real robot does not do so. So the model gets soft friction only where the recording shows it in all of its parts:
-in the friction that the file states, and in what the recording shows beyond that.
+sign about ten milliseconds before the velocity does. Compared with Coulomb's law, this looks like a delay. The friction
+of a real robot is not soft. So the model gets soft friction only if every part of the recording shows it. The softness
+then applies to the friction that the file states, and to the additional friction that the recording shows.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
 
-# Range of the softness that each part of a recording has to show, as a share of what the law gives.
+# Range of the fitted softness, as a share of that of MuJoCo's law, in each part of a recording.
 _LEAST, _MOST = 0.5, 1.5
-_PARTS = 5  # equal parts of a recording that have to show it
-# The law changes little with the torque that it is computed for: two estimates agree to a percent after one step.
+_PARTS = 5  # number of equal parts of a recording, each of which has to show softness
+# Number of iterations for friction torque and softness together; after one, estimates already agree to a percent.
 _ESTIMATES = 3
 
 # A recording: its motion, the torque that the given model lacks, and the band.
@@ -47,7 +47,7 @@ def softness(robot: Robot, motion: Motion, joint: str) -> Float[Array, "N nv"]:
     """Soft friction minus Coulomb friction of a joint (`SoftFriction` is the law), zero for other joints.
 
     Args:
-        robot: States both.
+        robot: States the friction of its joints.
         motion: Motion at the full rate.
         joint: The joint.
     """
@@ -56,7 +56,7 @@ def softness(robot: Robot, motion: Motion, joint: str) -> Float[Array, "N nv"]:
     out = np.zeros_like(motion.v)
     if soft is not None:
         v, a = motion.v[:, row], motion.a[:, row]
-        # The pseudo-inverse: links without mass leave the matrix singular.
+        # The pseudo-inverse, because links without mass make the matrix singular.
         mobility = np.linalg.pinv(mass_matrix(robot, np.zeros((1, robot.nv)))[0], hermitian=True)[row, row]
         inertia = 1.0 / mobility if mobility > 0.0 else 0.0
         out[:, row] = np.clip(soft.gain * inertia * (a + v / soft.time), -torque, torque) - torque * np.sign(v)
@@ -72,8 +72,8 @@ def with_shown_friction(robot: Robot, recorded: Sequence[Recorded], known: Float
         known: Coulomb torque of each joint that earlier diagnoses have found beyond the modelled one.
 
     Returns:
-        The robot with the friction of each soft joint beyond its modelled one; without any soft friction where a part
-        of the recordings does not show it in its expected size.
+        The robot in which each soft joint has its friction beyond the modelled one. If a part of the recordings does
+        not show the softness in its expected size, the robot without any soft friction.
     """
     if not any(robot.soft_friction):
         return robot
@@ -91,13 +91,13 @@ def with_shown_friction(robot: Robot, recorded: Sequence[Recorded], known: Float
 
 
 def _rubbing(robot: Robot, beyond_model: Float[Array, " nv"]) -> Robot:
-    """The robot whose joints with soft friction have that Coulomb torque beyond the modelled one."""
+    """The robot whose joints with soft friction have the Coulomb torque ``beyond_model`` beyond the modelled one."""
     soft = zip(robot.soft_friction, beyond_model.tolist(), strict=True)
     return replace(robot, soft_friction=tuple(s and replace(s, beyond_model=torque) for s, torque in soft))
 
 
 def _rubs_softly(robot: Robot, recorded: Sequence[Recorded], bases: list[Array], missing: Array) -> bool:
-    """True if every part of the recordings shows the soft friction in its expected size; False without any."""
+    """True if every part of the recordings shows the soft friction in its expected size; False without soft joints."""
     joints = soft_joints(robot)
     if not joints:
         return False
@@ -119,7 +119,7 @@ def _bodies(robot: Robot, one: Recorded) -> Float[Array, "n nv p"]:
 
 
 def _columns(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) -> tuple[Array, Array, Array]:
-    """Columns of other errors that a joint may have, of its Coulomb friction, and of what softness adds to that."""
+    """Columns of other errors that a joint may have, of its Coulomb friction, and of soft minus Coulomb friction."""
     operation, _, band = one
     v, a = operation.v[:, row], operation.a[:, row]
     # A delay applies to the friction torque as well.
@@ -141,7 +141,7 @@ def _missing(robot: Robot, row: int, recorded: Sequence[Recorded], bases: list[A
 def _part(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) -> Float[Array, "2 parts"]:
     """For each part of the recording: product of a joint's softness and missing torque, and square of the softness.
 
-    Both are projected off what friction, bodies, rotor or a shift in time could explain.
+    Components that friction, bodies, rotor or a shift in time could explain are first projected out of both.
     """
     others, dry, soft = _columns(robot, row, one, bodies, missing)
     _, lacking, band = one
@@ -151,7 +151,7 @@ def _part(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) 
 
 
 def _without(columns: Float[Array, "n k"], basis: Float[Array, "n m"]) -> Float[Array, "n k"]:
-    """Columns less their projection onto a basis."""
+    """Columns minus their projection onto a basis."""
     size = np.linalg.norm(basis, axis=0)
     scaled = basis / np.where(size > 0, size, 1.0)
     return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=None)[0]

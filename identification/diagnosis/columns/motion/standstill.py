@@ -1,9 +1,9 @@
-"""Samples that say little about friction: standstill, which is left out, and reversals, which get a low weight.
+"""Samples in which friction is uncertain: standstill, which is left out, and reversals, which get a low weight.
 
-At standstill static friction may hold any torque, so no fit may use it. At a reversal a law lets friction jump, while a
-real joint sticks for some milliseconds, or bends before it slides, so that friction passes through zero earlier or
-later. Where noise is small, that residual looks like a delayed torque. And while the reading of an encoder does not
-change, friction is anywhere between plus and minus the breakaway torque of the joint.
+At standstill static friction may balance any torque, so fits do not use these samples. At a reversal a friction law
+jumps. A real joint sticks for some milliseconds, or bends before it slides, so its friction changes sign earlier or
+later. In recordings with little noise the difference looks like a delayed torque. While the reading of an encoder does
+not change, friction may have any value between plus and minus the breakaway torque of the joint.
 """
 
 from __future__ import annotations
@@ -24,17 +24,20 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
 
-# Orders of the differences that estimate the noise, and number of rows that they need.
+# Orders of the differences from which the noise is estimated, and least number of samples.
 _ORDERS, _LEAST_ROWS = (3, 5, 8, 11), 60
-# Smallest travel of a joint that moves [rad or m], and in deviations of its readings. A joint that its drive holds may
-# sag by less, slowly and without noise.
+# Smallest travel of a joint that moves: in rad or m, and in standard deviations of its readings. A joint held by its
+# drive may sag by less, slowly and without noise.
 _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
-# Time over which a joint travels [s], and share by which it travels more than the sign of its velocity says. A velocity
-# that rises steadily through zero has at most 0.3. Counts of the encoder from which on the direction shows.
+# The direction of a slow joint counts as hidden by its encoder under three conditions (`direction_hidden`): over this
+# time [s], its net travel as a share of its path exceeds the mean sign of its velocity by more than the second number,
+# and the path is less than the third number of encoder counts. A velocity that rises steadily through zero reaches at
+# most 0.3.
 _WATCHED, _HIDDEN, _COUNTS = 0.25, 0.3, 8.0
-# Factor over the estimate for white noise, as the noise of readings is not white.
+# Factor by which the noise is assumed to be larger than the estimate for white noise, as it is not white.
 _CAUTION = 3.0
-# Largest share of standstill in a sample of the judged band, weighted by the kernel: that of a quarter at either end.
+# Largest share of standstill, weighted by the filter's kernel, in a sample of the judged band. A quarter of the kernel
+# at either end has this weight.
 _STANDING = 0.055
 
 
@@ -42,20 +45,20 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint is at standstill: its speed is within noise, so static friction may hold any torque.
 
     The threshold is three sigmas of the velocity minus its short moving average in the quietest fifth of the recording,
-    where the motion itself adds nothing, and at least a thousandth of the joint's top speed. Where a joint vibrates
-    while it travels, as one with backlash may, the moving average itself is compared with the threshold. A joint whose
-    coarse readings lowered its low pass is at standstill where it passes less than a step in a period of that.
+    where the motion itself adds nothing, and at least a thousandth of the joint's top speed. A joint may vibrate while
+    it travels, for example with backlash; then the moving average itself is compared with the threshold. If coarse
+    readings required a lower low pass, a joint is at standstill if it moves less than a step in a period of its edge.
     """
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
     out, unseen = np.empty(log.motion.v.shape, dtype=bool), _unseen_speeds(log)
     for j in range(log.motion.q.shape[1]):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
-        # A whole motion of less than a millionth of a radian or metre is rounding.
+        # A total motion of less than a millionth of a radian or metre is rounding errors.
         moves = np.ptp(q) > 1e-6
         sigma = _noise(v, kernel)
         if sigma > rules.SHAKES * np.percentile(np.abs(v), 95):
-            # A steady motion has no quiet fifth: then the noise is estimated from the readings.
+            # A joint that moves all the time has no quiet fifth. Then the noise is estimated from the readings.
             sigma = min(sigma, _noise_of_readings(log, j))
         noise_only = bool(np.percentile(np.abs(v), 95) < 5 * sigma)
         if noise_only and moves and _travels(q, kernel):
@@ -64,21 +67,24 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99), unseen[j])
         # Passing through zero is no standstill: the joint has to be slow for a whole period of the band's edge.
         at_standstill = np.convolve(slow, kernel, mode="same") > 0.999
-        # A joint whose fastest speeds are noise as well is at standstill all the time.
+        # If even the fastest speeds of a joint are noise, it is at standstill all the time.
         held = not moves or noise_only
         out[:, j] = (np.convolve(at_standstill, np.ones(width), mode="same") > 0.5) | held
     return out
 
 
 def _unseen_speeds(log: Log) -> Float[Array, " nv"]:
-    """Speed [rad/s or m/s] at which a coarsely read joint passes a step in a period of its low pass; else zero."""
+    """Speed [rad/s or m/s] at which a joint moves one encoder step in a period of its low pass.
+
+    It is zero if the encoder is so fine that the low pass was not lowered for it.
+    """
     edges = np.broadcast_to(position_edges(log), log.motion.q.shape[1])
     steps = np.array([step or 0.0 for step in log.reading_steps] or np.zeros(len(edges)))
     return np.where(edges < motion_edge(log.band), steps * edges, 0.0)
 
 
 def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:
-    """Root mean square of a series less its moving average, over its quietest fifth."""
+    """Root mean square of a series minus its moving average, in its quietest fifth."""
     width = len(kernel)
     rough = v - np.convolve(v, kernel, mode="same")
     windows = rough[: len(rough) // width * width].reshape(-1, width)
@@ -86,10 +92,10 @@ def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:
 
 
 def _noise_of_readings(log: Log, j: int) -> float:
-    """Deviation of the speed [rad/s or m/s] that white noise of a joint's raw readings leaves in the band.
+    """Standard deviation of the speed [rad/s or m/s] in the band due to white noise of a joint's raw readings.
 
-    Infinite where the joint hardly travels farther than the noise of its readings. Differences of high order remove the
-    motion even where a period has few samples; the order with the smallest remainder is used.
+    It is infinite if the joint hardly travels farther than the noise of its readings. Differences of high order remove
+    the motion even if its period has few samples; the order with the smallest result is used.
     """
     if log.raw_q is None or int(log.valid.sum()) < _LEAST_ROWS:
         return np.inf
@@ -117,8 +123,8 @@ def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
     """In-band samples whose filter kernel covers no excluded sample, no contact, and hardly any standstill.
 
-    Standstill counts as the kernel weights it: at the ends of a kernel of more than a second, such as that of a log of
-    50 Hz, a joint that moves from point to point always stands.
+    Standstill is weighted by the kernel. A kernel may be longer than a second, for example for a log of 50 Hz. Then a
+    joint that moves from point to point is always at standstill somewhere near the ends of the kernel.
     """
     weights = np.abs(log.band.kernel)
     share = filtered(weights / weights.sum(), standing_still(log).astype(float), log.band.step)
@@ -126,9 +132,9 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
 
 
 def reversal_std(operation: Operation) -> Float[Array, "N nv"]:
-    """Standard deviation of the modelled torque near reversals, from the rate of its Coulomb friction.
+    """Standard deviation of the modelled torque near reversals, from the time derivative of its Coulomb friction.
 
-    It has the sign of the change, so that it can be filtered as the torque is.
+    It has the sign of the derivative, because it is then filtered as the torque is.
     """
     friction = operation.own_friction
     # Viscous friction doubles with the velocity, Coulomb friction does not.
@@ -137,23 +143,23 @@ def reversal_std(operation: Operation) -> Float[Array, "N nv"]:
 
 
 def encoder_still(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
-    """True where a joint's encoder shows no motion: its reading stays within two counts while the joint may stick.
+    """True where a joint's encoder shows no motion: its reading stays within about two counts for some time.
 
     A reading between two levels flickers by one count, and a motion that ends there adds another. The result is False
-    for a joint whose encoder is so coarse that its usual motion looks the same, or whose readings have no counts.
+    for a joint with an encoder so coarse that slow motion looks the same. If no count is known, only a reading that
+    does not change at all shows no motion.
     """
     readings = log.motion.q if log.raw_q is None else log.raw_q
     rate = log.band.rate_hz
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
-        # Where no count is known, only a reading that does not change at all shows no motion.
         most = rules.STANDING_COUNTS * counted_step(robot, log, j)
         speed = np.abs(log.motion.v[:, j])
         # Median speed while the joint moves, as many joints rest for most of a recording.
         usual = float(np.median(speed[speed >= rules.CREEPING_SPEED * np.percentile(speed, 99)]))
         if usual == 0.0:
             continue
-        # The coarser the encoder, the longer a reading has to stay the same before it is no slow motion.
+        # The coarser the encoder, the longer a reading has to stay the same to rule out slow motion.
         seconds = max(rules.STANDING_TIME, most / (rules.STANDING_SPEED * usual))
         if seconds > rules.STANDING_LONGEST:
             continue
@@ -166,17 +172,17 @@ def encoder_still(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
 
 
 def friction_sign_unknown(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
-    """True where friction may point either way: a joint's encoder shows no motion, or not in which direction."""
+    """True where the sign of friction is unknown: a joint's encoder shows no motion, or not the direction of motion."""
     steps = np.array([counted_step(robot, log, j) for j in range(robot.nv)])
     return encoder_still(robot, log) | direction_hidden(log, steps)
 
 
 def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"]:
-    """True where a joint travels some counts one way, and its velocity changes sign all the time.
+    """True where a joint moves some counts in one direction while its computed velocity keeps changing sign.
 
-    A slow joint with a coarse encoder moves from count to count, and between two counts its velocity seems to be zero
-    or to point backwards. Friction of the model then has no certain sign. Before and behind the sample the joint has to
-    travel: what starts or turns is no such joint.
+    The reading of a slow joint with a coarse encoder jumps from count to count, and between two counts the velocity
+    seems to be zero or negative. The sign of the modelled friction is then uncertain. The joint has to move like this
+    before and after the sample, so starts and reversals are excluded.
 
     Args:
         log: A recording.
@@ -194,7 +200,7 @@ def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"
 
 
 def counted_step(robot: Robot, log: Log, row: int) -> float:
-    """Step [rad or m] of a joint's readings, or the stated one of its encoder if that is larger; zero without either.
+    """Step [rad or m] of a joint's readings, or the stated step of its encoder if that is larger; zero if unknown.
 
     Args:
         robot: States the steps of its encoders.
@@ -208,8 +214,8 @@ def counted_step(robot: Robot, log: Log, row: int) -> float:
 def standstill_std(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that stand still.
 
-    At standstill the model's friction is ``T`` or ``-T``, with the sign of noise. The true one is uniform between
-    ``-T`` and ``T``: the difference has the mean square ``T^2 + T^2 / 3``.
+    At standstill the model's friction is ``T`` or ``-T``, with the sign of noise. The true friction is assumed to be
+    uniform between ``-T`` and ``T``. The difference then has the mean square ``T^2 + T^2 / 3``.
 
     Args:
         log: The recording, for its band.
@@ -222,7 +228,7 @@ def standstill_std(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
 def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that creep or reverse.
 
-    Laws of friction differ there. The error recurs with the motion, so it must not count as an event.
+    Friction laws are inaccurate there. The error recurs with the motion, so it must not count as an event.
 
     Args:
         log: The recording.
@@ -244,14 +250,14 @@ def uncertain_friction_variance(
         robot: States the steps of the encoders.
         log: The recording.
         friction: Friction torque of the model, findings included.
-        doubt: Standard deviation of the friction torque near reversals, in the band.
+        doubt: Standard deviation of the friction torque near reversals, in the band (`reversal_std`).
     """
     standing = standstill_std(log, friction_sign_unknown(robot, log), friction)
     return standing**2 + doubt**2 + creeping_std(log, friction) ** 2
 
 
 def noise_share(noise: Array | float, friction: Array) -> Array:
-    """Share of the noise in the variance of noise and uncertain friction together: the weight of a sample.
+    """Weight of a sample: variance of the noise over the variance of noise and uncertain friction together.
 
     Args:
         noise: Variance of the noise.
@@ -267,7 +273,7 @@ def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
 
 
 def _carried(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
-    """A deviation in the band: the largest one within reach of the filter kernel at each sample."""
+    """Upper limit of a standard deviation after the filter of the band: its sum weighted by the kernel's magnitude."""
     band = log.band
     return Band(band.rate_hz, band.cutoff_hz, np.abs(band.kernel), band.step)(deviation)
 
@@ -278,6 +284,6 @@ def _crossing(v: Float[Array, "N nv"]) -> Bool[Array, "N nv"]:
 
 
 def near_reversals(log: Log) -> Bool[Array, "n nv"]:
-    """True for in-band samples near a reversal: as far as the filter smears its step, at least 50 ms."""
+    """True for in-band samples near a reversal: within half the reach of the filter, and at least within 50 ms."""
     reach = max(int(0.05 * log.band.rate_hz), log.band.half // 2, 1)
     return ndimage.maximum_filter1d(_crossing(log.motion.v), 2 * reach + 1, axis=0)[log.samples]
