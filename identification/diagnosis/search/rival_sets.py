@@ -110,6 +110,7 @@ def compare_with_rivals(
     losses_of, replacing, richer_laws = _candidate_sets(
         search, chosen, term, barred, other_conditions, sound=sound or not diagnosed
     )
+    # Add rivals that were compared on a part of the data only.
     beyond = losses_beyond or {}
     losses_of |= {key: base.loss + loss for key, loss in beyond.items()}
     replacing |= {key: key - chosen for key in beyond}
@@ -121,6 +122,7 @@ def compare_with_rivals(
     if diagnosed and not sound and any(has_plausible_sizes(search, key, key) for key in plausible):
         losses_of[chosen] = losses_of[chosen] + IMPOSSIBLE / len(base.loss)
     twins = {key for key, others in replacing.items() if same_torque(search, term, chosen, others, key)}
+    # Exact twins are not fitted: they have the loss and the costs of the finding.
     exact = exact_twins(search, chosen, term)
     losses_of |= dict.fromkeys(exact, base.loss)
     replacing |= exact
@@ -129,31 +131,33 @@ def compare_with_rivals(
         return RivalComparison(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(losses_of)
     apart = {key for key, others in replacing.items() if not is_nested(term, others)}
-    # Exact twins have the loss and the costs of the finding.
     fitted = [chosen if key in exact else key for key in keys]
+    # Losses of the sets in ``beyond`` include their costs already, so they get those of the finding.
     priced = [chosen if key in beyond else key for key in fitted]
     is_twin, is_apart = ([key in some for key in keys] for some in (twins, apart))
     effects = {key: _replacing_effects(search, chosen, others, key, exact) for key, others in replacing.items()}
     # Only laws with a shape have errors of linearisation.
     within_errors = [key in apart and any(one.shape for one in (term, *replacing[key])) for key in keys]
     more = np.array([search.sizes_of(one) - search.sizes_of(chosen) for one in fitted], dtype=float)
-    allowance = [losses_of[key] - search.held_out_fit(one).loss for key, one in zip(keys, fitted, strict=True)]
+    # Loss that was added to that of the fit, such as the errors of the method for laws with more parameters.
+    added = [losses_of[key] - search.held_out_fit(one).loss for key, one in zip(keys, fitted, strict=True)]
 
     def losses_and_costs(fits: Search) -> tuple[Float[Array, "B m"], Costs]:
         own = fits.held_out_fit(chosen).loss
         held_out = [
             own + beyond[one] if one in beyond else fits.held_out_fit(one).loss + more_loss
-            for one, more_loss in zip(fitted, allowance, strict=True)
+            for one, more_loss in zip(fitted, added, strict=True)
         ]
         costs = (*costs_of(fits, priced, is_twin), *costs_of(fits, priced, is_twin, is_apart))
         gain = explained_loss(fits, chosen, term)
         return without_method_errors(np.array(held_out).T, more, within_errors, gain), costs
 
     conditions = [losses_and_costs(other) for other in other_conditions]
-    won = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))
-    won = weighted_by_rarity(won, rarities_of(search, fitted))
+    by_set = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))
+    by_set = weighted_by_rarity(by_set, rarities_of(search, fitted))
+    # Sum over the sets with the same effects; the key of the finding is ().
     shares: dict[tuple[EffectJoint, ...], float] = defaultdict(float)
-    for key, share in zip(keys, won, strict=True):
+    for key, share in zip(keys, by_set, strict=True):
         shares[effects.get(key, ())] += float(share)
     for causes, odds in richer.items():
         shares[causes] = max(shares[causes], odds * shares[()])
@@ -228,13 +232,13 @@ def _candidate_sets(
         swapped = with_replacement(chosen, term, others)
         if swapped in losses_of or not others <= swapped:
             continue
-        priced, both = is_nested(term, others), zip(searches, slack, strict=True)
-        if all(
-            is_far_worse(one, chosen, swapped, priced=priced)
-            if sound
-            else one.in_sample_loss(swapped) > one.in_sample_loss(chosen) + own
-            for one, own in both
-        ):
+        if sound:
+            nested = is_nested(term, others)
+            far_worse = all(is_far_worse(one, chosen, swapped, priced=nested) for one in searches)
+        else:
+            both = zip(searches, slack, strict=True)
+            far_worse = all(one.in_sample_loss(swapped) > one.in_sample_loss(chosen) + own for one, own in both)
+        if far_worse:
             continue
         found = search.held_out_fit(swapped)
         if any(simplest_effects(search.problem.session.robot, other, found) is None for other in others):

@@ -153,10 +153,11 @@ class Search:
         """
         gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
-        gone: dict[Term, frozenset[Term]] = defaultdict(frozenset)
+        # A term that joins the set removes others, whose prices are then saved.
+        removed: dict[Term, frozenset[Term]] = defaultdict(frozenset)
         for other in chosen:
             for term in self.displacing(other) - {other}:
-                gone[term] |= {other}
+                removed[term] |= {other}
                 if term in costs:
                     costs[term] -= self.prices[other]
         out = {term: gained[term] - costs[term] for term in terms}
@@ -168,12 +169,12 @@ class Search:
             fitted = self.in_sample_loss(chosen) - self.in_sample_loss(chosen | {instead_of})
             released *= max(fitted / estimate, 1.0)
         for k, term in enumerate(ranked):
-            worth = released * (out[term] + costs[term]) - costs[term] > above
+            may_exceed = released * (out[term] + costs[term]) - costs[term] > above
+            # Beyond the largest number of fits, only terms that gain nearly as much as the best one are fitted.
             promising = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
-            if worth and (promising or term in gone):
-                out[term] = (
-                    self.in_sample_loss(chosen) - self.in_sample_loss((chosen - gone[term]) | {term}) - costs[term]
-                )
+            if may_exceed and (promising or term in removed):
+                with_term = (chosen - removed[term]) | {term}
+                out[term] = self.in_sample_loss(chosen) - self.in_sample_loss(with_term) - costs[term]
         return out
 
     def can_join(self, chosen: frozenset[Term], term: Term) -> bool:
@@ -195,7 +196,10 @@ class Search:
 
 
 def price(size: int) -> float:
-    """Penalty of an effect with ``size`` parameters, as in BIC; beyond four, each costs its expected gain by chance."""
+    """Price of an effect with ``size`` parameters, as in BIC.
+
+    Parameters beyond the fourth cost one each, which is their expected gain by chance.
+    """
     return above_chance.PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
 
 
@@ -215,9 +219,9 @@ def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
         alike = [term for term in terms if len(term.columns) == count]
         index = np.array([term.columns for term in alike])
         scale = np.sqrt(np.einsum("tkk->tk", a[index[:, :, None], index[:, None, :]]))
-        alive = scale > 1e-9 * np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
+        not_zero = scale > 1e-9 * np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
         # A column of zeros adds nothing to the rank.
-        inverse = np.where(alive, 1.0 / np.where(alive, scale, 1.0), 0.0)
+        inverse = np.where(not_zero, 1.0 / np.where(not_zero, scale, 1.0), 0.0)
         normal = a[index[:, :, None], index[:, None, :]] * inverse[:, :, None] * inverse[:, None, :]
         values = np.linalg.eigvalsh(normal)
         ranks = np.sum(values > 1e-7 * np.maximum(values[:, -1:], 1e-300), axis=1)

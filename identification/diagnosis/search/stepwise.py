@@ -129,7 +129,10 @@ def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progre
 
 
 def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
-    """The set with one more named effect, the one that gains most, if it gains more than its price; else None."""
+    """The set with one more named effect, the one with the best score, if its score is better than without; else None.
+
+    Such an effect gains more than its price, but need not exceed the threshold of chance.
+    """
     rivals = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
     promised = search.gains(chosen, rivals, above=0.0)
     best = sorted(rivals, key=lambda term: -promised[term])[:_FEW_JUDGED]
@@ -179,8 +182,8 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
     """The set with the most promising effect of each further joint that passes the gates of a claim.
 
-    Free inertial parameters explain a little of any missing effect, so they are added alone, where they gain most. So
-    are gains of torque constants, as a fit with one takes many times as long.
+    Free inertial parameters explain a little of any missing effect, so they are added only as the best effect of a
+    step. The same holds for gains of torque constants, because a fit with one takes many times as long.
 
     Args:
         search: Rivals.
@@ -188,11 +191,11 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
         best: That effect.
         ranked: Rivals, the most promising first.
     """
-    taken = {best.joint}
+    joints = {best.joint}
     for term in ranked:
-        if term.joint is None or term.joint in taken or term.effect.inertial == "free" or term.effect.scales_joint:
+        if term.joint is None or term.joint in joints or term.effect.inertial == "free" or term.effect.scales_joint:
             continue
-        taken.add(term.joint)
+        joints.add(term.joint)
         if can_join(chosen, term) and passes_gates(search, with_term(chosen, term), chosen):
             chosen = _with_claimed(search, chosen, term)
     return chosen

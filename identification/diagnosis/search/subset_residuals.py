@@ -42,12 +42,13 @@ def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozens
     """
     problem = plain.problem
     fold = problem.grams.fold[judged_blocks(problem)]
-    # The fit to all blocks comes last, and predicts recordings that are held out entirely.
+    # Folds of the judged blocks. Held-out recordings have fold -1: index -1 is the fit to all blocks, which comes last.
     fits = np.unique(fold)
     coefficients = plain.fits.of_subsets(terms)
 
     @cache
     def rows_of(whole: bool) -> tuple[_Row, ...]:
+        """Products of all rows; if not ``whole``, with columns at the positions that the encoders read."""
         own = problem if whole else problem.at_readings
         assert own is not None
         wanted = {column for term in terms for column in term.columns} | set(own.fitted_nuisances.tolist())
@@ -95,6 +96,7 @@ def _squares(row: _Row, theta: Float[Array, "G K"], scaled: list[int]) -> Float[
         gains = x[:, own]
         x = x * (1.0 + gains.sum(axis=1, keepdims=True))
         x[:, own] = gains
-    with_residual = np.column_stack([-x, np.ones(len(x))])
-    made = (with_residual[:, None, :] @ row.square)[:, 0]
-    return np.maximum(np.einsum("bi,bi->b", made, with_residual), 0.0)
+    # The residual is [columns, residual] @ [-x, 1], and its square a quadratic form of their products.
+    signed = np.column_stack([-x, np.ones(len(x))])
+    products = (signed[:, None, :] @ row.square)[:, 0]
+    return np.maximum(np.einsum("bi,bi->b", products, signed), 0.0)

@@ -34,7 +34,8 @@ _TRIED_EACH = 3
 def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """The set after swaps of single effects for better or simpler ones, until no swap lowers the score."""
     for _ in range(20):
-        quick = search.in_sample_loss(chosen) + search.price_of(chosen)
+        # In-sample losses take less time, so they decide which swaps are tested on held-out data.
+        present = search.in_sample_loss(chosen) + search.price_of(chosen)
         tried = {
             with_replacement(chosen, term, others)
             for term in ordered(chosen)
@@ -46,7 +47,7 @@ def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         worth = [
             other
             for other in ranked
-            if search.in_sample_loss(other) + search.price_of(other) < quick + above_chance.PARAMETER_PRICE
+            if search.in_sample_loss(other) + search.price_of(other) < present + above_chance.PARAMETER_PRICE
         ]
         if search.many_joints:
             best = _swapped_everywhere(search, chosen, worth)
