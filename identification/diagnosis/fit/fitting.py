@@ -208,6 +208,7 @@ def fit(
     if not scalings and np.isfinite(near.theta[columns]).any():
         gains = np.maximum(1.0 + np.nan_to_num(near.theta[columns]), _LEAST_GAIN)
         scalings = scalings_at(gains, near.theta)
+    # Known gains need no iteration.
     for _ in range(0 if known else 4):
         found = _fit_at_point(_shifted_bounds(problem, columns, gains - 1.0), terms, scalings, False, near, None)
         # Nearly the same bounds are active at the next gain.
@@ -292,7 +293,7 @@ def _point_mass(
     near = near.after(first, ())
     moments = first.theta[list(payload.columns[1:4])]
     far = max(float(np.linalg.norm(moments)), 1e-9)
-    # The fit without inertia.
+    # A fit linearised about zero mass has no inertia.
     starts = [first.theta[list(payload.columns[:4])]]
     whole = _fit_linear(problem, active, products, LinearisationPoint(), near)
     free = whole.theta[list(payload.columns)]
@@ -327,20 +328,30 @@ def _fit_linear(
     near: WarmStart,
     bodies: tuple[Body, ...] = (),
 ) -> Fitted:
-    """Linear fit of all coefficients: a payload is linearised about its estimate, and ``bodies`` must be possible."""
+    """Linear fit of all coefficients about a linearisation point.
+
+    Args:
+        problem: Columns, priors and bounds.
+        active: Indices of the fitted columns.
+        products: Products of these columns.
+        point: The estimate about which torque constants and a payload are linearised.
+        near: Coefficients from which the search for active bounds starts.
+        bodies: Bodies that must be physically possible.
+    """
     load, folded, kept, held_out = point.payload, None, active, products.held_out
     square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
+        # Ten columns of the payload become four: mass and first moments.
         folded = _folded_at(problem, active, load)
         kept, square, line = active[folded.keep], folded.reduced_gram(square), folded.reduced_right(line)
         folds = None if folds is None else (folded.reduced_gram(folds[0]), folded.reduced_right(folds[1]))
-    precision, lower, upper, bound = (x[kept] for x in (problem.precision, problem.lower, problem.upper, near.theta))
+    precision, lower, upper, start = (x[kept] for x in (problem.precision, problem.lower, problem.upper, near.theta))
     if load is not None:
         mass = len(kept) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
-    any_bodies = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
+    unconstrained = minimum_of(square, line, products.c, precision, (lower, upper), start, folds)
     places = places_among(kept, bodies)
-    found = among_possible_bodies(any_bodies, square, line, precision, (lower, upper), folds, places)
+    found = among_possible_bodies(unconstrained, square, line, precision, (lower, upper), folds, places)
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
     nuisances = slice(0, problem.nuisance_count)
@@ -349,8 +360,9 @@ def _fit_linear(
     if held_out is not None:
         fold_x = found.without if folded is None else folded.unfolded(found.without)
         fold = problem.grams.fold
+        # Blocks of recordings that no fit uses (fold -1) are predicted by the fit to all other blocks.
         loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    denied_gain = found.objective - any_bodies.objective
+    denied_gain = found.objective - unconstrained.objective
     return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied_gain)
 
 

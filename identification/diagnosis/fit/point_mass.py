@@ -73,6 +73,7 @@ class ReducedLoad:
             start = solve(a, b)
             low, high = mass_bounds(last[0], self.least)
             if not low <= start[0] <= high:
+                # The mass is held at its bound, and the first moments are solved for.
                 mass = float(np.clip(start[0], low, high))
                 start = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
             if converged(start, last):
@@ -100,6 +101,7 @@ def reduced_load(
     at = np.searchsorted(active, payload.columns)
     others = np.setdiff1d(np.arange(len(active)), at)
     x = theta[active]
+    # Coefficients at a bound are held, all others are free.
     inside = (x[others] > problem.lower[active[others]]) & (x[others] < problem.upper[active[others]])
     free, held = others[inside], others[~inside]
     b = products.b - products.a[:, held] @ x[held]

@@ -251,9 +251,9 @@ def _columns_at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log
         return columns_of(layout.problem, term.columns, log)
     operation = layout.operation_of(slices, log)
     signature = term.effect.signature(operation.robot, operation, term.joint, shape)
-    narrow = in_band(layout, log, signature.columns)
-    out = np.zeros((len(narrow), layout.problem.session.robot.nv, narrow.shape[2]))
-    out[:, list(signature.rows)] = narrow
+    on_its_rows = in_band(layout, log, signature.columns)
+    out = np.zeros((len(on_its_rows), layout.problem.session.robot.nv, on_its_rows.shape[2]))
+    out[:, list(signature.rows)] = on_its_rows
     return out
 
 
