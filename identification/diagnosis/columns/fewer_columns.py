@@ -20,22 +20,22 @@ def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, di
     """
     wanted = {column for term in terms for column in term.columns}
     kept = [k for k in range(len(columns.names)) if k < columns.model_count or k in wanted]
-    place = {column: at for at, column in enumerate(kept)}
-    moved = {
-        term: replace(term, columns=tuple(place[column] for column in term.columns))
+    new_index = {column: at for at, column in enumerate(kept)}
+    renumbered = {
+        term: replace(term, columns=tuple(new_index[column] for column in term.columns))
         for term in columns.terms
-        if place.keys() >= term.column_set
+        if new_index.keys() >= term.column_set
     }
-    inside = [np.array([column in place for column in row], dtype=bool) for row in columns.rows]
+    is_kept = [np.array([column in new_index for column in row], dtype=bool) for row in columns.rows]
     few = replace(
         columns,
         names=tuple(columns.names[k] for k in kept),
-        terms=tuple(moved.values()),
-        rows=tuple(tuple(place[column] for column in row if column in place) for row in columns.rows),
+        terms=tuple(renumbered.values()),
+        rows=tuple(tuple(new_index[column] for column in row if column in new_index) for row in columns.rows),
         values=tuple(
-            tuple(np.ascontiguousarray(part[:, own]) for part, own in zip(log, inside, strict=True))
+            tuple(np.ascontiguousarray(part[:, own]) for part, own in zip(log, is_kept, strict=True))
             for log in columns.values
         ),
-        local=tuple(replace(b, first=place[b.first]) for b in columns.local if b.first in place),
+        local=tuple(replace(b, first=new_index[b.first]) for b in columns.local if b.first in new_index),
     )
-    return few, {term: moved[term] for term in terms}
+    return few, {term: renumbered[term] for term in terms}

@@ -88,6 +88,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
         known: The effects.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
+    # Robot in the true gravity, and true motion of its links.
     true_robot, motion = robot, operation.at(slice(None))
     for effect, one in effects:
         true_robot, motion = effect.true_motion(true_robot, motion, one.joint, np.array(one.theta))
@@ -147,7 +148,7 @@ def _per_load(
 
 
 def _stage_of(effect: Rival) -> int:
-    """Place of an effect in the order of computation: after all torques from which the effect is computed."""
+    """Stage, 0 to 3, in which the torque of an effect is computed: after all torques on which the effect depends."""
     return 3 if effect.scales_joint else 2 if effect.follows_torque else 1 if effect.follows_load else 0
 
 

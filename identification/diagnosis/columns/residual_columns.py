@@ -193,9 +193,10 @@ def _given_part(session: Session) -> _GivenPart:
     robot, logs = session.robot, session.logs
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
     moves = moving(logs)
-    few = two_numbers_beside_more(logs, moves)
+    # Joints that a recording shows too little to be used, because another recording shows more of them.
+    unused = two_numbers_beside_more(logs, moves)
     operations = tuple(
-        operate(robots[k], held(log) if (few[k] | ~moves[k]).all() else log, session.known, k, session.cutoff_hz)
+        operate(robots[k], held(log) if (unused[k] | ~moves[k]).all() else log, session.known, k, session.cutoff_hz)
         for k, log in enumerate(logs)
     )
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
@@ -204,8 +205,10 @@ def _given_part(session: Session) -> _GivenPart:
         (),
         torque,
         residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
-        usable=tuple(usable_samples(log) & ~unknown_drives(robot) & ~row for log, row in zip(logs, few, strict=True)),
-        # A drive may also switch between two readings.
+        usable=tuple(
+            usable_samples(log) & ~unknown_drives(robot) & ~own for log, own in zip(logs, unused, strict=True)
+        ),
+        # A drive that switches between two readings of the torque adds to this uncertainty.
         reversal_std=tuple(
             log.band(reversal_std(o) if log.switching is None else reversal_std(o) + log.switching)
             for log, o in zip(logs, operations, strict=True)

@@ -132,23 +132,23 @@ def tolerance_columns(
         operation: One recording at the full rate.
         body: Columns of the rigid-body regressor in the band, by row.
         log: The recording, with the filter of all columns.
-        narrow: Filter of columns made of accelerations.
+        narrow: Additional low pass for columns made of accelerations.
     """
     band = log.band
-    drift = narrow(band(np.gradient(operation.tau, axis=0)))
+    per_sample_shift = narrow(band(np.gradient(operation.tau, axis=0)))
     parameters, changes = tolerance_parameters(robot), []
     of_base = torque_per_base_error(robot, log, operation) if log.base_sensors is not None else {}
     for parameter in parameters:
         if isinstance(parameter.owner, int):
             change = body[:, :, 10 * (parameter.owner - 1) : 10 * parameter.owner] @ parameter.direction
         elif parameter.owner is None:
-            change = drift.T
+            change = per_sample_shift.T
         elif parameter.kind == BASE:
             change = narrow(band(of_base[str(parameter.owner)])).T
         elif parameter.kind == SOFTNESS:
             change = band(softness(robot, operation, parameter.owner)).T
         elif parameter.kind == ARRIVAL:
-            change = np.zeros_like(drift.T)
+            change = np.zeros_like(per_sample_shift.T)
             row = robot.joint_names.index(parameter.owner)
             if log.arrival is not None:
                 change[row] = -band(log.arrival[:, row])
@@ -157,7 +157,7 @@ def tolerance_columns(
             kind, value = parameter.kind, modelled_value(robot, parameter.kind, parameter.owner)
             effect = effect_named("rotor_inertia" if kind == "rotor" else f"{kind}_friction")
             signature = effect.signature(robot, operation, parameter.owner, ())
-            change = np.zeros_like(drift.T)
+            change = np.zeros_like(per_sample_shift.T)
             for k, row in enumerate(signature.rows):
                 column = band(signature.columns[:, k, 0])
                 change[row] = value * (narrow(column) if effect.uses_acceleration else column)
