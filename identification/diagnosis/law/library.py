@@ -145,8 +145,8 @@ def library(residual: JointResidual, *, memory: bool = True) -> tuple[LibraryTer
     for other in residual.others:
         out += _other(joint, _JointInputs(residual, other))
     of_effects = [term for terms in joint.of_effects.values() for term in terms]
-    # Terms of effects appear twice in these lists, and a term of this module may equal one of an effect: by their texts
-    # each is kept once, and the effect's own is preferred.
+    # Terms of effects appear twice in these lists, and a term of this module may have the same text as an effect's. Of
+    # terms with the same text only one is kept: that of the effect, if there is one.
     own = {term.texts: term for term in of_effects}
     known = {term.texts: own.get(term.texts, term) for term in (*out, *of_effects)}
     return tuple(term for term in known.values() if {base_of(name) for name in term.inputs} <= set(residual.inputs))
