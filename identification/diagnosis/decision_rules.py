@@ -116,7 +116,7 @@ BURST_RATIO = 6.0
 # hardly ever reaches half of BURST_RATIO, so this matters only if the noise varies over the recording.
 BURST_TIMES = 2.0
 
-# share: of the varying part of the modelled torque beyond its usual size; least error of a fitted model. 0.07 to 0.2 %
+# share: of the moving part of the modelled torque beyond its usual size; least error of a fitted model. 0.07 to 0.2 %
 # were measured at peaks of acceleration of simulated arms, whatever the band of the derivatives.
 MODEL_SHARE = 0.001
 

@@ -147,6 +147,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         found, near = found_effects(fitted, last.chosen), runners_up(last.search, last.chosen)
         points = (*found, *near)
         same = same_points(found, before) and tried.issuperset(rival.effect_joint for rival in near)
+        # Stop if the noise is hardly smaller, and no law would be linearised about another point.
         if ratio >= rules.LOWER_NOISE and (same or not needs_refinement(points)):
             break
         before = found
