@@ -104,6 +104,7 @@ def input_gains(residual: JointResidual) -> Gains:
     dynamic = {
         (frequency_of(name),): gains_of_response(response_columns(residual, name)) for name in residual.frequency_inputs
     }
+    # Gain by chance: the largest gain of all functions on each permuted residual.
     every = [*single.values(), *pairs.values(), *dynamic.values()]
     total = plain.sum(axis=0)
     by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in every], axis=0)
@@ -113,6 +114,7 @@ def input_gains(residual: JointResidual) -> Gains:
     shown: dict[tuple[str, ...], Array] = {**single, **{names: pairs[names] for names in best}, **dynamic}
     gains = [InputGain(names, *_shares(gain[:, 0], plain[:, 0], judged), chance) for names, gain in shown.items()]
     listed = sorted(gains, key=lambda one: -one.gain)
+    # The best response with memory counts if it gains more than chance, and clearly more than all without memory.
     first = next((one for one in listed if one.inputs in dynamic), None)
     frequency, left = None, np.full(len(residual.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:

@@ -43,8 +43,10 @@ def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], 
         by_row: Gain on each joint, in any unit, ``(nv,)``.
     """
     parts = np.maximum(by_row, 0.0) / max(float(np.maximum(by_row, 0.0).sum()), 1e-300)
+    # Total gain at which the gain on each joint is a fair part of its gap.
     fair = _fair_part(search, beside) / np.maximum(parts, 1e-12)
     order = np.argsort(fair)
+    # At a total gain of ``fair[order][k]`` the gain on the first k + 1 joints counts. This part has to exceed chance.
     counted = np.maximum(np.cumsum(parts[order]), 1e-12)
     least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
     return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.effect_joint, 0.0) for term in terms)

@@ -112,6 +112,7 @@ class Fits:
         """
         problem, total = self.problem, len(self.problem.precision)
         free = any(term.effect.inertial == "free" for term in terms)
+        # In these cases the products of all columns together do not give the fit of a subset.
         if self._near is not None or self._at_readings is not None or free or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:

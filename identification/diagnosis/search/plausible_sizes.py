@@ -87,6 +87,7 @@ def rarity(session: Session, term: Term, theta: Float[Array, " k"], cov: Float[A
     for parameter, own, without, deviation in zip(parameters, values, neutral, deviations, strict=True):
         if parameter.either_sign and parameter.plausible is not None:
             low, high = parameter.plausible
+            # Standard deviation of the prior: half the distance from a device as stated to the end of the range.
             usual = 0.5 * np.where(own < without, without - low, high - without)
             out += float(np.sum((own - without) ** 2 / (usual**2 + deviation**2)))
     return out

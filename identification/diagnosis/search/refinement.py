@@ -30,6 +30,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     taken = {term.effect_joint for term in chosen}
     shaped = tuple(term for term in search.terms if term.named and term.shape and term.effect_joint not in taken)
     out: dict[tuple[str, str | None], FoundEffect] = {}
+    # For each finding, the rivals in its place; for None, further effects beside the whole set.
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]

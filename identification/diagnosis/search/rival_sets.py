@@ -308,6 +308,7 @@ def _leader(
     """
     if not best_sets:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
+    # Whole set and new effects of each cause; the key of the finding is ().
     new = {(): (chosen, frozenset([term]))} | {at: (key, key - chosen) for at, key in best_sets.items()}
     # If an earlier diagnosis of this robot did not find an effect of its build, the robot hardly has that effect now.
     # Loads, friction and controllers differ between recordings. So if one of these explains a new finding, it leads.
@@ -315,6 +316,7 @@ def _leader(
     is_sound = {at: has_plausible_sizes(search, key, own) and at not in built for at, (key, own) in new.items()}
     shares = {(): own} | {at: kept[at] for at in best_sets}
     sine = bool(search.problem.session.in_one_sine)
+    # In a motion of one sine, causes whose torques do not cancel each other lead if together they are likely enough.
     plain = {at for at in shares if sine and does_not_cancel(search, best_sets.get(at, chosen))}
     if sum(shares[at] for at in plain) < rivalry.NEARLY_AS_LIKELY * max(shares.values()):
         plain = set()

@@ -276,6 +276,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
     nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):
         better: dict[frozenset[Term], GateResult] = {}
+        # A structure is tried beside all effects, and also without the named ones, of which the needed are added again.
         for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
             promised = search.gains(base, nameless, above=search.threshold.overall)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_FEW_JUDGED]:
