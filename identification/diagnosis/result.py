@@ -345,7 +345,7 @@ class Judgement:
 class Diagnosis:
     """Content of ``diagnosis.json``, the evidence behind the figures, and the motion of the next experiment.
 
-    ``wrong`` lists certain faults of recordings that were nevertheless diagnosed, one clause each. Findings, joints and
+    ``wrong`` lists definite faults of recordings that were still diagnosed, one clause each. Findings, joints and
     ``unexplained`` are results for the torques, ``geometry`` for measured poses, and ``verdict`` for both together.
     ``files`` are the written models and laws with their residuals, and ``numbers`` further sets of numbers for them.
     ``replay`` holds the recordings on which they are checked; None without torques. ``driven`` is the model with the

@@ -74,7 +74,7 @@ def prepared(
         changes: Known differences between the recordings; empty if there are none.
 
     Raises:
-        LogError: If a recording cannot be used, or has a certain fault that the user did not choose to ignore.
+        LogError: If a recording cannot be used, or has a definite fault that the user did not choose to ignore.
     """
     started = time.perf_counter()
     require_right(recordings)

@@ -125,7 +125,7 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     if layout.depends_on_model:
         cov = cov + _model_covariance(layout, model, x, cov, total)
     cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)
-    # The law that a term follows is uncertain: the shift of all parameters by each other law is one standard deviation.
+    # A term may follow another law. The shift of all parameters by that law is taken as a standard deviation.
     by_law: list[Array] = []
     for slices in layout.term_slices:
         effect, at = slices.term.effect, slices.coefficients
