@@ -276,7 +276,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
     nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):
         better: dict[frozenset[Term], GateResult] = {}
-        # A structure is tried beside all effects, and also without the named ones, of which the needed are added again.
+        # A structure is added to all effects, and also to the nameless ones alone; then needed effects are added again.
         for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
             promised = search.gains(base, nameless, above=search.threshold.overall)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_FEW_JUDGED]:
@@ -304,7 +304,7 @@ def _count_of_causes(effects: frozenset[Term]) -> int:
 def _least_nameless_gain(
     search: Search, structure: Term, replaced: frozenset[Term], accuracy: float, *, in_one_sine: bool
 ) -> float:
-    """Decrease of the score that a nameless structure has to bring if it makes some effects unnecessary.
+    """Least decrease of the score by a nameless structure if it makes some effects unnecessary.
 
     It is zero if several effects together have more parameters than the structure: then they probably imitate it.
 
