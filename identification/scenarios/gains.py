@@ -133,9 +133,7 @@ def _require_references(recording: Recording) -> None:
     if recording.q_ref is None:
         raise LogError(f"{recording.file} has no q_ref.<joint> of every joint, so the gains cannot be estimated.")
     if len(recording.t) < _FEWEST or not np.isfinite(recording.q_ref).all():
-        raise LogError(
-            f"{recording.file} is too short or has a reference that is not finite, so the gains cannot be estimated."
-        )
+        raise LogError(f"{recording.file} is too short, or a reference is no number, so the gains cannot be estimated.")
 
 
 def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], largest_error: float) -> Gains:
