@@ -28,6 +28,7 @@ from identification.data.drives.lagging_references import with_lagging_reference
 from identification.data.floating.base_columns import base_readings
 from identification.data.floating.detected_contacts import with_detected_contacts
 from identification.data.mending import mended
+from identification.data.new_runs import parted
 from identification.data.readers.contract_columns import (
     ALONE,
     FEWEST_ROWS,
@@ -366,7 +367,7 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
     if clock is not None and anyway:
         # A motion of days cannot be simulated: the time is converted from the unit that such a clock usually has.
         found = replace(found, t=read_only(found.t * usual_clock(found)))
-    found = without_unknown_torques(mended(found, robot.prismatic), robot)
+    found = without_unknown_torques(parted(mended(found, robot.prismatic), robot.prismatic), robot)
     # Closed chains come first: if they do not close, there is no model to compare with.
     passive, checks = check_passive(found, robot), checked(found, robot)
     wrong = checks.wrong if clock is None or clock in checks.wrong else (clock, *checks.wrong)
@@ -396,4 +397,7 @@ def unassigned_recording(table: Table) -> Recording:
         orientations=_of_frames(table, "o"),
         warnings=table.warnings,
     )
-    return found if found.poses_alone else mended(found, np.zeros(len(joints), dtype=bool))
+    if found.poses_alone:
+        return found
+    revolute = np.zeros(len(joints), dtype=bool)
+    return parted(mended(found, revolute), revolute)

@@ -8,7 +8,8 @@ import pytest
 
 from identification.data.drives.compensation import before_low_pass, put_back_sentences
 from identification.data.mending import mended, spikes, whole_turns
-from identification.data.reading import read_recording, recording
+from identification.data.new_runs import parted
+from identification.data.reading import mended_and_checked, read_recording, recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import low_pass, process, shortest_recording
 from identification.data.stretches import busiest, note_on_length, stretches
@@ -132,6 +133,61 @@ def test_a_spike_without_a_jump_is_cut_out_beside_torques_that_make_one(stepping
     found = mended(replace(stepping, tau=broken), TURNING)
     np.testing.assert_allclose(found.tau, stepping.tau)
     assert "1 spike or dropout of 2 samples in all (at t = 2.7 s)" in found.warnings[0]
+
+
+@pytest.fixture
+def two_runs(planar: Robot) -> Recording:
+    """Two runs of two joints in one file: the time goes on, and both joints are elsewhere from row 2000 on."""
+    t = np.arange(4000) / 500
+    q = np.column_stack([0.6 * np.sin(2 * t), 0.4 * np.cos(3 * t)])
+    q[2000:] += np.array([0.3, -0.2])
+    return Recording("a.csv", planar.joint_names, t, q, np.column_stack([np.cos(t), np.sin(t)]))
+
+
+REVOLUTE = np.array([False, False])
+
+
+def test_a_row_in_which_another_run_begins_is_a_break(two_runs):
+    # Known truth: the second run begins in row 2000.
+    found = parted(two_runs, REVOLUTE)
+    assert found.excluded == ((two_runs.t[1999], two_runs.t[2000]),)
+    assert re.search(r"shoulder, elbow jump in one row \(at t = 4 s\): another run begins there", found.warnings[0])
+
+
+def test_where_another_run_begins_no_encoder_is_accused(planar, two_runs):
+    # The first joint jumps against its motion before and after, as an encoder does that starts anew.
+    backwards = np.array(two_runs.q)
+    backwards[:, 0] = np.where(two_runs.t < 4, 0.1, -0.4) * two_runs.t
+    backwards[2000:, 0] += 2.4
+    warnings = mended_and_checked(replace(two_runs, q=backwards), planar).warnings
+    assert any("another run begins" in warning for warning in warnings)
+    assert not any("encoder" in warning for warning in warnings)
+
+
+def test_a_joint_that_jumps_alone_begins_no_run(two_runs):
+    alone = np.array(two_runs.q)
+    alone[2000:, 1] += 0.2
+    jumping = replace(two_runs, q=alone)
+    assert parted(jumping, REVOLUTE) is jumping
+
+
+@pytest.mark.parametrize("held", [25, 100])
+def test_readings_that_are_held_or_stall_begin_no_run(planar, held):
+    # Every reading is held for 25 rows; or readings of a smooth motion stall once, for 100 rows.
+    t = np.arange(4000) / 500
+    rows = np.arange(4000)
+    rows = rows - rows % held if held == 25 else np.where((rows >= 2000) & (rows < 2100), 2000, rows)
+    q = np.column_stack([0.6 * np.sin(2 * t), 0.4 * np.cos(3 * t)])[rows]
+    smooth = Recording("a.csv", planar.joint_names, t, q, None)
+    assert parted(smooth, REVOLUTE) is smooth
+
+
+def test_what_moves_between_two_rows_again_and_again_begins_no_run(planar):
+    # A robot that steps from place to place within one row, every 20 rows.
+    t = np.arange(4000) / 2
+    places = np.random.default_rng(1).uniform(-1, 1, (200, 2))
+    steps = Recording("a.csv", planar.joint_names, t, np.repeat(places, 20, axis=0), None)
+    assert parted(steps, REVOLUTE) is steps
 
 
 RATE = 20.0
