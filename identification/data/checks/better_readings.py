@@ -73,8 +73,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
         tried = [fit_of(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
         best = _best(robot, reading, before, tried)
         # Data that fit are right without any unit: a motion may really be so slow.
-        settled = not poor or (best is not None and explains_nearly_all(best))
-        after = [] if settled else _after_a_unit(robot, reading, step, tried)
+        after = _after_a_unit(robot, reading, step, _likely_units(tried, best)) if poor else []
         if after and (best is None or explains_nearly_all(after[-1])):
             return [*out, *after]
         if best is None:
@@ -120,20 +119,35 @@ def _corrected(reading: Reading, step: float, suspect: Suspect) -> tuple[Reading
     return corrected, step * float(np.ptp(corrected.motion.t) / np.ptp(reading.motion.t))
 
 
-def _after_a_unit(robot: Robot, reading: Reading, step: float, tried: Sequence[ReadingFit]) -> list[ReadingFit]:
+def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[ReadingFit]:
+    """Readings in a unit that is very likely before any fit, with which a second mistake may explain the data.
+
+    What explains nearly all does not explain a clock that is far too slow: mm in ms, whose accelerations are a
+    thousandth, look like another unit of torque.
+
+    Args:
+        tried: Fits of readings that correct a single mistake.
+        best: The likeliest mistake that is certain; None without one.
+    """
+    units = [one for one in tried if one.suspect.expected]
+    if best is None or not explains_nearly_all(best):
+        return units
+    return [] if best.suspect.expected else [one for one in units if one.suspect.kind == "time"]
+
+
+def _after_a_unit(robot: Robot, reading: Reading, step: float, likely: Sequence[ReadingFit]) -> list[ReadingFit]:
     """A unit that is very likely before any fit, with the mistakes that are certain only after its correction.
 
     Args:
         robot: The given model.
-        reading: The data as recorded, which no certain mistake explains.
+        reading: The data as recorded.
         step: Median time between two samples [s].
-        tried: Fits of readings that correct a single mistake.
+        likely: Fits of readings that correct such a unit.
     """
-    for unit in tried:
-        if unit.suspect.expected:
-            further = better_readings(robot, *_corrected(reading, step, unit.suspect))
-            if any(one.suspect.outcome == "wrong" for one in further):
-                return [unit, *further]
+    for unit in likely:
+        further = better_readings(robot, *_corrected(reading, step, unit.suspect))
+        if any(one.suspect.outcome == "wrong" for one in further):
+            return [unit, *further]
     return []
 
 

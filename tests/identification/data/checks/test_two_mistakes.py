@@ -41,6 +41,14 @@ def test_a_reversed_position_is_found_although_its_torque_keeps_one_sign(planar2
     assert fault_sentences(reversed_elbow, planar2) == ["the position of elbow is counted the other way round"]
 
 
+GANTRY = """<robot name="gantry"><link name="base"/><link name="beam"><inertial><mass value="8"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="cart"><inertial>
+<mass value="5"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="X" type="prismatic"><parent link="base"/><child link="beam"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="900" velocity="9"/></joint>
+<joint name="Y" type="prismatic"><parent link="beam"/><child link="cart"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="900" velocity="9"/></joint></robot>"""
+
 PAN_TILT = """<robot name="head"><link name="base"/><link name="neck"><inertial><origin xyz="0.005 0.01 0.03"/>
 <mass value="0.45"/><inertia ixx="5e-4" iyy="4e-4" izz="5e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <link name="nose"><inertial><origin xyz="0.045 0.004 0.02"/><mass value="0.62"/>
@@ -49,6 +57,14 @@ PAN_TILT = """<robot name="head"><link name="base"/><link name="neck"><inertial>
 <limit lower="-3" upper="3" effort="9" velocity="9"/></joint>
 <joint name="tilt" type="revolute"><parent link="neck"/><child link="nose"/><origin xyz="0 0 0.06"/><axis xyz="0 -1 0"/>
 <limit lower="-2" upper="2" effort="9" velocity="9"/></joint></robot>"""
+
+
+@pytest.fixture
+def gantry(tmp_path) -> Robot:
+    """A cross table: a slide on a slide, neither of which bears weight."""
+    path = tmp_path / "gantry.urdf"
+    path.write_text(GANTRY)
+    return load_robot(path)
 
 
 @pytest.mark.parametrize(
@@ -108,6 +124,27 @@ def test_milliseconds_beside_another_mistake(clean, planar2, tau, order, what):
     recording = clean(robot=planar2, rate=100.0)
     wrong = replace(recording, t=recording.t * 1e3, v=None, tau=recording.tau[:, order] * tau)
     assert fault_sentences(wrong, planar2) == ["the time is in ms and not in s", what]
+
+
+def test_milliseconds_beside_millimetres_are_no_unit_of_torque(clean, gantry):
+    # A mm in a ms is a m in a s, but accelerations are a thousandth: torques in Nmm have that factor, too.
+    recording = clean(robot=gantry)
+    wrong = replace(recording, t=recording.t * 1e3, q=recording.q * 1e3, v=None)
+    assert fault_sentences(wrong, gantry) == [
+        "the time is in ms and not in s",
+        "the positions of X, Y are in mm and not in m",
+    ]
+
+
+def test_a_slow_log_with_another_unit_of_torque_is_slow(clean, planar2):
+    # A sample every two seconds of a motion that takes minutes.
+    recording = clean(robot=planar2, rate=100.0)
+    t = recording.t * 200.0
+    q = np.column_stack([np.interp(t, t, column) for column in recording.q.T])
+    v = np.gradient(q, t, axis=0)
+    tau = inverse_dynamics(planar2, Motion(t, q, v, np.gradient(v, t, axis=0)))
+    wrong = replace(recording, t=t, v=None, tau=1e3 * tau)
+    assert fault_sentences(wrong, planar2) == ["the torques are in Nmm and not in N m"]
 
 
 @pytest.mark.parametrize(
