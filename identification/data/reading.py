@@ -14,7 +14,7 @@ from identification.data.checks.positions import check_passive
 from identification.data.checks.readings.suspects import slow_clock, usual_clock
 from identification.data.checks.times_and_torques import check_repeated
 from identification.data.checks.torques.unknown_torques import without_unknown_torques
-from identification.data.drives.compensation import before_low_pass, joints_without, put_back_sentences
+from identification.data.drives.compensation import as_they_acted, joints_without, put_back_sentences
 from identification.data.drives.joint_torque import (
     computed_from_references,
     drive_torque,
@@ -273,7 +273,7 @@ def recording(
     tau, sentences = drive_torque(table, robot, torque_needed)
     unfiltered: tuple[str, ...] = ()
     if tau is not None:
-        tau, unfiltered = before_low_pass(table, robot, tau)
+        tau, unfiltered = as_they_acted(table, robot, tau)
     weightless, torque_from = joints_without(table, robot, "gravity"), torque_sources(table, joints)
     loops = loops_of(table, joints)
     velocity_gain = voltage_slowing(table, robot, torque_from)

@@ -43,6 +43,7 @@ class RawTable:
             columns; empty if it gives none.
         named: Column of the file for each standard name in the user's column map; empty without a map.
         references_held: True if the format says that a reference acts from its sample to the next.
+        late: Time [s] by which the torque of a joint was recorded late; the key ``""`` stands for all joints.
     """
 
     file: str
@@ -58,6 +59,7 @@ class RawTable:
     documented_joint_orders: tuple[tuple[str, ...], ...] = ()
     named: Mapping[str, str] = field(default_factory=dict)
     references_held: bool = False
+    late: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -77,6 +79,7 @@ class Table:
         low_pass: As in `RawTable`.
         named: As in `RawTable`.
         references_held: As in `RawTable`.
+        late: As in `RawTable`.
     """
 
     file: str
@@ -86,6 +89,7 @@ class Table:
     low_pass: Mapping[str, float] = field(default_factory=dict)
     named: Mapping[str, str] = field(default_factory=dict)
     references_held: bool = False
+    late: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

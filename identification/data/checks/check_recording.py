@@ -154,7 +154,9 @@ def _check_against_model(
     if found:
         return Checked(tuple(swapped))
     lags = lags_and_low_passes(robot, with_forces, smooth)
-    late = late_torques(with_forces, [lag for lag, _ in lags if lag is not None and is_reported(lag)], smooth.step)
+    reported = [(lag, low_pass) for lag, low_pass in lags if lag is not None and is_reported(lag)]
+    low_passes = [low_pass for _, low_pass in reported if low_pass is not None]
+    late = late_torques(with_forces, [lag for lag, _ in reported], low_passes, smooth.step)
     if late is not None:
         return Checked((), (late,))
     return Checked(

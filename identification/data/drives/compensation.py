@@ -1,9 +1,9 @@
-"""Restores recorded torques that a controller compensated or a low pass filtered, as the column map states.
+"""Restores recorded torques that a controller compensated, or that were recorded late or filtered, as the column map states.
 
 If a controller had subtracted gravity or friction from a torque, the modelled gravity or friction is added. Gravity
 needs only positions. Friction needs velocities, whose sign changes with the noise at standstill. So friction is added
 later (`identification.data.signals`), with the same velocities as in the modelled friction, so that the two cancel. A
-low pass is inverted before anything is added.
+delay of the record and a low pass are undone before anything is added.
 """
 
 from __future__ import annotations
@@ -43,6 +43,44 @@ def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str
                 f"{table.file}: the column map says that tau.{joint} {what}, a joint that {robot.name} does "
                 f"not have: {known_names(joint, robot.joint_names, 'joints')}"
             )
+
+
+def as_they_acted(
+    table: Table, robot: Robot, tau: Float[Array, "N nv"]
+) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
+    """Torques without the delay and the low pass of their recorder, and sentences that say what was taken back.
+
+    Args and errors are those of `before_low_pass`.
+    """
+    tau, shifted = in_time(table, robot, tau)
+    tau, unfiltered = before_low_pass(table, robot, tau)
+    return tau, shifted + unfiltered
+
+
+def in_time(table: Table, robot: Robot, tau: Float[Array, "N nv"]) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
+    """Torques at the times at which they acted, and a sentence that says which were recorded late.
+
+    The last torque stays until the end of the recording, which filters do not use.
+
+    Args:
+        table: Table with the times that the column map states.
+        robot: Gives the joints.
+        tau: Drive torques as recorded [N m or N], shape ``(N, nv)``.
+
+    Raises:
+        LogError: If the column map names a joint that the robot does not have.
+    """
+    _require_joints(table, robot, table.late, "was recorded late")
+    out, shifted, t = tau.copy(), [], table.columns["t"]
+    for j, joint in enumerate(robot.joint_names):
+        seconds = table.late.get(joint, table.late.get(""))
+        if seconds is not None and np.ptp(tau[:, j]) > 0:
+            out[:, j] = np.interp(t + seconds, t, tau[:, j])
+            shifted.append(f"{1e3 * seconds:g} ms of {joint}")
+    if not shifted:
+        return tau, ()
+    sentence = f"{table.file}: the torque was taken earlier by {', '.join(shifted)}, as the column map says."
+    return read_only(out), (sentence,)
 
 
 def before_low_pass(

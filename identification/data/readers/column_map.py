@@ -11,6 +11,7 @@ tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
 tau: {compensated: gravity}          # a controller subtracted gravity from the torques: the model's is added
 tau.j3: {compensated: [gravity, friction]}  # gravity and friction of one joint
 tau.j4: {low_pass: 20}               # the torque went through a first-order low pass at 20 Hz, which is inverted
+tau.j5: {late: 0.01}                 # the torque was recorded 0.01 s late, which is taken back
 rate: 100                            # rows per second [Hz], for a log without a column of time
 ignore: [q.gripper]                  # columns that are left out
 ```
@@ -40,12 +41,14 @@ _NUMBER = "{number}"
 _COMPENSATED = "compensated"
 # Parts of a torque that a controller may have subtracted.
 _PARTS = ("gravity", "friction")
-_LOW_PASS = "low_pass"
-# Limits of gear ratios, counts and cut-offs, so that products of two of them are finite floats.
+_LOW_PASS, _LATE = "low_pass", "late"
+# What a recorder did to torques that a number states, with an example and what the number is.
+_RECORDED = {_LOW_PASS: ("20", "the cut-off in Hz"), _LATE: ("0.01", "the time by which it is late [s]")}
+# Limits of gear ratios, counts, cut-offs and times, so that products of two of them are finite floats.
 _SMALLEST, _LARGEST_NUMBER = 1e-6, 1e12
 WHOLE_KEYS = ("rate", "ignore")
 """Keys of a map that are not columns."""
-ENTRY_KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear", "offset")
+ENTRY_KEYS = (_COMPENSATED, *_RECORDED, "from", "unit", "sign", "counts", "gear", "offset")
 # Quantities that a gear ratio multiplies from the motor's to the joint's side; it divides positions and speeds.
 _TORQUES: tuple[Quantity, ...] = ("tau",)
 # Quantities whose zero is a convention, so that they may have an offset.
@@ -89,6 +92,7 @@ class ColumnMap:
         compensated: For each joint, or ``""`` for all, the parts that a controller subtracted from its torque.
         low_pass: For each joint, or ``""`` for all, the cut-off of the low pass on its torque [Hz].
         rate: Rows per second of a log without a column of time [Hz]; None if it has one.
+        late: As in `identification.data.recording.RawTable`.
     """
 
     file: str
@@ -97,6 +101,7 @@ class ColumnMap:
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     low_pass: Mapping[str, float] = field(default_factory=dict)
     rate: float | None = None
+    late: Mapping[str, float] = field(default_factory=dict)
 
 
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
@@ -209,11 +214,12 @@ def read_column_map(path: str | Path) -> ColumnMap:
         raise LogError(f"{path.name} is empty: a column map needs entries such as t: TIME_COLUMN.")
     entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
     compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
-    without_low_pass = {key: _without_low_pass(path.name, key, value) for key, (value, _) in entries.items()}
-    low_pass = {key.partition(".")[2]: hertz for key, (_, hertz) in without_low_pass.items() if hertz is not None}
-    sources = {key: source_of(path.name, key, value) for key, (value, _) in without_low_pass.items() if value != {}}
+    plain = {key: value for key, (value, _) in entries.items()}
+    plain, low_pass = _without_recorded(path.name, plain, _LOW_PASS)
+    plain, late = _without_recorded(path.name, plain, _LATE)
+    sources = {key: source_of(path.name, key, value) for key, value in plain.items() if value != {}}
     _require_own_columns(path.name, sources)
-    return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate)
+    return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate, late)
 
 
 def _require_own_columns(file: str, sources: Mapping[str, Source]) -> None:
@@ -278,16 +284,26 @@ def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[s
     return {name: entry for name, entry in value.items() if name != _COMPENSATED}, tuple(dict.fromkeys(parts))
 
 
-def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | None]:
-    """An entry without its key ``low_pass``, and the cut-off that this key states [Hz]."""
-    if not isinstance(value, dict) or _LOW_PASS not in value:
-        return value, None
-    where, hertz = f"{file}: {shortened(key)}.{_LOW_PASS}", value[_LOW_PASS]
-    if key.partition(".")[0] != "tau":
-        raise LogError(f"{where} is for torques: write tau: {{{_LOW_PASS}: 20}}, or tau.<joint>.")
-    if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not _SMALLEST <= hertz <= _LARGEST_NUMBER:
-        raise LogError(f"{where} is {describe(hertz)}, wanted the cut-off in Hz, above 0 (1e-6 to 1e12).")
-    return {name: entry for name, entry in value.items() if name != _LOW_PASS}, float(hertz)
+def _without_recorded(file: str, entries: Mapping[str, Any], name: str) -> tuple[dict[str, Any], dict[str, float]]:
+    """Entries without one of the keys `_RECORDED`, and its numbers by joint; the joint ``""`` stands for all joints."""
+    out, numbers = dict(entries), {}
+    example, wanted = _RECORDED[name]
+    for key, value in entries.items():
+        if not isinstance(value, dict) or name not in value:
+            continue
+        where, number = f"{file}: {shortened(key)}.{name}", value[name]
+        quantity, _, joint = key.partition(".")
+        if quantity != "tau":
+            raise LogError(f"{where} is for torques: write tau: {{{name}: {example}}}, or tau.<joint>.")
+        if (
+            not isinstance(number, int | float)
+            or isinstance(number, bool)
+            or not _SMALLEST <= number <= _LARGEST_NUMBER
+        ):
+            raise LogError(f"{where} is {describe(number)}, wanted {wanted}, above 0 (1e-6 to 1e12).")
+        out[key] = {other: entry for other, entry in value.items() if other != name}
+        numbers[joint] = float(number)
+    return out, numbers
 
 
 def _times(raw: RawTable, columns: ColumnMap, rate: float, out: Mapping[str, Array]) -> Array:
@@ -392,4 +408,5 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
         columns.low_pass,
         named={key: source.name for key, source in sources.items()},
         references_held=raw.references_held,
+        late=columns.late,
     )

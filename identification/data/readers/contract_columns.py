@@ -365,5 +365,5 @@ def contract_table(raw: RawTable) -> Table:
     if others:
         noun = "column" if len(others) == 1 else "columns"
         warnings += (f"{raw.file}: {noun} {listed(others)} not used: no name of a log's columns.",)
-    kept_columns = {name: read_only(values if kept.all() else values[kept]) for name, values in columns.items()}
-    return Table(raw.file, kept_columns, warnings, raw.compensated, raw.low_pass, raw.named, raw.references_held)
+    columns = {name: read_only(values if kept.all() else values[kept]) for name, values in columns.items()}
+    return Table(raw.file, columns, warnings, raw.compensated, raw.low_pass, raw.named, raw.references_held, raw.late)

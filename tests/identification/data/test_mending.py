@@ -339,6 +339,19 @@ def test_a_low_pass_is_taken_back(planar, low_pass, taken):
     assert f"the low pass at {taken[0]:g} Hz of shoulder, {taken[1]:g} Hz of elbow was taken back" in said[0]
 
 
+def test_a_torque_that_was_recorded_late_is_taken_earlier(planar):
+    # Closed form: each row has the torque of two rows, 20 ms, after it; the last one stays.
+    found = recording(replace(table(planar, {}), late={"elbow": 0.02}), planar)
+    np.testing.assert_allclose(found.tau[:, 0], 0.1 + found.t)
+    np.testing.assert_allclose(found.tau[:, 1], 0.1 + np.minimum(found.t + 0.02, found.t[-1]))
+    assert any("taken earlier by 20 ms of elbow, as the column map says" in text for text in found.warnings)
+
+
+def test_a_late_torque_of_a_joint_that_the_robot_lacks_is_refused(planar):
+    with pytest.raises(LogError, match=r"tau\.wrist was recorded late, a joint that .* does not have"):
+        recording(replace(table(planar, {}), late={"wrist": 0.02}), planar)
+
+
 def test_a_low_pass_of_a_joint_that_the_robot_lacks_is_refused(planar):
     with pytest.raises(LogError, match=r"tau\.wrist went through a low pass, a joint that .* does not have"):
         recording(replace(table(planar, {}), low_pass={"wrist": 20.0}), planar)

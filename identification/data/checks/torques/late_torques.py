@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.data.checks.torques.torque_lag import Lag
+from identification.data.checks.torques.torque_lag import CLEARLY, SMALLEST, Lag, LowPass
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording
 
@@ -19,12 +19,13 @@ _JOINTS, _LARGEST_SPREAD = 2, 0.35
 _REMOVED = 0.75
 
 
-def late_torques(recording: Recording, lags: list[Lag], step: float) -> Fault | None:
+def late_torques(recording: Recording, lags: list[Lag], low_passes: list[LowPass], step: float) -> Fault | None:
     """The fault of a recording whose torques are all late by the same time; None if they are not.
 
     Args:
         recording: The recording.
         lags: Significant lags of the torques.
+        low_passes: Low passes of the same torques that fit best in place of the lags.
         step: Time between two samples [s].
     """
     samples = np.array([lag.samples for lag in lags])
@@ -38,6 +39,29 @@ def late_torques(recording: Recording, lags: list[Lag], step: float) -> Fault | 
         f"the torques are late against their motion by {1e3 * seconds:.3g} ms",
         f"on {', '.join(lag.joint for lag in lags)} a shift takes away {100 * removed:.0f} % of what the model leaves, "
         "and no drive makes a torque late",
-        entries_words(recording, {"tau": f"{{low_pass: {1 / (2 * np.pi * seconds):.3g}}}"})
-        + ", which takes back a low pass of first order or a delay that is short beside the motion",
+        _advice(recording, median, low_passes, step),
     )
+
+
+def _advice(recording: Recording, samples: float, low_passes: list[LowPass], step: float) -> str:
+    """Advice to take back a delay or a low pass; both, if the motion does not separate them.
+
+    Rows that hold what was read at two instants make a delay of whole rows.
+
+    Args:
+        recording: The recording.
+        samples: Lag of the torques in samples.
+        low_passes: Low passes of the torques that fit best in place of a lag.
+        step: Time between two samples [s].
+    """
+    rows = round(samples)
+    seconds = step * (rows if rows and abs(samples - rows) < SMALLEST / 2 else samples)
+    delay = entries_words(recording, {"tau": f"{{late: {seconds:.3g}}}"})
+    beside_shift = float(np.median([one.beside_shift for one in low_passes])) if low_passes else np.inf
+    if beside_shift > 1 / CLEARLY:
+        return delay
+    hertz = float(np.median([one.hertz for one in low_passes]))
+    low_pass = entries_words(recording, {"tau": f"{{low_pass: {hertz:.3g}}}"})
+    if beside_shift < CLEARLY:
+        return f"{low_pass}, which takes back a low pass of first order"
+    return f"{delay}; or, if they went through a low pass of first order, {low_pass}"

@@ -28,13 +28,16 @@ _ROWS = 400  # largest number of samples in the regression
 _FEWEST = 100  # smallest number of samples with which a lag is estimated
 _BLOCKS = 8  # blocks of the record, each left out once (jackknife) for the standard error
 _LARGEST_LAG = 12  # largest lag that is tried [samples], unless a quarter of a period at the cut-off is shorter
-_SMALLEST, _SIGNIFICANT = 0.4, 5.0  # smallest lag that is reported [samples], and in standard errors
+SMALLEST = 0.4
+"""Smallest lag that is reported [samples]."""
+_SIGNIFICANT = 5.0  # the same in standard errors
 # Largest residual of the fit as a share of the torque's variance, and smallest share of the squared residual that the
 # shift removes: with a poor model, any lag fits a little better than none.
 _LARGEST_RESIDUAL, _REMOVED = 0.05, 0.4
 # A low pass is certain if its squared residual is below this share of that of the best shift. A shift is certain if the
 # inverse holds. A slow motion does not distinguish the two.
-_CLEARLY = 0.5
+CLEARLY = 0.5
+"""Largest ratio of two squared residuals with which the smaller one is certain."""
 # A joint creeps below the first share of its top speed, and during the second time [s] before and after a reversal.
 _CREEPING, _CREEPING_TIME = 0.05, 0.05
 # Half lengths of two filters, in periods of the cut-off. They are Hann windows, which have an end, so that it is known
@@ -357,7 +360,7 @@ def check_lag(
             or not _is_reported(filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed)
         ):
             filtered = None
-        if filtered is not None and (filtered.beside_shift < _CLEARLY or lag is None):
+        if filtered is not None and (filtered.beside_shift < CLEARLY or lag is None):
             out.append(
                 f"{recording.file}: the torque of {filtered.joint} went through a low pass of first order at "
                 f"{filtered.hertz:.3g} Hz that the positions did not go through: {_low_pass_advice(filtered)}."
@@ -373,7 +376,7 @@ def is_reported(lag: Lag) -> bool:
 
 
 def _is_reported(samples: float, std: float, removed: float) -> bool:
-    return abs(samples) >= max(_SMALLEST, _SIGNIFICANT * std) and removed >= _REMOVED
+    return abs(samples) >= max(SMALLEST, _SIGNIFICANT * std) and removed >= _REMOVED
 
 
 def _low_pass_advice(filtered: LowPass) -> str:
@@ -386,7 +389,7 @@ def _low_pass_advice(filtered: LowPass) -> str:
 def _lag_sentence(file: str, robot: Robot, smooth: Smooth, lag: Lag, filtered: LowPass | None) -> str:
     """The warning on a torque that is late or early; a low pass may be the cause of a late one."""
     hint = "shift it, or expect it to show as a delay"
-    if filtered is not None and filtered.beside_shift < 1 / _CLEARLY:
+    if filtered is not None and filtered.beside_shift < 1 / CLEARLY:
         hint = f"shift it, or, if it went through a low pass of first order, {_low_pass_advice(filtered)}"
     if robot.torque_hold == "instant" and abs(lag.samples + 0.5) < max(0.25, 3 * lag.std):
         hint = "torque_hold: zoh in robot.yaml explains half a sample"

@@ -220,9 +220,16 @@ def test_a_map_says_which_low_pass_a_torque_went_through(map_file):
     assert found.sources.keys() == {"tau.j"}
 
 
+def test_a_map_says_how_late_a_torque_was_recorded(map_file):
+    found = read_column_map(map_file("tau: {late: 0.01}\ntau.j: {from: a, low_pass: 7.5, late: 0.002}\n"))
+    assert (found.late, found.low_pass) == ({"": 0.01, "j": 0.002}, {"j": 7.5})
+
+
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
+        ("q.j: {late: 0.01}", r"is for torques: write tau: \{late: 0\.01\}"),
+        ("tau: {late: -0.01}", r"late is -0\.01, wanted the time by which it is late \[s\], above 0"),
         ("q.j: {low_pass: 20}", r"is for torques: write tau: \{low_pass: 20\}"),
         ("tau: {low_pass: 0}", "low_pass is 0, wanted the cut-off in Hz, above 0"),
         ("tau: {low_pass: yes}", "low_pass is true, wanted the cut-off in Hz"),
