@@ -271,9 +271,7 @@ def recording(
         if np.any(table.columns.get(f"tau.{joint}", 0.0))
     ]
     tau, sentences = drive_torque(table, robot, torque_needed)
-    unfiltered: tuple[str, ...] = ()
-    if tau is not None:
-        tau, unfiltered = as_they_acted(table, robot, tau)
+    tau, unfiltered = (None, ()) if tau is None else as_they_acted(table, robot, tau)
     weightless, torque_from = joints_without(table, robot, "gravity"), torque_sources(table, joints)
     loops = loops_of(table, joints)
     velocity_gain = voltage_slowing(table, robot, torque_from)

@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.log import Log
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.columns.motion.one_sine import moving
+from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
@@ -47,6 +48,9 @@ from phantom_dyn.random_streams import random_stream
 # Probability that a right model leaves its noise band on some joint. Tests of torques and motion together may give 5 %
 # false alarms: 4 % by torques, 1 % by motion.
 _LEVEL = 0.01
+# A joint stands in a window if it does so in the first share of its samples, as noise may exceed what counts as
+# standstill; it stands for a while with the second.
+_STANDS, _FOR_A_WHILE = 0.9, 0.1
 
 
 def motion_deviations(
@@ -56,8 +60,12 @@ def motion_deviations(
     noise: tuple[Float[Array, "_ nv"], ...],
     folds: tuple[int, ...],
     horizon: float,
+    standing: tuple[Float[Array, " nv"], ...],
 ) -> Float[Array, " nv"]:
     """Rms error of each joint's simulated motion, divided by the upper limit of its 99 % noise band.
+
+    A brake may hold a joint that stands. If a joint strays from where it stands, no window in which it stands for a
+    while says anything about any joint.
 
     Args:
         shots: Windows with their initial states.
@@ -66,6 +74,7 @@ def motion_deviations(
         noise: Torque that counts as noise, for each recording.
         folds: Folds that were held out, at least two.
         horizon: Time over which windows are compared [s].
+        standing: For each window the share of it in which each joint stands.
 
     Raises:
         ParameterError: If a motion leaves all bounds.
@@ -96,10 +105,17 @@ def motion_deviations(
             rules.MODEL_SHARE * (shot.read - shot.read[0]),  # filters and integration
         )
         squares.append([np.mean(part[kept] ** 2, axis=0) for part in parts])
-    error, *expected = np.mean(squares, axis=0)
-    count = len(shots)
-    band = np.sqrt(1.0 / fdtri(count, count, _LEVEL / len(error)))
-    return np.sqrt(error / np.maximum(np.sum(expected, axis=0), 1e-300)) / band
+    error, expected = np.array(squares)[:, 0], np.maximum(np.sum(np.array(squares)[:, 1:], axis=1), 1e-300)
+
+    def beyond(error: Array, expected: Array, count: int) -> Array:
+        return np.sqrt(error / expected * fdtri(count, count, _LEVEL / error.shape[-1]))
+
+    share = np.array(standing)
+    braked = ((share > _STANDS) & (beyond(error, expected, len(shots)) > 1.0)).any(axis=0)
+    held = (braked & (share > _FOR_A_WHILE)).any(axis=1)
+    if held.all():
+        return np.zeros(error.shape[1])
+    return beyond(error[~held].mean(axis=0), expected[~held].mean(axis=0), int(np.count_nonzero(~held)))
 
 
 def turning_torque(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
@@ -244,14 +260,16 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
     if not shots or len(folds) < 2 or has_hidden_states(model(shots[0].window, shots[0].window.fold)):
         return {}
     try:
-        ratios = motion_deviations(shots, model, torque, noise, folds, horizon)
+        ratios = motion_deviations(shots, model, torque, noise, folds, horizon, _standing(session.logs, shots))
     except (PhantomDynError, np.linalg.LinAlgError):
         return {}
-    # A brake may hold a joint that never moves in the recording. If this joint moves in the simulation, the errors of
-    # the other joints mean nothing.
-    if np.any(ratios[~moving(session.logs).any(axis=0)] > 1.0):
-        return {}
     return {joint: float(x) for joint, x in zip(session.robot.joint_names, ratios, strict=True) if x > 1.0}
+
+
+def _standing(logs: tuple[Log, ...], shots: tuple[Shot, ...]) -> tuple[Float[Array, " nv"], ...]:
+    """For each window the share of it in which each joint stands."""
+    still = {k: standing_still(logs[k]) for k in {shot.window.log for shot in shots}}
+    return tuple(still[shot.window.log][shot.window.start : shot.window.stop].mean(axis=0) for shot in shots)
 
 
 def _without_gaps(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:

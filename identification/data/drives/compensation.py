@@ -1,4 +1,4 @@
-"""Restores recorded torques that a controller compensated, or that were recorded late or filtered, as the column map states.
+"""Restores torques that a controller compensated, or that were recorded late or filtered, as the column map states.
 
 If a controller had subtracted gravity or friction from a torque, the modelled gravity or friction is added. Gravity
 needs only positions. Friction needs velocities, whose sign changes with the noise at standstill. So friction is added
