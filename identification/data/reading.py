@@ -37,7 +37,7 @@ from identification.data.readers.contract_columns import (
     MEANT,
     column_of,
 )
-from identification.data.readers.map_entries import left_out_words
+from identification.data.readers.map_entries import affixed_words, left_out_words
 from identification.data.readers.read_table import Files, table_of
 from identification.data.recording import Recording, Table, time_text
 from identification.data.unknown_drives import unknown_words
@@ -210,7 +210,7 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
         more = all(f"q.{joint}" in table.columns for joint in robot.joint_names)
         raise LogError(
             f"{table.file}: column {shortened(name)} is of the joint {shortened(column.of)}, which {robot.name} does "
-            f"not have: {known}{f' {left_out_words(table, robot)}' if more else ''}"
+            f"not have: {known}{f' {left_out_words(table, robot)}' if more else affixed_words(table, robot)}"
         )
     absent = [joint for joint in robot.joint_names if f"q.{joint}" not in table.columns]
     if len(absent) == 1:

@@ -69,6 +69,26 @@ def left_out_words(table: Table, robot: Robot) -> str:
     return f"To leave it out, write ignore: [{', '.join(names)}] into a column map (--columns)."
 
 
+def affixed_words(table: Table, robot: Robot) -> str:
+    """A sentence with the entries for a log whose names of joints have the same letters before or after the robot's.
+
+    It is empty if the names differ otherwise, or if the log was read with a column map.
+    """
+    columns = [column for name in table.columns if (column := column_of(name)) is not None and column.of]
+    names = {column.of for column in columns if column.quantity == "q"}
+    around = [
+        {(before, after) for name in names if joint in name for before, after in [name.split(joint, 1)]}
+        for joint in robot.joint_names
+    ]
+    common = set.intersection(*around) - {("", "")} if around else set()
+    if len(common) != 1 or table.named:
+        return ""
+    before, after = common.pop()
+    quantities = dict.fromkeys(column.quantity for column in columns if column.quantity in JOINT_QUANTITIES)
+    pairs = ", ".join(f'{quantity}: "{quantity}.{before}{{joint}}{after}"' for quantity in quantities)
+    return f" Or, if these are the same joints, write {{{pairs}}} into a column map (--columns)."
+
+
 def joint_entries(robot: Robot, quantity: str, by_joint: dict[int, str]) -> dict[str, str]:
     """Entries that give a quantity of each joint an option; a single entry if all joints have the same option.
 

@@ -352,6 +352,19 @@ def test_a_late_torque_of_a_joint_that_the_robot_lacks_is_refused(planar):
         recording(replace(table(planar, {}), late={"wrist": 0.02}), planar)
 
 
+def test_names_with_a_prefix_of_all_joints_are_refused_with_the_map_that_reads_them(planar):
+    # Known truth: the log calls every joint left_<joint>.
+    plain = table(planar, {})
+    prefixed = replace(plain, columns={name.replace(".", ".left_"): x for name, x in plain.columns.items()})
+    with pytest.raises(LogError, match=r'write \{q: "q\.left_\{joint\}", tau: "tau\.left_\{joint\}"\}'):
+        recording(prefixed, planar)
+    one = replace(
+        plain, columns={"q.left_elbow" if name == "q.elbow" else name: x for name, x in plain.columns.items()}
+    )
+    with pytest.raises(LogError, match=r"give one of these joints\.$|did you mean elbow\?$"):
+        recording(one, planar)
+
+
 def test_a_low_pass_of_a_joint_that_the_robot_lacks_is_refused(planar):
     with pytest.raises(LogError, match=r"tau\.wrist went through a low pass, a joint that .* does not have"):
         recording(replace(table(planar, {}), low_pass={"wrist": 20.0}), planar)
