@@ -62,7 +62,7 @@ class ReadOptions:
     Attributes:
         columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
+        ref_topic: Topic of the references in a bag, if it is another one.
         excluded: Intervals of time [s] to leave out of every fit.
         anyway: True to judge a recording in spite of certain faults.
     """
@@ -335,7 +335,7 @@ def read_recording(
         robot: The robot that was recorded.
         columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
+        ref_topic: Topic of the references in a bag, if it is another one.
         excluded: Intervals of time [s] to leave out of every fit.
         torque_needed: False if only the motion is used.
         anyway: True to judge it in spite of certain faults.
@@ -358,12 +358,11 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
         robot: The robot that was recorded.
         anyway: True to judge it in spite of certain faults.
     """
-    if found.poses_alone:
-        # Poses that were measured seconds or minutes apart are no motion: there is nothing to repair or to compare.
+    if found.poses_alone:  # measured seconds or minutes apart: no motion that could be repaired or compared
         return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)
     clock = slow_clock(found)
     if clock is not None and anyway:
-        # A motion of days cannot be simulated: the time is converted from the unit that such a clock usually has.
+        # A motion of days cannot be simulated: the time is in the unit that such a clock usually has.
         found = replace(found, t=read_only(found.t * usual_clock(found)))
     found = without_unknown_torques(parted(mended(found, robot.prismatic), robot.prismatic), robot)
     # Closed chains come first: if they do not close, there is no model to compare with.

@@ -1,10 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Proposes the recording that separates the rivals of a diagnosis best.
 
-Motions are scored by how well they separate rivals (T-optimal design), each without changes of the robot, with a known
-mass, or with softer gains. A known mass separates effects on the whole torque from effects on one body. Softer position
-controllers separate delays from friction. The proposal is a sentence and a reference motion, which is written as a CSV
-file.
+Motions are scored by how well they separate rivals (T-optimal design), each as the robot is, with a known mass, or with
+softer gains. A known mass separates effects on the whole torque from effects on one body. Softer position controllers
+separate delays from friction. The proposal is a sentence and a reference motion.
 """
 
 from __future__ import annotations
@@ -104,15 +103,12 @@ def _one_digit(x: float) -> float:
 
 
 def simulated_tracking(robot: Robot, reference: Motion, share: float) -> Motion | None:
-    """Simulated motion of the given model along a reference, with reduced gains of its controllers.
+    """Simulated motion with reduced controller gains; None if one is not stated, or the simulation diverges.
 
     Args:
         robot: The given model; the delays of its controllers are ignored.
         reference: Reference motion, from rest.
         share: Share of the stated gains.
-
-    Returns:
-        The motion; None if a joint has no stated controller, or the simulation diverges.
     """
     controllers = [drive.controller for drive in robot.actuators]
     stated = [controller for controller in controllers if controller is not None and controller.kp > 0]
