@@ -183,7 +183,7 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
     for name, joint in zip(names, joints, strict=True):
         moved = (joint.tolerated,) if within else ()
         figures = (joint.rms_before, *moved, joint.rms_after, joint.noise_floor)
-        cells = "  ".join(f"{number(value):>12}" for value in figures)
+        cells = "  ".join(f"{number(value) if joint.hold_out_samples else 'not judged':>12}" for value in figures)
         rows.append(f"{name:<{width}}  {cells}  {joint.unit}")
     return [f"{'joint':<{width}}  " + "  ".join(f"{head:>12}" for head in heads), *rows]
 

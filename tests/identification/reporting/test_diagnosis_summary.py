@@ -24,6 +24,13 @@ def test_the_table_gives_the_given_the_tolerated_and_the_corrected_model_and_the
     assert ["axis", "0.25", "0.24", "0.031", "0.03", "N"] in rows
 
 
+def test_a_joint_without_a_sample_that_is_judged_has_no_figures(made_up):
+    diagnosis = made_up(("axis",))
+    unjudged = dataclasses.replace(diagnosis.joints[0], hold_out_samples=0)
+    rows = [" ".join(line.split()) for line in summary(dataclasses.replace(diagnosis, joints=(unjudged,))).splitlines()]
+    assert "axis not judged not judged not judged not judged N m" in rows
+
+
 def test_warnings_and_the_next_experiment_are_told(made_up):
     text = summary(dataclasses.replace(made_up(), next_experiment={"say": "Move joint j1 slowly."}))
     assert "Next experiment: Move joint j1 slowly." in text
