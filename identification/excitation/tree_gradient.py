@@ -1,4 +1,4 @@
-r"""Converts the gradient of a scalar by the motion of all joints into the gradient by the motion of the active joints.
+r"""Converts a gradient with respect to the motion of all joints into one with respect to that of the active joints.
 
 A closed chain is a tree of joints with loops: tree positions :math:`x(q)`, velocities :math:`v_t = G v` and
 accelerations :math:`a_t = G a + d` follow from the active joints. If ``G`` is constant, the gradient is multiplied by
@@ -76,7 +76,7 @@ def gradient_of_active(
 
 
 def _scalar_at(robot: Robot, motion: Motion, gradient: TreeGradient, joint: int, step: float) -> Float[Array, " N"]:
-    """Linearised scalar at each sample with one joint moved by a step, without the part that depends on positions."""
+    """Linearised scalar at each sample with one joint moved by a step, without the term of the tree positions ``x``."""
     q = np.array(motion.q)
     q[:, joint] += step
     shifted = replace(motion, q=q)

@@ -16,7 +16,7 @@ def beyond_the_gain(excess: float, *, stated: bool) -> GateResult:
     The effect would pass in a recording with a measured torque or current, or with a controller whose gain is stated.
 
     Args:
-        excess: Size of the effect relative to the gain; not finite if the gain explains the whole effect.
+        excess: Size of the effect relative to the gain; infinite if the gain is zero.
         stated: False if the gain was estimated from the same positions, so that the gain explains the effect, too.
     """
     needed = 2.0 * GAIN_TOLERANCE if stated else np.inf

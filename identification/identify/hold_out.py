@@ -208,7 +208,7 @@ def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ..
 
     Args:
         given: The robot as its file states it.
-        fitted: The robot that was fitted: without the friction and rotor inertias that were unknowns.
+        fitted: The robot on which the fit was based. Its friction and rotor inertias are zero where they were fitted.
         fit: The fit.
         logs: Logs with at least one valid sample in the band.
     """

@@ -58,7 +58,8 @@ class Rivalry:
     def possible_models(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]]:
         """Models that are possible according to the recordings, by the true and the wrong explanation of a pair.
 
-        The same random models are used for every planned motion, so that the order of motions does not depend on them.
+        The same random models are used for every planned motion, so that they do not
+        change the order of the motions.
         """
         rng = random_stream("models that recordings leave possible")
         out: dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]] = {}
@@ -243,7 +244,8 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
     """Probability that a wrong model wins so few bootstrap replicates that it is no longer listed.
 
     The difference of the held-out losses of both models has the expectation ``gain`` and the variance ``4 gain`` of a
-    noncentral chi-squared distribution. Between replicates it varies in the same way, with all recordings together.
+    noncentral chi-squared distribution. Over bootstrap replicates, which draw from all recordings, its variance is
+    ``4 (gain + before)``.
 
     Args:
         gain: Expected increase of the wrong model's held-out loss by the planned recording.

@@ -1,4 +1,4 @@
-"""Renames effects that act in a single recording to the catalogue's effects, and states the ratio of grown friction.
+"""States effects of a single recording under their names in the catalogue, and by which ratio friction is larger there.
 
 During the fit such an effect has a name of its own, see `OwnEffect`. A finding states the catalogue's effect and the
 recording instead.

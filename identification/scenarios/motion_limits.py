@@ -40,11 +40,11 @@ def without_gain_ambiguities(
 ) -> Judgement:
     """The judgement without claims that an error of a controller's gain would explain as well.
 
-    A ratio of torque constants within two tolerances of the gains is no gap and is listed as adjusted. A larger ratio
-    remains a finding, with a warning that it is the product of constant and gain. Gains that were estimated from the
-    same positions hide three effects, which are then not testable: any ratio of torque constants, loads that scale
-    weight and inertia of a joint alike, and viscous friction up to the damping gain. A torque offset remains a finding,
-    with a note of the zero of the reference that would explain it.
+    A ratio of torque constants that differs from 1 by at most two tolerances of the gains is no gap, and is listed as
+    adjusted. A larger ratio remains a finding, with a warning that it is the product of constant and gain. Gains that
+    were estimated from the same positions hide three effects, which are then not testable: any ratio of torque
+    constants, loads that scale weight and inertia of a joint alike, and viscous friction up to the damping gain. A
+    torque offset remains a finding, with a note of the zero of the reference that would explain it.
 
     Args:
         judgement: Judgement of the torque that controllers command.

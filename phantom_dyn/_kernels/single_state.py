@@ -18,8 +18,8 @@ from phantom_dyn._kernels.poses import cross, dot
 from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
 from phantom_dyn.array_types import Array
 
-# Constants of a joint are a row of 43 numbers: from 0 rotations, from 27 origin, from 30 axis, from 33 parameters of
-# its body.
+# Constants of a joint are a row of 43 numbers: from 0 three matrices, whose sum with the factors 1, cos(q) and sin(q)
+# is the rotation of the joint; from 27 origin, from 30 axis, from 33 parameters of its body.
 _ORIGIN, _AXIS, BODY, _FIXED = 27, 30, 33, 43
 # The state of a joint is a row of 46 numbers: from 0 rotation, from 9 origin, from 12 axis as a twist (angular,
 # linear), from 18 velocity, from 24 acceleration, from 30 force (moment, force), from 36 inertia of all bodies that the

@@ -86,7 +86,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     ]
     recording = busiest(recording)
     if robot is not None and repeated:
-        # What differs from the model there would be a consequence.
+        # There any difference from the model would only follow from the readings that are missing.
         robot = with_unknown_drives(robot, repeated)
         recording = without_unknown_torques(recording, robot)
     smooth = smoothed(recording)
@@ -134,7 +134,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
 def _check_against_model(
     recording: Recording, robot: Robot, smooth: Smooth, with_forces: Recording, filtered: tuple[str, ...]
 ) -> Checked:
-    """Checks of the torque against the model; they end with an error that would disturb the checks after it.
+    """Checks of the torque against the model. After an error that would disturb later checks, these are skipped.
 
     Args:
         recording: Raw samples.

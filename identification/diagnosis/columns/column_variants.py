@@ -10,7 +10,7 @@ from identification.diagnosis.columns.residual_columns import Columns, effect_co
 from identification.diagnosis.columns.session import Session
 
 # Cutoff of the wider band, in cutoffs of the judged band. After the filter of the judged band, columns with this cutoff
-# differ by at most 2.5 % from columns without it.
+# differ by at most 2.5 % from unfiltered columns.
 _PASSES_WHOLE = 1.5
 
 
@@ -35,7 +35,7 @@ def columns_at_readings(session: Session, columns: Columns) -> Columns:
 def with_wider_band(session: Session, columns: Columns) -> Columns:
     """Columns in which those made of accelerations have 1.5 times the cutoff of the judged band.
 
-    Columns and torque are later filtered into the judged band. A column that had its cutoff before would be filtered
+    Columns and torque are later filtered into the judged band. Columns that have this cutoff already would be filtered
     twice, and be too small near the cutoff compared with the torque. If effects displace the links, the columns are
     returned unchanged.
 

@@ -27,7 +27,7 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Largest relative decrease of a parameter [1], in case a file states a large tolerance.
+# Parameters decrease by at most this share, whatever tolerance a file states.
 _LEAST = -0.9
 # Step of the load for the derivative of a law, as a share of the load.
 _LOAD_STEP = 1e-4
@@ -125,8 +125,8 @@ def _per_load(
 ) -> Float[Array, "N nv"] | None:
     """Derivative of the drive torque with respect to the torque on the link; None without effects that depend on load.
 
-    Known effects that depend on the load respond to a load that is found later, by the derivative of their laws at the
-    known load. At a load of zero, where laws have a kink, the derivative of the law is taken as zero.
+    If a later fit finds another load, the torque of known effects that depend on load changes by this derivative times
+    the change of load. At a load of zero, where laws have a kink, the derivative of the law is taken as zero.
 
     Args:
         robot: The given model.

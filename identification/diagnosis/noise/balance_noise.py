@@ -26,7 +26,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 _TOP = 0.2  # highest frequency used, as a share of the rate: above, derivatives of a spline lose more than 2 %
-_RATIO = 2.0  # ratio of the ends of a sub-band: a filter of an octave rings for a period
+_RATIO = 2.0  # ratio of the ends of a sub-band; the filter of an octave rings for one period, a narrower one for longer
 # Distance to a stop or a reversal beyond which friction adds nothing, in periods of a sub-band's lower end.
 _AROUND = 1.0
 _FEWEST = 40.0  # independent values in a sub-band: with fewer its power is uncertain by more than a third
@@ -39,7 +39,8 @@ _HIDDEN = 0.3
 # amplitude.
 _BETWEEN = 1.0 / 16.0
 _STEEPEST = 2.0  # slope of noise behind a lag of first order, in powers of the frequency
-_LOWEST = 2  # most sub-bands with the least power that are averaged: remains of motion and effects raise the others
+# At most this many sub-bands, those with the least power, are averaged. Motion and effects raise the others.
+_LOWEST = 2
 
 
 @dataclass(frozen=True)

@@ -43,9 +43,9 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
     """The set of effects that explains the recordings with the fewest parameters.
 
     Free inertial parameters of all links explain a little of any missing effect. So the search finds the other effects
-    first. If free inertial parameters alone explain more than all of these, they replace them, and the search goes on
-    from there. On a robot of many joints gains of torque constants are tested last, too, because a fit with one takes
-    many times as long.
+    first. If free inertial parameters alone explain more than all found effects together, they replace these, and the
+    search goes on from there. On a robot of many joints gains of torque constants are tested last, too, because a fit
+    with one takes many times as long.
 
     Args:
         search: Problem, rivals, threshold.

@@ -91,9 +91,9 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
 def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
     """The findings on a drive as numbers, by name; a torque limit only if it differs from the given one."""
     stated = corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit
-    limit = corrected.limits.get(name)
+    limit, gain = corrected.limits.get(name), corrected.gains.get(name, 1.0)
     numbers = {
-        "torque constant": corrected.gains.get(name, 1.0) - 1.0 and corrected.gains.get(name, 1.0),
+        "torque constant": None if gain == 1.0 else gain,
         "limit": None if limit is None or limit == stated else limit,
         "constant torque": corrected.offsets.get(name),
         "lag": corrected.lags.get(name),

@@ -119,7 +119,7 @@ def _fields_of(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_words(finding: Mapping[str, Any]) -> dict[str, Any]:
-    """A finding with words for the name of an effect defined by a user; the name is in the file."""
+    """A finding whose ``name``, which the file has for effects defined by a user, is replaced by words that show it."""
     words = None if (name := finding.get("name")) is None else shown_as(str(name))
     return {key: value for key, value in finding.items() if key != "name"} | {"words": words}
 

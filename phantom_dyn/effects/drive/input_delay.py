@@ -2,8 +2,8 @@
 
 The torque is not linear in ``d``. So the column is a secant: the change of torque from no delay to the last estimate of
 ``d`` (the shape), per second of delay. To first order a delay equals a lag of the same time. In a position loop it
-looks like viscous friction of about ``kp d``: recordings with two controller gains, or steps, separate them. A delay
-that all joints share belongs to no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
+looks like viscous friction of about ``kp d``: recordings with two controller gains, or steps, separate them. One delay
+on all drives is an effect of the whole robot. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
 """
 
 from __future__ import annotations

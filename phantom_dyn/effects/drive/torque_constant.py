@@ -77,6 +77,7 @@ class TorqueConstant(Effect):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Modelled torque; its coefficient is ``1/ratio - 1``."""
         rows = rows_of(robot, joint)
+        # Friction jumps where a joint reverses; the other part of the torque follows the acceleration, with its noise.
         steps = operation.own_friction[:, rows][:, :, None]
         return Signature(rows, operation.tau[:, rows][:, :, None], ("excess",), ("1",), steps=steps)
 

@@ -78,7 +78,7 @@ class HeldDevice:
 
     @property
     def force_unit(self) -> float:
-        """Scale of the last state [N or N m], so that entries of the state matrix have similar sizes."""
+        """Force per unit of the last state [N/m or N m/rad], so that entries of the state matrix have similar sizes."""
         if isinstance(self.device, TwoMassAxis):
             return self.device.cable_stiffness
         return self.cutoff**2 * self.device.held_by(self.hand).mass
@@ -97,7 +97,8 @@ class HeldDevice:
             # States: position and velocity, on which hand and motor act alike.
             pushed[1] = mechanics.B[1]
             share = self.hand.mass * mechanics.B[1]
-        # The sensor reads F_h - m_h a - ...: the force of the hand without the part that accelerates the hand.
+        # The sensor reads the force of the hand less the force that moves the hand's own mass. A unit force changes the
+        # latter at once by that mass times the acceleration.
         pushed[-1] = self.cutoff * (1.0 - share) / self.force_unit
         return pushed
 

@@ -19,7 +19,8 @@ from phantom_dyn.effects.effect import Effect
 
 # Share of the largest speed, above which friction is tested: after a reversal elastic friction may return energy.
 _MOVES = 0.2
-# Driving friction over the friction of model and findings each by itself; a larger ratio is no error of the fit.
+# Friction that drives the joint, divided by the friction of the model and of each finding by itself: largest ratio that
+# may be an error of the fit.
 _DRIVES = 0.1
 
 
