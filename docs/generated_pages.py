@@ -15,8 +15,9 @@ from effect_figures import ARM, shown_sizes, write_figures
 
 from identification.cli.main import COMMANDS
 from identification.data.change_kinds import KINDS
-from identification.data.readers.column_map import ENTRY_KEYS, WHOLE_KEYS
+from identification.data.readers.column_map import WHOLE_KEYS
 from identification.data.readers.contract_columns import ALONE, FRAME_AXES, FRAME_FLAGS, UNITS
+from identification.data.readers.map_source import ENTRY_KEYS
 from identification.scenarios.recordings_file import CONTROLLER_KEYS, PAYLOAD_KEYS, RECORDING_KEYS
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.effect import Effect, Parameter

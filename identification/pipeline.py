@@ -9,7 +9,7 @@ from uuid import uuid4
 import numpy as np
 
 from identification.data.changes import Change
-from identification.data.checks.torques.torque_lag import LagSentence
+from identification.data.checks.torques.lag_warnings import LagSentence
 from identification.data.drives.arrivals import arrival_notes
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, wrong_with

@@ -12,7 +12,6 @@ from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.readings.suspects import slow_clock, usual_clock
-from identification.data.checks.times_and_torques import check_repeated
 from identification.data.checks.torques.unknown_torques import without_unknown_torques
 from identification.data.drives.compensation import as_they_acted, joints_without, put_back_sentences
 from identification.data.drives.joint_torque import (
@@ -369,7 +368,7 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
     passive, checks = check_passive(found, robot), checked(found, robot)
     wrong = checks.wrong if clock is None or clock in checks.wrong else (clock, *checks.wrong)
     warnings = (*found.warnings, *passive, *checks.warnings)
-    return replace(found, warnings=warnings, unread=tuple(check_repeated(found)), wrong=wrong, anyway=anyway)
+    return replace(found, warnings=warnings, unread=checks.unread, wrong=wrong, anyway=anyway)
 
 
 def unassigned_recording(table: Table) -> Recording:

@@ -142,7 +142,8 @@ def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], found_probabili
         if rival.probability >= contract_levels.LISTED
     ]
     rivals.sort(key=lambda rival: -rival.probability)
-    probability = 1.0 - sum(rival.probability for rival in rivals)
+    outside = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
+    probability = 1.0 - found_probability * outside - sum(rival.probability for rival in rivals)
     return replace(finding, probability=probability, rivals=tuple(rivals), verdict="one_of")
 
 

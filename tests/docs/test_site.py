@@ -18,8 +18,9 @@ from called_example import printed
 from identification.cli.main import COMMANDS
 from identification.data.change_kinds import KINDS
 from identification.data.changes import KnownPayload
-from identification.data.readers.column_map import ENTRY_KEYS, WHOLE_KEYS, read_column_map
+from identification.data.readers.column_map import WHOLE_KEYS, read_column_map
 from identification.data.readers.contract_columns import Quantity
+from identification.data.readers.map_source import ENTRY_KEYS
 from identification.export.corrected.corrected_yaml import corrected_text, read_corrected
 from identification.scenarios.recordings_file import CONTROLLER_KEYS, PAYLOAD_KEYS, RECORDING_KEYS, read_changes
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named

@@ -16,7 +16,7 @@ from identification.data.checks.readings.reading import Reading, with_order, wit
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.motion import Motion
 
@@ -120,8 +120,7 @@ def _inertia_confirms(
 
 def check_flipped(recording: Recording, robot: Robot, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
     """Sentences on torques with the opposite sign of the modelled torque or of friction."""
-    none = np.zeros_like(data.motion.v)
-    weight = model_torque(robot, Motion(data.motion.t, data.motion.q, none, none))
+    weight = gravity_torque(robot, data.motion.q)
     out, both_ways = [], np.ptp(np.sign(data.motion.v), axis=0) == 2
     for j, (joint, found) in enumerate(zip(recording.joint_names, regress_joints(data, model), strict=True)):
         if found is None:

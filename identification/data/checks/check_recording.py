@@ -31,9 +31,10 @@ from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_flat, check_repeated, check_timing
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
+from identification.data.checks.torques.lag_warnings import check_lag
 from identification.data.checks.torques.late_torques import late_torques
 from identification.data.checks.torques.taken_friction import check_friction_taken
-from identification.data.checks.torques.torque_lag import check_lag, is_reported, lags_and_low_passes
+from identification.data.checks.torques.torque_lag import is_reported, lags_and_low_passes
 from identification.data.checks.torques.unknown_torques import without_unknown_torques
 from identification.data.checks.torques.unsigned_torques import check_unsigned
 from identification.data.checks.torques.weight_and_friction import check_weights
@@ -47,10 +48,17 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class Checked:
-    """Result of the checks: sentences on possible errors, and certain faults."""
+    """Result of the checks.
+
+    Attributes:
+        warnings: Sentences on possible errors.
+        wrong: Certain faults.
+        unread: Joints whose torque has rows that are no readings.
+    """
 
     warnings: tuple[str, ...]
     wrong: tuple[Fault, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
@@ -69,12 +77,13 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         Warnings of one sentence each, and faults; a good recording has neither. In a long recording, checks that
         compare columns use the five minutes with most motion.
     """
+    repeated = check_repeated(recording)
     certain = slow_clock(recording) or ran_away(recording)
     if certain is not None:
         # All other findings would be consequences of this fault.
-        return Checked((), (certain,))
+        return Checked((), (certain,), tuple(repeated))
     prismatic = None if robot is None else robot.prismatic
-    noise, repeated = position_noise(recording), check_repeated(recording)
+    noise = position_noise(recording)
     out = [
         *check_timing(recording),
         *check_sampling(recording, prismatic, noise),
@@ -102,16 +111,41 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         ]
     filtered = filtered_joints(recording)
     out += [*check_computed(recording), *check_filtered(recording, filtered)]
+    if robot is None or robot.floating or smooth is None or recording.tau is None:
+        found = _check_motion(recording, robot)
+    else:
+        found = _check_torque(recording, robot, smooth, filtered)
+    return Checked((*out, *found.warnings), found.wrong, tuple(repeated))
+
+
+def _check_motion(recording: Recording, robot: Robot | None) -> Checked:
+    """Checks that need no torque, or no model.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model, or None.
+    """
+    degrees = check_degrees(recording, robot, None, None)
     if robot is None:
-        return Checked((*out, *check_degrees(recording, robot, None, None)))
+        return Checked(degrees)
     if robot.floating:
         # Contact forces on feet cause torques that the model does not contain.
         warnings, wrong = check_base(recording, robot)
-        return Checked((*out, *check_degrees(recording, robot, None, None), *warnings), wrong)
-    if smooth is None or recording.tau is None:
-        wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
-        wrong = wrong or reference_faults(recording, robot)
-        return Checked((*out, *check_degrees(recording, robot, None, None)), wrong)
+        return Checked((*degrees, *warnings), wrong)
+    wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
+    return Checked(degrees, wrong or reference_faults(recording, robot))
+
+
+def _check_torque(recording: Recording, robot: Robot, smooth: Smooth, filtered: tuple[str, ...]) -> Checked:
+    """Checks of the torque that compare it with the model.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model.
+        smooth: The smoothed copy.
+        filtered: Joints whose torque was filtered differently from their position.
+    """
+    assert recording.tau is not None
     external = external_torque(robot, recording.q, recording.forces) if recording.forces else None
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
     reading = reading_of(smooth, None if forces is None else forces.tau)
@@ -121,14 +155,14 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     wrong = wrong or beyond_range(recording, robot)
     if wrong or offers:
         # Other findings from a comparison with the model would mostly be consequences of these.
-        return Checked((*out, *offers), wrong)
-    out += [*load_or_current_words(recording, robot, reading), *check_controllers(recording, robot)]
+        return Checked(offers, wrong)
     with_forces = recording
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
         with_forces = replace(recording, tau=recording.tau + external, forces={})
         smooth = replace(smooth, tau=smooth.tau + forces.tau)
     against = _check_against_model(recording, robot, smooth, with_forces, filtered)
-    return Checked((*out, *against.warnings), against.wrong)
+    loads = load_or_current_words(recording, robot, reading)
+    return Checked((*loads, *check_controllers(recording, robot), *against.warnings), against.wrong)
 
 
 def _check_against_model(
@@ -145,11 +179,11 @@ def _check_against_model(
     """
     data = spread_samples(smooth)
     if data is None:
-        return Checked(tuple(check_degrees(recording, robot, None, None)))
+        return Checked(check_degrees(recording, robot, None, None))
     model = model_torque(robot, data.motion)
     degrees = check_degrees(recording, robot, data, model)
     if degrees:
-        return Checked(tuple(degrees))
+        return Checked(degrees)
     swapped, found = check_swapped(recording, robot, data, model)
     if found:
         return Checked(tuple(swapped))

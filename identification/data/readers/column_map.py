@@ -19,66 +19,38 @@ ignore: [q.gripper]                  # columns that are left out
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import msgspec
 import numpy as np
 
-from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, LARGEST, UNITS, Quantity, column_of
+from identification.data.readers.contract_columns import JOINT_QUANTITIES, column_of
+from identification.data.readers.map_source import (
+    COMPENSATED,
+    JOINT,
+    LARGEST_NUMBER,
+    LATE,
+    LOW_PASS,
+    NUMBER,
+    SMALLEST,
+    Source,
+    source_of,
+)
 from identification.data.readers.numbered_joints import joints_of_numbers
 from identification.data.recording import RawTable
 from phantom_dyn.array_types import Array
-from phantom_dyn.errors import LogError, known_names, listed, shortened
+from phantom_dyn.errors import LogError, known_names, shortened
 from phantom_dyn.model.files.settings_file import describe, read_settings
 
-_JOINT = "{joint}"
-_NUMBER = "{number}"
-_COMPENSATED = "compensated"
 # Parts of a torque that a controller may have subtracted.
 _PARTS = ("gravity", "friction")
-_LOW_PASS, _LATE = "low_pass", "late"
 # What a recorder did to torques that a number states, with an example and what the number is.
-_RECORDED = {_LOW_PASS: ("20", "the cut-off in Hz"), _LATE: ("0.01", "the time by which it is late [s]")}
-# Limits of gear ratios, counts, cut-offs and times, so that products of two of them are finite floats.
-_SMALLEST, _LARGEST_NUMBER = 1e-6, 1e12
+_RECORDED = {LOW_PASS: ("20", "the cut-off in Hz"), LATE: ("0.01", "the time by which it is late [s]")}
 WHOLE_KEYS = ("rate", "ignore")
 """Keys of a map that are not columns."""
-ENTRY_KEYS = (_COMPENSATED, *_RECORDED, "from", "unit", "sign", "counts", "gear", "offset")
-# Quantities that a gear ratio multiplies from the motor's to the joint's side; it divides positions and speeds.
-_TORQUES: tuple[Quantity, ...] = ("tau",)
-# Quantities whose zero is a convention, so that they may have an offset.
-_WITH_OFFSET: tuple[Quantity, ...] = ("q", "q_ref", "x")
-
-
-class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One entry of a map as the user writes it."""
-
-    name: str = msgspec.field(name="from")
-    unit: str | None = None
-    sign: int = 1
-    counts: float | None = None
-    gear: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class Source:
-    """Column of the file for one entry of a map.
-
-    Attributes:
-        name: Name of the column; ``{joint}`` stands for the name of any joint, ``{number}`` for any joint's number.
-        factor: Factor to SI units on the joint's side.
-        offset: Offset of a position [rad or m], added after the factor.
-    """
-
-    name: str
-    factor: float
-    offset: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -104,97 +76,6 @@ class ColumnMap:
     late: Mapping[str, float] = field(default_factory=dict)
 
 
-def _factor(where: str, quantity: Quantity, source: _Source) -> float:
-    """Factor to SI units on the joint's side."""
-    if source.sign not in (1, -1):
-        raise LogError(f"{where}.sign is {shortened(str(source.sign))}, wanted 1 or -1.")
-    if not _SMALLEST <= source.gear <= _LARGEST_NUMBER:
-        raise LogError(f"{where}.gear is {source.gear:g}, wanted the ratio of the gear, above 0 (1e-6 to 1e12).")
-    if source.gear != 1 and quantity not in (*_TORQUES, *COUNTED):
-        wanted = listed((*_TORQUES, *COUNTED))
-        raise LogError(f"{where}.gear is for what has a motor's side ({wanted}): leave it out.")
-    through = source.gear if quantity in _TORQUES else 1 / source.gear
-    return through * _plain_factor(where, quantity, source)
-
-
-def _offset(where: str, quantity: Quantity, source: _Source) -> float:
-    """Offset of a position [rad or m]; the entry states it in its own unit, on the joint's side."""
-    if source.offset and quantity not in _WITH_OFFSET:
-        raise LogError(f"{where}.offset is for positions ({listed(_WITH_OFFSET)}): leave it out.")
-    offset = source.offset * abs(_plain_factor(where, quantity, source))
-    if not abs(offset) <= LARGEST[quantity]:
-        raise LogError(f"{where}.offset is {source.offset:g}, wanted the position at which the log has zero.")
-    return offset
-
-
-def _source(where: str, quantity: Quantity, source: _Source) -> Source:
-    """An entry with its factor and offset in SI units, after all checks."""
-    return Source(source.name, _factor(where, quantity, source), _offset(where, quantity, source))
-
-
-def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
-    """Factor to SI units, without the gear ratio."""
-    if source.counts is not None:
-        if source.unit is not None:
-            raise LogError(f"{where} has both unit and counts: give one of them.")
-        if quantity not in COUNTED:
-            raise LogError(f"{where}.counts is for positions and speeds ({', '.join(COUNTED)}): give a unit instead.")
-        if not _SMALLEST <= source.counts <= _LARGEST_NUMBER:
-            raise LogError(f"{where}.counts is {source.counts:g}, wanted the counts per revolution, above 0, to 1e12.")
-        return source.sign * 2 * math.pi / source.counts
-    if source.unit is None:
-        return float(source.sign)
-    units = UNITS[quantity]
-    if source.unit not in units:
-        raise LogError(
-            f"{where}.unit is {shortened(source.unit)!r}: {known_names(source.unit, units, 'units of ' + quantity)}"
-        )
-    return source.sign * units[source.unit]
-
-
-def source_of(file: str, key: str, value: Any) -> Source:
-    """The source that an entry of a map states.
-
-    Args:
-        file: Name of the map, for messages.
-        key: Standard name, or a quantity for all joints.
-        value: The entry as the user wrote it.
-
-    Raises:
-        LogError: If the entry is not valid; one sentence says why.
-    """
-    where = f"{file}: {shortened(key)}"
-    given = {"from": value} if isinstance(value, str) else value
-    if not isinstance(given, dict):
-        raise LogError(f"{where} is {describe(value)}, wanted a column name or {{from: NAME, unit: UNIT}}.")
-    unknown = [str(name) for name in given if name not in ENTRY_KEYS]
-    if unknown:
-        known = known_names(unknown[0], ENTRY_KEYS, "keys")
-        raise LogError(f"{where} has the unknown key {shortened(unknown[0])}: {known}")
-    if "from" not in given:
-        raise LogError(f"{where} does not say which column it is: add from: NAME.")
-    try:
-        source = msgspec.convert(given, _Source)
-    except msgspec.ValidationError as error:
-        reason = str(error).replace("`", "")
-        raise LogError(f"{where}: {reason}: correct it, as in {{from: NAME, unit: UNIT}}.") from error
-    column = column_of(key)
-    if column is None and key in JOINT_QUANTITIES:
-        if source.name.count(_JOINT) + source.name.count(_NUMBER) != 1:
-            raise LogError(
-                f"{where} is meant for every joint, but from is {shortened(source.name)!r}: put {_JOINT} into it once, "
-                f"or {_NUMBER}, or write {key}.<joint>."
-            )
-        return _source(where, cast("Quantity", key), source)
-    if column is None:
-        raise LogError(
-            f"{where} is no column of a log: write t, f.<frame>.x/.y/.z, p.<frame>.x/.y/.z, "
-            "o.<frame>.qx/.qy/.qz/.qw, w.<frame>.x/.y/.z, sf.<frame>.x/.y/.z, contact.<frame>, "
-            f"or one of {', '.join(JOINT_QUANTITIES)} followed by .<joint>."
-        )
-    return _source(where, column.quantity, source)
-
-
 def read_column_map(path: str | Path) -> ColumnMap:
     """Read a column map from a YAML file; the module's docstring shows its form.
 
@@ -215,8 +96,8 @@ def read_column_map(path: str | Path) -> ColumnMap:
     entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
     compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
     plain = {key: value for key, (value, _) in entries.items()}
-    plain, low_pass = _without_recorded(path.name, plain, _LOW_PASS)
-    plain, late = _without_recorded(path.name, plain, _LATE)
+    plain, low_pass = _without_recorded(path.name, plain, LOW_PASS)
+    plain, late = _without_recorded(path.name, plain, LATE)
     sources = {key: source_of(path.name, key, value) for key, value in plain.items() if value != {}}
     _require_own_columns(path.name, sources)
     return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate, late)
@@ -242,7 +123,7 @@ def _rate(file: str, given: Any, content: Mapping[Any, Any]) -> float | None:
     """Rows per second that a map states [Hz]; None if it states none."""
     if given is None:
         return None
-    if not isinstance(given, int | float) or isinstance(given, bool) or not _SMALLEST <= given <= _LARGEST_NUMBER:
+    if not isinstance(given, int | float) or isinstance(given, bool) or not SMALLEST <= given <= LARGEST_NUMBER:
         raise LogError(f"{file}: rate is {describe(given)}, wanted the rows a second of a log without time [Hz].")
     if "t" in content:
         raise LogError(f"{file}: both rate and t are given: leave rate out where the log has a time.")
@@ -272,16 +153,16 @@ def require_joints(columns: ColumnMap, joints: Sequence[str]) -> None:
 
 def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[str, ...]]:
     """An entry without its key ``compensated``, and the parts that this key lists."""
-    if not isinstance(value, dict) or _COMPENSATED not in value:
+    if not isinstance(value, dict) or COMPENSATED not in value:
         return value, ()
-    where = f"{file}: {shortened(key)}.{_COMPENSATED}"
+    where = f"{file}: {shortened(key)}.{COMPENSATED}"
     if key.partition(".")[0] != "tau":
-        raise LogError(f"{where} is for torques: write tau: {{{_COMPENSATED}: {_PARTS[0]}}}, or tau.<joint>.")
-    given = value[_COMPENSATED]
+        raise LogError(f"{where} is for torques: write tau: {{{COMPENSATED}: {_PARTS[0]}}}, or tau.<joint>.")
+    given = value[COMPENSATED]
     parts = given if isinstance(given, list) else [given]
     if not parts or any(part not in _PARTS for part in parts):
         raise LogError(f"{where} is {describe(given)}, wanted {' or '.join(_PARTS)}, or [{', '.join(_PARTS)}].")
-    return {name: entry for name, entry in value.items() if name != _COMPENSATED}, tuple(dict.fromkeys(parts))
+    return {name: entry for name, entry in value.items() if name != COMPENSATED}, tuple(dict.fromkeys(parts))
 
 
 def _without_recorded(file: str, entries: Mapping[str, Any], name: str) -> tuple[dict[str, Any], dict[str, float]]:
@@ -295,11 +176,7 @@ def _without_recorded(file: str, entries: Mapping[str, Any], name: str) -> tuple
         quantity, _, joint = key.partition(".")
         if quantity != "tau":
             raise LogError(f"{where} is for torques: write tau: {{{name}: {example}}}, or tau.<joint>.")
-        if (
-            not isinstance(number, int | float)
-            or isinstance(number, bool)
-            or not _SMALLEST <= number <= _LARGEST_NUMBER
-        ):
+        if not isinstance(number, int | float) or isinstance(number, bool) or not SMALLEST <= number <= LARGEST_NUMBER:
             raise LogError(f"{where} is {describe(number)}, wanted {wanted}, above 0 (1e-6 to 1e12).")
         out[key] = {other: entry for other, entry in value.items() if other != name}
         numbers[joint] = float(number)
@@ -320,7 +197,7 @@ def matching(name: str, names: Sequence[str]) -> dict[str, str]:
 
     For example, ``vel_{joint}`` matches ``vel_a`` and ``vel_b``, with the texts ``a`` and ``b``.
     """
-    place, inside = (_NUMBER, "([0-9]{1,4})") if _NUMBER in name else (_JOINT, "(.+)")
+    place, inside = (NUMBER, "([0-9]{1,4})") if NUMBER in name else (JOINT, "(.+)")
     before, after = name.split(place)
     pattern = re.compile(re.escape(before) + inside + re.escape(after))
     return {m.group(1): m.group(0) for column in names if (m := pattern.fullmatch(column))}
@@ -344,7 +221,7 @@ def _expanded(
                 f"{columns.file}: {key} takes {shortened(source.name)}, but no column of {raw.file} looks so: "
                 f"{known_names(source.name, raw.names, 'columns')}"
             )
-        if _NUMBER in source.name:
+        if NUMBER in source.name:
             numbered[key] = {int(number): name for number, name in found.items()}
         else:
             out |= {f"{key}.{joint}": replace(source, name=name) for joint, name in found.items()}
@@ -389,7 +266,7 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
     replaced = {source.name for source in sources.values()} | set(columns.ignored)
     # Numbered columns are also left out if no joint of the robot has their number.
     for source in columns.sources.values():
-        if _NUMBER in source.name:
+        if NUMBER in source.name:
             replaced |= set(matching(source.name, raw.names).values())
     out = {name: values for name, values in raw.columns.items() if name not in replaced}
     for key, source in sources.items():

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from identification.data.readers.bags.unitree import MOTOR_ORDERS
-from identification.data.readers.column_map import ColumnMap, Source, matching, read_column_map, source_of
+from identification.data.readers.column_map import ColumnMap, matching, read_column_map
+from identification.data.readers.map_source import Source, source_of
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.files.settings_file import read_settings

@@ -16,10 +16,11 @@ import numpy as np
 
 from identification.data.readers.array_files import read_npz, read_parquet
 from identification.data.readers.bags.rosbag import read_ros1_bag, read_ros2_bag
-from identification.data.readers.column_map import ColumnMap, Source, mapped, matching, read_column_map, require_joints
+from identification.data.readers.column_map import ColumnMap, mapped, matching, read_column_map, require_joints
 from identification.data.readers.contract_columns import JOINT_QUANTITIES, UnknownNamesError, contract_table
 from identification.data.readers.delimited import read_delimited
 from identification.data.readers.lerobot import read_dataset, read_episode, units_question
+from identification.data.readers.map_source import Source
 from identification.data.readers.presets import fitting_presets, map_of, preset_of
 from identification.data.readers.sage import with_neighbours
 from identification.data.readers.suggested_map import suggested_map

@@ -107,9 +107,14 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
     """Measured torque of every log in the judged band, with which gaps are compared; `moved_by` on undriven joints."""
+    return problem.session.in_judged_band(measured_in_band(problem))
+
+
+def measured_in_band(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
+    """Measured torque of every log in the wider band of the fits; `moved_by` on joints without a drive."""
     columns = problem.columns
     torque = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
-    return problem.session.in_judged_band(moved_by(problem, torque))
+    return moved_by(problem, torque)
 
 
 def moved_by(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:

@@ -16,7 +16,7 @@ from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import counted_step, near_reversals
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.fit.gap import moved_by
+from identification.diagnosis.fit.gap import measured_in_band, moved_by
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.floors import reading_noise, torque_above_band
 from identification.diagnosis.result import Burst, JointGap
@@ -50,8 +50,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
     """
     session, columns, out = problem.session, problem.columns, []
     answers = np.sqrt(torque_above_band(problem, reading_noise(session)))
-    measured = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
-    modelled, measured = (moved_by(problem, torque) for torque in (columns.model_torque, measured))
+    modelled, measured = moved_by(problem, columns.model_torque), measured_in_band(problem)
     for k, log in enumerate(session.logs):
         fold = np.zeros(len(log.samples), dtype=int)
         for block, number in zip(session.blocks, session.folds, strict=True):

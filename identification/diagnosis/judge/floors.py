@@ -16,7 +16,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.gap import judged_blocks, least_noise, measured_torque, residual_sums, sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, discrepancy
+from identification.diagnosis.noise.discrepancy import discrepancy, drive_noise
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_floor import SensorFloor, sensor_floor
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
@@ -328,7 +328,7 @@ def floor_by_sensors(
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
     uncertain = uncertain_squares(problem, problem.session.in_judged_band(noise), residual, doubt, value, wide)
     high = np.where(taken, np.sqrt(high**2 + uncertain), high)
-    of_drive = DRIVE_CLASSES[problem.session.robot.torque_source].of_noise * sensed.torque
+    of_drive = drive_noise(problem.session.robot, sensed.torque)
     beyond = floor.value > np.hypot(np.maximum(high, of_drive), sensed.discrepancy)
     coloured = taken & beyond & (floor.value <= own_floor.rising)
     known, taken = known & ~coloured, taken & ~coloured

@@ -47,7 +47,7 @@ from identification.diagnosis.judge.moved_by_noise import largest_predictable_no
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.shares import closed_together, residual_sums_with
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
-from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, slow_samples
+from identification.diagnosis.noise.discrepancy import drive_noise, slow_samples
 from identification.diagnosis.result import Adjusted, Burst, Hidden, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
@@ -323,7 +323,7 @@ def joint_gaps(
         foreseen: True if a flexible model predicts a part of the residual, so that it is not the noise of drives.
     """
     robot, torque = problem.session.robot, residual_sums(problem, measured_torque(problem)).rms()
-    of_drive = 0.0 if foreseen else DRIVE_CLASSES[robot.torque_source].of_noise * torque
+    of_drive = 0.0 if foreseen else drive_noise(robot, torque)
     # Repetitions show the noise of the drive, too. Gates compare with less: the torque of an effect is not random.
     highest = np.where(np.array(floor.source) == SENSORS, np.maximum(floor.high, of_drive), floor.high)
     out = []

@@ -121,7 +121,8 @@ def rising_density(bands: list[SubBand], judged_hz: float, lowest_hz: float, dev
     if len(nearest) > 1 and not _is_hidden(first):
         second = nearest[1]
         # Encoder noise may hide that of the torque in the second one, which is then at most the whole power.
-        rise = float(np.log(first.torque / (second.whole if _is_hidden(second) else second.torque)))
+        beside = second.whole if _is_hidden(second) else second.torque
+        rise = float(np.log(first.torque / max(beside, 1e-300)))
         error = float(np.hypot(*(np.log(_reach([one], deviations)) for one in nearest)))
         rises = rise > error
         if not _is_hidden(second):

@@ -15,6 +15,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
+from phantom_dyn.model.robot import Robot
 
 # Share of the torque that both parts together reach at most, a fifth of what an ordinary effect makes. The error of the
 # model that another recording has shown may be as large as such an effect.
@@ -45,6 +46,16 @@ DRIVE_CLASSES = {
     "current": DriveClass(0.005, 0.1, of_noise=0.025),
     "sensor": DriveClass(0.003, 0.05, of_noise=0.0),
 }
+
+
+def drive_noise(robot: Robot, torque: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """Torque that the drives may make by themselves at random, root mean square of each joint [N m or N], ``(nv,)``.
+
+    Args:
+        robot: The given model, which states the source of its torques.
+        torque: Root mean square of each joint's measured torque.
+    """
+    return DRIVE_CLASSES[robot.torque_source].of_noise * torque
 
 
 def discrepancy(

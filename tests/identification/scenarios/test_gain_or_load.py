@@ -98,7 +98,7 @@ def readings(made_up, left: tuple[float, float]) -> tuple[Diagnosis, Diagnosis]:
     return tuple(
         replace(
             made,
-            findings=(finding,),
+            findings=(replace(finding, probability=1.0, rivals=()),),
             joints=(replace(gap, rms_after=floors * gap.noise_floor),),
             evidence=replace(
                 made.evidence,

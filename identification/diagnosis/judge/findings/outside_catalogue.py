@@ -43,8 +43,11 @@ def beside_structures(
     known = _share_of_known(search, chosen, term, comparison, other_conditions)
     if known > 1.0 - contract_levels.LISTED:
         return comparison
-    rivals = tuple(Rival(rival.effects, known * rival.probability) for rival in comparison.rivals)
-    return replace(comparison, probability=known * comparison.probability, rivals=rivals)
+    kept = [rival for rival in comparison.rivals if known * rival.probability >= contract_levels.LISTED]
+    # Finding and listed rivals have the whole share of the catalogue.
+    factor = known / (comparison.probability + sum(rival.probability for rival in kept))
+    rivals = tuple(Rival(rival.effects, factor * rival.probability) for rival in kept)
+    return replace(comparison, probability=factor * comparison.probability, rivals=rivals)
 
 
 def _share_of_known(

@@ -312,15 +312,15 @@ def test_friction_of_a_joint_that_moves_one_way_does_not_tell_the_sign_of_its_to
     assert check_flipped(clean(), arm, data, zeros) == ()
 
 
-@pytest.mark.parametrize(("lifted", "sign", "told"), [(3.5, 1.0, False), (0.0, -1.0, True)])
-def test_a_counterbalance_that_is_stronger_than_gravity_does_not_flip_a_torque(clean, arm, rng, lifted, sign, told):
+@pytest.mark.parametrize(("lifted", "sign", "warned"), [(3.5, 1.0, False), (0.0, -1.0, True)])
+def test_a_counterbalance_that_is_stronger_than_gravity_does_not_flip_a_torque(clean, arm, rng, lifted, sign, warned):
     # Closed form: 3.5 times the weight of tilt is lifted, so that it counts -2.5 times, and inertia and friction once.
     motion = waves(0.3, 1.0, 2.0, frequencies=[1.3, 1.1, 1.7]).at(np.arange(0, 4000, 13))
     still = replace(motion, v=0 * motion.v, a=0 * motion.v)
     model, weight = model_torque(arm, motion), model_torque(arm, still)
     tau = sign * (model - lifted * weight + 0.2 * np.sign(motion.v)) + 0.01 * rng.standard_normal(model.shape)
-    said = check_flipped(clean(), arm, Reading(motion, np.sign(motion.v), tau, 0 * tau), model)
-    assert any("the torque of tilt has the opposite sign" in one for one in said) == told
+    warnings = check_flipped(clean(), arm, Reading(motion, np.sign(motion.v), tau, 0 * tau), model)
+    assert any("the torque of tilt has the opposite sign" in one for one in warnings) == warned
 
 
 def test_a_torque_that_may_have_lost_its_sign_is_warned_of(arm, changed, recording):
