@@ -9,8 +9,8 @@ In a plausible robot,
 - friction has any size, but opposes the motion;
 - offsets of the torque are free.
 
-A recording of a real robot has a small residual in this fit. So the recording contains a mistake if the same data with
-a correction have a far smaller residual.
+A correct recording of a real robot has a small residual in this fit. So if a correction of the data makes the residual
+far smaller, the recording contains a mistake.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
 ENOUGH = 0.005
-"""Unexplained share of a torque's variance below which a fit is good: real friction differs as much from its law."""
+"""Unexplained share of a torque's variance below which a fit is good: real friction differs by as much from its law."""
 # Largest mass of a payload: the first number times the mass of all moving links, plus the second number [kg]. The
-# second is needed for small robots: a lever of 0.08 kg may carry 2 kg.
+# second number is for small robots: a lever of 0.08 kg may carry 2 kg.
 _PAYLOAD, _PAYLOAD_KG = 5.0, 5.0
 # Number of postures over which the inertia at a joint is averaged.
 _POSTURES = 12
@@ -46,8 +46,8 @@ _RIDGE = 1e-3
 # Number of rounds in which inertias and torque constants are fitted in turn: a fit of both at once is not linear.
 _ROUNDS = 3
 _PARAMETERS = 10  # inertial parameters of a body
-_MASS_AND_MOMENTS = 4  # the first of them: mass and first moments
-_OWN = 4  # columns that each joint has for itself: rotor, viscous and Coulomb friction, offset
+_MASS_AND_MOMENTS = 4  # mass and first moments, which are the first of these parameters
+_OWN = 4  # number of columns of each single joint: rotor, viscous and Coulomb friction, offset
 
 
 class Freedom(NamedTuple):
@@ -55,10 +55,11 @@ class Freedom(NamedTuple):
 
     Attributes:
         factor: Inertias and torque constants may be at most this factor larger or smaller than modelled.
-        last: Smallest factor of the last link: the modelled tool may be missing, but the link itself has some mass.
+        last: Smallest ratio of the last link's inertial parameters to the modelled ones: the modelled tool may be
+            missing, but the link itself has some mass.
         rotor: Largest rotor inertia on the joint side, divided by the inertia that the joint moves.
-        offset: Largest offset, divided by the root mean square of the modelled torque.
-        load: Largest payload, divided by that of any plausible robot.
+        offset: Largest offset of the torque, divided by the root mean square of the modelled torque.
+        load: Largest payload, divided by the largest payload of a plausible robot.
     """
 
     factor: float
@@ -69,17 +70,26 @@ class Freedom(NamedTuple):
 
 
 PLAUSIBLE = Freedom(2.0, 0.05, 30.0, np.inf)
-"""Any plausible robot: if it leaves a large residual, no robot explains the recording."""
+"""Any plausible robot: if the residual is large with this freedom, no robot explains the recording."""
 AS_MODELLED = Freedom(1.06, 1 / 1.06, 0.15, 0.5)
-"""A robot like its model except for friction and a payload; it decides between readings that plausible robots explain
-equally well."""
+"""A robot like its model except for friction and a payload. Of readings that plausible robots explain equally well, the
+one that such a robot explains best is chosen."""
 WITHOUT_LOAD = AS_MODELLED._replace(load=0.0)
-"""The same without a payload, whose first moments of either sign mirror the last link."""
+"""A robot like its model except for friction. A payload is excluded, because its first moments can mirror the last
+link."""
 
 
 @dataclass(frozen=True)
 class _Bounded:
-    """Columns whose coefficients all joints share, columns of each single joint, and the bounds of the coefficients."""
+    """Columns of the torque, and the bounds of their coefficients.
+
+    Attributes:
+        shared: Columns whose coefficients are the same for all joints: parameters of the links and of the payload.
+        own: Columns with separate coefficients for each joint: rotor, viscous and Coulomb friction, offset.
+        low, high: Bounds of the shared coefficients.
+        own_low, own_high: Bounds of each joint's own coefficients.
+        factor: A torque constant may be at most this factor larger or smaller than assumed.
+    """
 
     shared: Float[Array, "N nv s"]
     own: Float[Array, "N nv 4"]
@@ -91,7 +101,7 @@ class _Bounded:
 
 
 def _as_is(columns: Array) -> Array:
-    """Samples that have been filtered already."""
+    """The columns unchanged: the band of samples that were filtered before."""
     return columns
 
 
@@ -104,10 +114,10 @@ def unexplained(
         robot: The given model.
         reading: Samples of the recording.
         freedom: How far the robot may be from its model.
-        band: Low pass of the torque and of all that the robot explains it by, for samples that have not been filtered.
+        band: Low pass for the torque and for all columns, if the samples have not been filtered.
 
     Returns:
-        Shares, NaN for a half in which the torque hardly varies.
+        Shares from 0 to about 1; NaN for a half in which the torque hardly varies.
     """
     columns = _bounded_columns(robot, reading, freedom)
     columns = replace(columns, shared=band(columns.shared), own=band(columns.own))
@@ -124,7 +134,10 @@ def unexplained(
 
 
 def misfit_as_modelled(robot: Robot, reading: Reading, freedom: Freedom = AS_MODELLED) -> float:
-    """Sum over the joints of the logarithm of the unexplained share, with a robot that is like its model."""
+    """Sum over the joints of the logarithm of the unexplained share, with a robot that is like its model.
+
+    It is infinite if the loops of a closed chain do not close at the positions of the reading.
+    """
     try:
         shares = unexplained(robot, reading, freedom)
     except ChainError:
@@ -147,14 +160,15 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
             low.append(freedom.last if body >= carries else 1 / freedom.factor)
             high.append(freedom.factor)
     load = freedom.load * (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments of inertia; the others have either sign
+    positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments of inertia; others may be negative
     columns += list(np.moveaxis(regressor[:, :, carries * _PARAMETERS : (carries + 1) * _PARAMETERS], 2, 0))
     low += list(np.where(positive, 0.0, -load))
     high += list(load)
     ones = np.ones_like(reading.tau)
     own_low = np.tile([0.0, 0.0, 0.0, -np.inf], (ones.shape[1], 1))
-    for column, late in enumerate((reading.late_by_acceleration, reading.late_by_speed)):
-        own_low[:, column] -= 0.0 if late is None else late
+    # An error of a torque that was computed from a voltage looks like negative rotor inertia or viscous friction.
+    for column, error in enumerate((reading.late_by_acceleration, reading.late_by_speed)):
+        own_low[:, column] -= 0.0 if error is None else error
     own_high = np.full_like(own_low, np.inf)
     own_high[:, 0] = freedom.rotor * mean_inertia(robot, reading.motion.q)
     if np.isfinite(freedom.offset):
@@ -172,19 +186,29 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
 
 
 def mean_inertia(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, " nv"]:
-    """Inertia at each joint, averaged over postures of a recording."""
+    """Inertia that each joint moves [kg m^2 or kg], averaged over postures of a recording, shape ``(nv,)``."""
     postures = np.linspace(0, len(q) - 1, _POSTURES).astype(int)
     return np.einsum("njj->nj", mass_matrix(robot, q[postures])).mean(axis=0)
 
 
 def _reach(robot: Robot) -> float:
-    """Length of a robot [m]: the sum of the distances between its joints and to the last centre of mass."""
+    """Length of a robot [m], at least 0.1: the distances from joint to joint and to the last centre of mass, summed."""
     lengths = [float(np.linalg.norm(place.translation)) for place in list(robot.model.jointPlacements)[2:]]
     return max(sum(lengths) + float(np.linalg.norm(robot.model.inertias[robot.model.njoints - 1].lever)), 0.1)
 
 
 def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, joints: Array) -> Float[Array, " k"]:
-    """Mean squared residual of each joint's torque with the best coefficients within their bounds."""
+    """Mean squared residual of each joint's torque with the best coefficients within their bounds.
+
+    In each round, the shared coefficients are fitted to all joints with fixed torque constants. Then the torque
+    constant of each joint is fitted with fixed shared coefficients.
+
+    Args:
+        columns: Columns of the torque, and the bounds of their coefficients.
+        torque: Measured torque with that of measured forces.
+        rows: The half of the recording that is fitted.
+        joints: Indices of the joints that are fitted.
+    """
     count = columns.shared.shape[2]
     low = np.concatenate([columns.low, *(columns.own_low[j] for j in joints)])
     high = np.concatenate([columns.high, *(columns.own_high[j] for j in joints)])
@@ -198,13 +222,14 @@ def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, 
     for turn in range(_ROUNDS):
         x = bounded_fit(_stacked(shared * constants[:, None], own), target.T.ravel(), low, high)
         need = shared @ x[:count]
-        each = []
+        of_joints = []
         for k in range(len(joints)):
             part = slice(count + _OWN * k, count + _OWN * (k + 1))
             bounds = (np.r_[1 / columns.factor, low[part]], np.r_[columns.factor, high[part]])
-            each.append(_own_fit(need[:, k], own[:, k], target[:, k], bounds))
-        constants, squares = np.transpose(each)
+            of_joints.append(_own_fit(need[:, k], own[:, k], target[:, k], bounds))
+        constants, squares = np.transpose(of_joints)
         best = np.minimum(best, squares)
+        # A fit that is this good at once cannot become notably better.
         if turn == 0 and best.max() < _RIDGE * samples:
             break
     return best * size**2 / samples
@@ -213,9 +238,9 @@ def _mean_squares(columns: _Bounded, torque: Float[Array, "N nv"], rows: slice, 
 def with_fewer_rows(
     shared: Float[Array, "n k s"], own: Float[Array, "n k 4"], target: Float[Array, "n k"]
 ) -> tuple[Float[Array, "m k s"], Float[Array, "m k 4"], Float[Array, "m k"]]:
-    """Columns and target with few rows, and the same sum of squares of every joint's residual.
+    """Columns and target with few rows, for which any coefficients give the same sum of squared residuals as before.
 
-    They are the triangular factor of all columns of a joint, its target among them.
+    The rows of a joint are the triangular factor R of the QR decomposition of all its columns and its target.
     """
     count = shared.shape[2]
     each = [np.column_stack([shared[:, k], own[:, k], target[:, k]]) for k in range(target.shape[1])]
@@ -239,7 +264,14 @@ def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float
 def _own_fit(
     need: Float[Array, " n"], own: Float[Array, "n 4"], target: Float[Array, " n"], bounds: tuple[Array, Array]
 ) -> tuple[float, float]:
-    """Factor of a joint's torque constant, and sum of squared residuals, if its links need the torque ``need``."""
+    """Best factor of a joint's torque constant, and the sum of squared residuals.
+
+    Args:
+        need: Torque that the links need with the assumed torque constant.
+        own: Columns of the joint's rotor, friction and offset.
+        target: Measured torque of the joint.
+        bounds: Lower and upper bounds of the factor and of the coefficients of ``own``.
+    """
     columns = np.column_stack([need, own])
     x = bounded_fit(columns, target, *bounds)
     return float(x[0]), float(np.sum((target - columns @ x) ** 2))
@@ -248,7 +280,7 @@ def _own_fit(
 def bounded_fit(
     columns: Float[Array, "n k"], target: Float[Array, " n"], low: Array, high: Array
 ) -> Float[Array, " k"]:
-    """Least-squares coefficients within their bounds."""
+    """Least-squares coefficients within their bounds; 0 for zero columns, and where both bounds are equal."""
     size = np.linalg.norm(columns, axis=0)
     used = (size > 0) & (high > low)
     scale = size[used]

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Samples of a recording under other assumptions on units, signs and order, for tests of what fits the model."""
+"""Samples of a recording with other units, signs or order of joints than recorded, to test which fit the model."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from phantom_dyn.motion import Motion
 
 _ROWS = 400  # samples in a regression: enough for thirty coefficients in each half, and quick for many readings
 _FEWEST = 60
-# The first is a share of the power of a joint's velocity. The frequency below which this share lies, times the second,
-# is the edge of the band: above it, there is mostly noise.
+# A joint's velocity has the first share of its power below some frequency. The second number times this frequency is
+# the edge of the band: above the edge there is mostly noise.
 _MOVING, _MARGIN = 0.99, 2.0
-# Largest ratio of standard deviation to largest value of a torque that counts as constant; a low pass leaves rounding
+# A torque is constant if its standard deviation is at most this share of its largest value. The low pass makes rounding
 # errors of 1e-13.
 _CONSTANT = 1e-9
 
@@ -33,10 +33,10 @@ class Reading:
         motion: Samples of smooth motion.
         sign: Sign of the velocity, smoothed like the torque, shape ``(N, nv)``.
         tau: Torque of the drives, shape ``(N, nv)``.
-        external: Torque of measured forces, shape ``(N, nv)``, the same in every reading.
-        late_by_speed: Possible error per velocity of torques that were computed from voltages, shape ``(nv,)``, zero
-            for other joints; None if there is no such joint.
-        late_by_acceleration: Possible error per acceleration of the same torques.
+        external: Torque that measured forces cause at the joints, shape ``(N, nv)``, the same in every reading.
+        late_by_speed: Largest error per velocity [N m s/rad or N s/m] of torques that were computed from voltages,
+            shape ``(nv,)``, zero for other joints; None if no torque was computed from a voltage.
+        late_by_acceleration: Largest error per acceleration [kg m^2 or kg] of the same torques, shape ``(nv,)``.
     """
 
     motion: Motion
@@ -48,15 +48,16 @@ class Reading:
 
 
 def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], step: float) -> Reading:
-    """The reading with the possible errors of torques that were computed from voltages.
+    """The reading with bounds on the errors of torques that were computed from voltages.
 
-    Most of a servo's voltage is its back-EMF, and the torque is proportional to the small remainder. An error of a few
-    per cent of the back-EMF, or a voltage read half a sample late, is as large as friction or the torque of the rotor.
+    Most of a servo's voltage is back-EMF, and the torque is proportional to the small difference between them. An error
+    of a few per cent of the back-EMF, or a voltage read half a sample late, is as large as friction or the torque of
+    the rotor.
 
     Args:
         reading: The data as recorded.
         robot: The robot with the constants of its motors.
-        torque_from: The quantity from which the torque of each joint was computed.
+        torque_from: Quantity from which the torque of each joint was computed, ``u`` for a voltage.
         step: Time between two samples [s].
     """
     back_emf = np.array(
@@ -92,7 +93,7 @@ def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> 
 
 
 def _moving_edge(smooth: Smooth) -> float:
-    """Frequency up to which the joints move [Hz], at most the cut-off of the smoothed copy."""
+    """Frequency [Hz] above which the velocities are mostly noise, at most the cut-off of the smoothed copy."""
     v = smooth.v[smooth.inside] - smooth.v[smooth.inside].mean(axis=0)
     power = np.abs(np.fft.rfft(v * np.hanning(len(v))[:, None], axis=0)) ** 2
     frequencies = np.fft.rfftfreq(len(v), smooth.step)

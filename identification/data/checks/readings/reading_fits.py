@@ -1,4 +1,4 @@
-"""Judges how well a recording with a suspected mistake corrected is explained, and whether the mistake is certain.
+"""Fits a recording with a suspected mistake corrected, and decides whether the mistake is certain.
 
 The fits are those of `identification.data.checks.readings.plausible_fit`.
 """
@@ -17,15 +17,15 @@ from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
 FAR_BETTER = float(np.log(4.0))
-"""A reading is far better if the unexplained share of the torque's variance falls to a quarter: the logarithm of that,
-for the geometric mean over both halves of the recording."""
-# In each half, the share has to fall to this part or less.
+"""Logarithm of the factor by which the unexplained share of a torque's variance falls in a far better fit, averaged
+over both halves of the recording."""
+# Logarithm of the factor by which the share has to fall in each half.
 _EITHER_HALF = float(np.log(2.0))
 WORSE = float(np.log(1.5))
 """Logarithm of the largest acceptable increase of the unexplained share of any joint."""
 RIGHT = 0.15
-"""Largest unexplained share with the correct reading."""
-# Largest median share with two mistakes corrected.
+"""Largest unexplained share that a correct reading may have."""
+# Largest median of the unexplained shares, over joints and halves, after two mistakes were corrected.
 _BOTH_RIGHT = 0.1
 
 
@@ -35,10 +35,10 @@ class ReadingFit:
 
     Attributes:
         suspect: The mistake that the reading corrects.
-        gains: Logarithm of the unexplained share as recorded over that of the reading, by half of the recording and
-            joint, ``(2, nv)``.
+        gains: Logarithm of the unexplained share as recorded over that of the reading, for each half of the recording
+            and each joint, ``(2, nv)``.
         unexplained: Unexplained share of the reading, ``(2, nv)``.
-        twins: Other mistakes that the data do not distinguish from it.
+        twins: Other mistakes that the data do not distinguish from ``suspect``.
     """
 
     suspect: Suspect
@@ -48,7 +48,7 @@ class ReadingFit:
 
     @property
     def joint_gains(self) -> Float[Array, " nv"]:
-        """Gain of each joint over both halves, see `joint_gains_of`."""
+        """Gain of each joint over both halves, by `joint_gains_of`."""
         return joint_gains_of(self.gains)
 
     @property
@@ -58,7 +58,7 @@ class ReadingFit:
 
 
 def joint_gains_of(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
-    """Gain of each joint: the mean of both halves if both are large, else the smaller one; NaN if both are NaN."""
+    """Gain of each joint: the mean of both halves if both gain enough, else the smaller gain; NaN if both are NaN."""
     known = ~np.isnan(gains).all(axis=0)
     out = np.full(gains.shape[1], np.nan)
     smaller = np.nanmin(gains[:, known], axis=0)
@@ -77,7 +77,7 @@ def fit_of(
 
     Args:
         robot: The given model.
-        before: Unexplained shares of the data as recorded.
+        before: Unexplained shares of the data as recorded, ``(2, nv)``.
         reading: The data as recorded.
         suspect: The suspected mistake.
         freedom: How far the robot may be from its model.
@@ -86,16 +86,20 @@ def fit_of(
     try:
         shares = unexplained(suspect.model or robot, corrected, freedom)
     except ChainError:
-        # With this reading the loops of a closed chain do not close: it cannot be correct.
+        # The loops of a closed chain do not close at these positions, so the reading cannot be correct.
         shares = np.full_like(before, np.inf)
     if suspect.kind == "gravity":
-        # This reading adds a torque of the model, which raises the variance. The share stays that of the measured one.
+        # This reading adds the modelled weight to the torque, which changes the variance. The residual is still divided
+        # by the variance of the measured torque.
         shares = shares * corrected.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
     return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
 
 
 def is_certain(found: ReadingFit) -> bool:
-    """Whether a reading fits far better on the joints that it changes, and no other joint fits worse."""
+    """Whether a reading fits far better on the joints that it changes, and clearly worse on no joint.
+
+    How many of these joints have to improve depends on the kind of mistake.
+    """
     gains, joints = found.joint_gains, list(found.suspect.joints)
     gains_of_joints = gains[joints]
     if np.nanmin(gains, initial=0.0) < -WORSE:
@@ -107,29 +111,34 @@ def is_certain(found: ReadingFit) -> bool:
     improved = (gains_of_joints >= FAR_BETTER) & (worst[joints] <= RIGHT)
     if found.suspect.kind == "order":
         return bool(improved.any() and np.all(gains_of_joints >= WORSE))
-    # One improved joint is enough in five cases: the torques of all joints together feel no weight (`gravity`); the
-    # recorded travel is impossible (`length`); each factor is that of a drive, as no load would make it (`factors`);
-    # the torque grows with speed as only a back-EMF does (`voltage`); a joint turns more than once only if its position
-    # is in degrees (`degrees`).
+    # One improved joint is enough in five cases, which have other evidence as well:
+    # - `gravity`: the torques of all joints together contain no weight;
+    # - `length`: the recorded travel is impossible;
+    # - `factors`: each factor is one that a drive has and no load causes;
+    # - `voltage`: the torque grows with the speed as only a back-EMF does;
+    # - `degrees`: a joint turns more than once only if its position is in degrees.
     if found.suspect.kind in ("gravity", "length", "factors", "voltage"):
         return bool(improved.any())
     if found.suspect.kind == "degrees" and found.suspect.turned:
         return bool(improved.any())
     if found.suspect.kind == "attitude":
-        # All joints have the same gravity. A load that the model lacks may explain the last joints without it.
+        # Gravity is common to all joints, so every joint has to fit. One improved joint is enough, because with a load
+        # that the model lacks the last joints may fit as recorded, too.
         return bool(improved.any() and np.nanmax(worst) <= RIGHT)
     if found.suspect.kind == "gears":
-        # In a free swing weight and inertia cancel, and small errors of both look like gears. But then the unexplained
-        # share is small as recorded, too.
+        # In a free swing the torques of weight and inertia cancel, and small errors of both look like gears. But then
+        # the unexplained share is already small as recorded: so it has to be large here.
         recorded = np.exp(found.gains) * (found.unexplained + ENOUGH) - ENOUGH
         return bool((improved & (np.nanmax(recorded, axis=0, initial=0.0)[joints] > RIGHT)).any())
     if found.suspect.kind == "torque":
-        # A factor on all joints may be caused by a load, unless two joints agree; one on some joints cannot.
+        # A load can imitate a factor on all joints, so two of them have to improve. No load imitates a factor on only
+        # some of the joints: there one is enough.
         return int(improved.sum()) >= (2 if len(gains_of_joints) == len(gains) else 1)
     if found.suspect.kind == "pair":
         return _pair_is_certain(found)
     if found.suspect.kind == "sign" and found.suspect.moves:
-        # The joint itself may need the same torque with both signs, if its position matters only to joints before it.
+        # The joint itself may need the same torque with either sign of its position. Then only joints before it in the
+        # chain fit better, so that any improved joint is enough.
         every = (gains >= FAR_BETTER) & (worst <= RIGHT)
         return bool(every.any() and np.all(np.nan_to_num(gains_of_joints) >= -WORSE))
     return int(improved.sum()) >= min(2, len(gains_of_joints))
@@ -138,7 +147,7 @@ def is_certain(found: ReadingFit) -> bool:
 def explains_nearly_all(found: ReadingFit) -> bool:
     """Whether the unexplained share is small on every joint whose fit the reading changes.
 
-    Joints whose fit it does not change, as those with noise, say nothing about the reading.
+    A joint whose fit stays the same, such as a noisy one, says nothing about the reading.
     """
     worst = np.nanmax(found.unexplained, axis=0, initial=0.0, where=~np.isnan(found.unexplained))
     touched = np.abs(np.nan_to_num(found.joint_gains)) > WORSE
@@ -147,7 +156,7 @@ def explains_nearly_all(found: ReadingFit) -> bool:
 
 
 def _pair_is_certain(found: ReadingFit) -> bool:
-    """Whether nearly all of the torque is explained after two mistakes were corrected."""
+    """Whether the correction of two mistakes explains nearly all of the torque, and enough joints fit far better."""
     shares = found.unexplained[~np.isnan(found.unexplained)]
     better = np.nan_to_num(found.joint_gains) >= FAR_BETTER
     # One improved joint is enough where the recorded travel is impossible.

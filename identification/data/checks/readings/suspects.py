@@ -1,7 +1,7 @@
 """Lists suspected mistakes in a recording: wrong units, signs and orders of columns, with entries that correct them.
 
-Each suspect makes a reading of the data, in which its mistake is corrected. Which suspect is right is decided by
-`identification.data.checks.better_readings`, from how well the readings fit the model.
+Each suspect can make a reading: the data with its mistake corrected. `identification.data.checks.better_readings`
+decides which suspect is right, from how well the readings fit the model.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ _DEGREE = np.pi / 180  # [rad]
 _MILLIMETRE = 1e-3  # [m]
 # Smallest and largest sampling time of robots' recorders [s].
 _FASTEST, _SLOWEST = 2e-5, 0.2
-# Largest travel [m] and speed [m/s] of any linear axis; if the unit is mm, they mean 20 mm and 50 mm/s.
+# Largest travel [m] and speed [m/s] of any linear axis. A recording in mm exceeds them beyond 20 mm and 50 mm/s.
 _FARTHEST, _FASTEST_AXIS = 20.0, 50.0
-# Sampling time [s] from which on another unit of time is expected: so slow a motion would show no inertia.
+# Sampling time [s] from which on another unit of time is expected: with such slow samples, a motion shows no inertia.
 _SLOW_SAMPLING = 1.0
 # Sampling time [s] that no recording of a motion has.
 _IMPOSSIBLE_SAMPLING = 100.0
-# Logarithm of the largest factor between measured and modelled torque in a unit that is suspected: units differ by at
-# least a factor of ten.
+# A unit is suspected if measured and modelled torque agree in this unit within a factor of 2.5, of which this is the
+# logarithm. Units differ by a factor of ten or more.
 _NEAR_UNIT = float(np.log(2.5))
 # Logarithm of the smallest gear ratio with which the two sides of a gear can be distinguished.
 _GEARED = float(np.log(2.0))
-# Positions [rad] of the zero in other conventions.
+# Offsets [rad] between the zeros that different conventions give a joint.
 _QUARTERS = (np.pi / 2, np.pi, -np.pi / 2)
 _TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _OR_GRAMS = ", or the masses of the model in g and not in kg"
@@ -60,22 +60,22 @@ class Suspect:
     Attributes:
         kind: The kind of mistake.
         joints: Joints whose fit improves directly if the mistake is corrected.
-        what: The mistake in words, as ``the time is in ms``.
-        entries: The entries of a column map that correct it, by their keys.
+        what: The mistake in words, such as ``the time is in ms``.
+        entries: Entries of a column map that correct the mistake, by their keys.
         read: Function that corrects the mistake in a reading.
-        expected: True if the correction is very likely before any fit, so that the corrected data need only fit.
-        moves: True if the correction changes positions, and with them the torque of every joint.
+        expected: True if the correction is very likely before any fit. Then the corrected data need not fit far better
+            than the data as recorded.
+        moves: True if the correction changes positions, and so the modelled torque of every joint.
         turned: True if the correction changes only positions of joints that turn more than once as recorded.
         outcome: What to report if this suspect fits best. ``wrong``: the recording has a certain fault. ``offer``: the
             mistake is possible, and a sentence says how to correct it. ``rival``: nothing, as the data are also
             explained by an ordinary difference between robot and model.
-        price: 0 for a usual mistake; 1 if numbers are fitted, as gear ratios are; 2 if these also need a load. A
-            suspect with a higher price has to explain far more than one with a lower price.
-        advice: What to do if no entry of a column map corrects the mistake.
+        price: 0 for a usual mistake; 1 if it has fitted numbers, such as gear ratios; 2 if it also needs a load that
+            the model lacks. A suspect with a higher price has to fit far better than one with a lower price.
+        advice: Advice for the user in addition to the entries, or in place of entries that do not exist.
         fits_gears: True if gear ratios of positions were fitted.
         parts: The two mistakes of a pair.
-        model: The corrected model, if the mistake is in the model; a load that the given model lacks has the corrected
-            gravity, too.
+        model: The corrected model, if the mistake is in the model and not in the data.
     """
 
     kind: Kind
@@ -130,7 +130,7 @@ def time_suspects(robot: Robot, step: float) -> list[Suspect]:
 
 
 def usual_clock(recording: Recording) -> float:
-    """Factor from recorded times to seconds for the first unit with a usual sampling time; 1 without such a unit."""
+    """Factor from recorded times to seconds, for the largest of ms, us and ns with a usual sampling time; else 1."""
     step = float(np.median(np.diff(recording.t)))
     return next((factor for factor in _TIMES.values() if _FASTEST <= step * factor <= _SLOWEST), 1.0)
 
@@ -162,20 +162,24 @@ def degree_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
         return []
     beyond = np.flatnonzero(turning & (most > 2 * np.pi)).tolist()
     sets = [tuple(np.flatnonzero(turning).tolist()), tuple(far), tuple(beyond), *((j,) for j in far)]
-    return [
-        Suspect(
-            "degrees",
-            joints,
-            f"the positions of {names(robot, joints)} are in degrees and not in rad"
-            if len(joints) > 1
-            else f"the position of {names(robot, joints)} is in degrees and not in rad",
-            entries(robot, "q", joints, "unit: deg"),
-            lambda reading, factor=factor: with_positions_times(reading, factor),
-            moves=True,
-            turned=set(joints) <= set(beyond),
+    out = []
+    for joints in dict.fromkeys(sets):
+        if not joints:
+            continue
+        subject = "positions of {} are" if len(joints) > 1 else "position of {} is"
+        factor = _times(robot, joints, _DEGREE)
+        out.append(
+            Suspect(
+                "degrees",
+                joints,
+                f"the {subject.format(names(robot, joints))} in degrees and not in rad",
+                entries(robot, "q", joints, "unit: deg"),
+                lambda reading, factor=factor: with_positions_times(reading, factor),
+                moves=True,
+                turned=set(joints) <= set(beyond),
+            )
         )
-        for joints, factor in ((joints, _times(robot, joints, _DEGREE)) for joints in dict.fromkeys(sets) if joints)
-    ]
+    return out
 
 
 def _times(robot: Robot, joints: Sequence[int], factor: float) -> Float[Array, " nv"]:
@@ -196,7 +200,7 @@ def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     if not joints or np.ptp(reading.motion.q[:, joints], axis=0).max() < _FARTHEST:
         return []
     factor = np.where(robot.prismatic, _MILLIMETRE, 1.0)
-    # A load that slides far out changes the torques of the joints before it, too.
+    # The suspect concerns all joints: a body that slides far out changes the torques of the joints before it, too.
     return [
         Suspect(
             "length",
@@ -210,7 +214,14 @@ def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
-    """The suspected wrong signs of torque, position or both of some joints; as rivals, other zeros of positions."""
+    """The suspected mistakes that torque, position or both of a joint have the wrong sign, and rivals of these.
+
+    A rival says that no sign is wrong, and that the joint is counted from another zero.
+
+    Args:
+        robot: Gives the joints.
+        poor: Joints that fit poorly as recorded.
+    """
     out = []
     for j in poor:
         factor = np.ones(robot.nv)
@@ -246,7 +257,7 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
 
 
 def _other_zero(robot: Robot, j: int, turn: float) -> Suspect:
-    """The rival that no sign is wrong: the model counts a joint from another zero than the recording."""
+    """The rival of a wrong sign: the zero of joint ``j`` in the model is ``turn`` [rad] from that in the recording."""
     shift = np.zeros(robot.nv)
     shift[j] = turn
     return Suspect(
@@ -274,9 +285,11 @@ def order_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
         order = np.arange(robot.nv)
         order[[i, j]] = j, i
         a, b = robot.joint_names[i], robot.joint_names[j]
-        for positions, torques, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
-            quantities = ("q",) * positions + ("tau",) * torques
-            swapped = {f"{x}.{k}": f"{x}.{m}" for x in quantities for k, m in ((a, b), (b, a))}
+        for quantities, what in ((("tau",), "torques"), (("q",), "positions"), (("q", "tau"), "columns")):
+            positions, torques = "q" in quantities, "tau" in quantities
+            swapped: dict[str, str] = {}
+            for x in quantities:
+                swapped |= {f"{x}.{a}": f"{x}.{b}", f"{x}.{b}": f"{x}.{a}"}
             out.append(
                 Suspect(
                     "order",
@@ -317,8 +330,7 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
     every = tuple(range(robot.nv))
     factors: list[tuple[str, dict[str, str], Float[Array, " nv"]]] = []
     for unit, factor in TORQUE_UNITS.items():
-        # If all joints have the same ratio, only the nearest unit is tried: with others, a fitted payload could
-        # compensate for the wrong unit.
+        # If all joints have the same ratio, only the nearest unit is tried: a fitted payload could make others fit.
         if ratio is not None and unit != _nearest_unit(ratio):
             continue
         factors.append(
@@ -343,12 +355,12 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
 
 
 def _nearest_unit(ratio: float) -> str | None:
-    """The unit that explains a ratio of torques best; None if the ratio is far from that of every unit."""
+    """The unit that explains a ratio of measured to modelled torque best; None if it is far from that of every unit."""
     distance = {unit: abs(np.log(ratio * factor)) for unit, factor in TORQUE_UNITS.items()}
     unit = min(distance, key=lambda name: distance[name])
     return unit if distance[unit] <= _NEAR_UNIT else None
 
 
 def names(robot: Robot, joints: Sequence[int]) -> str:
-    """Names of joints for a sentence."""
+    """Names of joints as a list in a sentence."""
     return listed([robot.joint_names[j] for j in joints])

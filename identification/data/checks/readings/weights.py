@@ -1,4 +1,4 @@
-"""Suspected mistakes in gravity: a controller subtracted it from the torque, or the base is mounted another way."""
+"""Suspected mistakes in gravity: a controller subtracted the weight, or the base is mounted in another way."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, mode
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 
-# Share of a measured torque's standard deviation from which on the weight of the links would be visible in the torque.
+# The weight of a link is visible in a torque if its standard deviation is above this share of the torque's.
 _MATTERS = 0.2
-# Share of gravity, as estimated from torques, above which they contain the weight; wrong torque constants may halve it.
+# Torques contain the weight if the gravity that is estimated from them is above this share of the true gravity. Wrong
+# torque constants may halve the estimate.
 _CONTAINED = 0.3
-# Largest cosine between the gravity estimated from the torques and the given one with which the base is mounted another
-# way (the diagnosis finds smaller tilts), and smallest cosine between the estimate and an axis with which it is along
-# that axis.
+# The base is mounted in another way if the cosine between estimated and given gravity is at most the first number; the
+# diagnosis finds smaller tilts. The estimate is along an axis if the cosine between them is above the second number.
 _UPRIGHT, _ALONG = float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0)))
 
 
@@ -33,7 +33,7 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
     """
     weight = gravity_torque(robot, reading.motion.q)
     matters = weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)
-    # A joint at rest has a constant torque, whether its weight was subtracted or a brake bears it.
+    # The constant torque of a joint at rest does not show whether its weight was subtracted or a brake bears it.
     joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     size = float(np.linalg.norm(robot.model.gravity.linear))
     most = size if loaded else _CONTAINED * size
@@ -53,11 +53,11 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
 
 
 def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """The suspected mistakes that the base is mounted another way, as on a wall, or that gravity has a wrong size.
+    """The suspected mistakes that the base is mounted in another way, as on a wall, or that gravity has a wrong size.
 
-    The direction of gravity is estimated from the torques. It is tried along the nearest axis of the base, as a load
-    that the model lacks turns the estimate, and along the estimate itself, if that is not near the axis. The size of
-    the estimate says little, as it grows with the masses: what is tried is 9.81 m/s^2.
+    The direction of gravity is estimated from the torques. A load that the model lacks turns the estimate, so that
+    gravity is first tried along the nearest axis of the base. If the estimate is not near this axis, gravity is also
+    tried along the estimate. Its size is always 9.81 m/s^2, because that of the estimate depends on the masses.
     """
     given = np.array(robot.model.gravity.linear)
     size = float(np.linalg.norm(robot.model.gravity981))
@@ -70,14 +70,22 @@ def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
         return []
     if estimate @ given > _UPRIGHT * length * np.linalg.norm(given):
         return _under(robot, reading, joints, size * given / np.linalg.norm(given))
-    along = np.eye(3)[np.argmax(np.abs(estimate))] * np.sign(estimate[np.argmax(np.abs(estimate))])
-    directions = [along] if estimate @ along > _ALONG * length else [along, estimate / length]
-    tried = [size * way for way in directions if way @ given <= _UPRIGHT * np.linalg.norm(given)]
+    nearest = np.argmax(np.abs(estimate))
+    axis = np.eye(3)[nearest] * np.sign(estimate[nearest])
+    directions = [axis] if estimate @ axis > _ALONG * length else [axis, estimate / length]
+    tried = [size * direction for direction in directions if direction @ given <= _UPRIGHT * np.linalg.norm(given)]
     return [suspect for gravity in tried for suspect in _under(robot, reading, joints, gravity)]
 
 
 def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float[Array, " 3"]) -> list[Suspect]:
-    """The suspected mistake that gravity [m/s^2] is another one; empty if it would not be visible in any torque."""
+    """The suspected mistake that gravity is not as the model states; empty if no torque would show the difference.
+
+    Args:
+        robot: The given model.
+        reading: The data as recorded.
+        joints: Joints whose torque varies.
+        gravity: The suspected gravity [m/s^2] in the axes of the base.
+    """
     given = np.array(robot.model.gravity.linear)
     change = gravity_torque(robot, reading.motion.q, gravity - given)
     visible = tuple(j for j in joints if change[:, j].std() > _MATTERS * reading.tau[:, j].std())
@@ -103,8 +111,8 @@ def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float
 def gravity_from_torques(robot: Robot, reading: Reading, joints: Sequence[int]) -> Float[Array, " 3"]:
     """Gravity [m/s^2] in the axes of the base, estimated from the torques of some joints.
 
-    It is a least-squares fit of all these torques. Gravity is the same for all joints; each joint has coefficients of
-    its own for the other torque of its links, viscous and Coulomb friction, and an offset.
+    All these torques are fitted together by least squares. Gravity is common to all joints. Each joint has its own
+    coefficients for the inertial torque of its links, viscous and Coulomb friction, and an offset.
     """
     per_axis = np.stack([gravity_torque(robot, reading.motion.q, axis) for axis in np.eye(3)], axis=2)
     moving = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
