@@ -1,1 +1,1 @@
-"""Checks of recorded torques: their filters, lag, scale, and what was taken off them."""
+"""Checks of recorded torques: filter, lag, unit, sign, and weight or friction that a controller subtracted."""

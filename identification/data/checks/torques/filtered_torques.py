@@ -12,11 +12,12 @@ from phantom_dyn.signals.spectra import power_density
 # Two frequency bands, as shares of the sample rate, in which no robot moves. White sensor noise has the same power
 # density in both; after a low pass it has far less in the upper one.
 _LOWER, _UPPER = (0.12, 0.25), (0.35, 0.48)
-# Power density in the upper band relative to the lower one [dB], below which a torque counts as filtered, and above
-# which a position counts as unfiltered. A torque that is averaged over each sample has -10, recorded torques without a
-# filter have -16 or more, and after a second-order low pass at a twentieth of the rate it is -25 or less.
+# A torque was filtered if its power density in the upper band, relative to the lower one, is below the first number
+# [dB]. A position was not filtered if the same ratio is above the second number. A torque that is averaged over each
+# sample has -10 dB, and recorded torques without a filter have -16 dB or more. After a second-order low pass at a
+# twentieth of the sample rate a torque has -25 dB or less.
 _FILTERED, _UNFILTERED = -20.0, -12.0
-# Smallest difference [dB] between position and torque that shows different filters.
+# Smallest difference [dB] of this ratio between position and torque that shows different filters.
 _DIFFERENCE = 15.0
 _FEWEST = 500  # smallest number of samples
 
@@ -25,12 +26,12 @@ def roll_off(x: Float[Array, "N k"]) -> Float[Array, " k"]:
     """Power density in the band `_UPPER` relative to the band `_LOWER` [dB]; 0 for white noise.
 
     Args:
-        x: Samples at a uniform rate, one series in each column.
+        x: Samples at a uniform rate, one signal in each column.
     """
     if not x.shape[1]:
         return np.zeros(0)
-    # The spectrum is computed from differences, and corrected for that: so the large power of the motion at low
-    # frequencies does not leak into the bands.
+    # The spectrum is that of the differences of x, divided by the gain of a difference: so the large power of the
+    # motion at low frequencies does not leak into the bands.
     differences, length = np.diff(x, axis=0), min(512, len(x) // 4)
     f, power = power_density(differences, 1.0, length, window="blackmanharris", linear=True)
     power = power / np.maximum((2 * np.sin(np.pi * f)) ** 2, 1e-12)[:, None]
@@ -39,7 +40,7 @@ def roll_off(x: Float[Array, "N k"]) -> Float[Array, " k"]:
 
 
 def filtered_joints(recording: Recording) -> tuple[str, ...]:
-    """Joints whose torque went through a low pass of at least second order, but whose position did not."""
+    """Names of joints whose torque went through a low pass of at least second order, and whose position did not."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
     moves = np.flatnonzero((np.ptp(recording.q, axis=0) > 0) & (np.ptp(recording.tau, axis=0) > 0))
@@ -51,7 +52,12 @@ def filtered_joints(recording: Recording) -> tuple[str, ...]:
 
 
 def check_filtered(recording: Recording, filtered: tuple[str, ...]) -> tuple[str, ...]:
-    """A sentence on torques that were filtered while the positions were not, see `filtered_joints`."""
+    """A warning on torques that were filtered although the positions were not.
+
+    Args:
+        recording: Raw samples.
+        filtered: Result of `filtered_joints`.
+    """
     if not filtered:
         return ()
     which = "torque" if len(filtered) == 1 else "torques"

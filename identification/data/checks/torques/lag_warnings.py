@@ -9,7 +9,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class LagSentence(str):
-    """A sentence on a torque that is late or early; it carries what later stages need to know.
+    """The warning on a torque that is late or early, with the joint and the direction for later stages.
 
     Attributes:
         joint: Name of the joint.
@@ -38,39 +38,43 @@ def check_lag(
 
     Args:
         recording: Raw samples.
-        robot: States how the torque was held.
-        smooth: The smoothed copy.
+        robot: States whether a drive holds its torque between two samples.
+        smooth: The smoothed copy of the recording.
         found: Result of `lags_and_low_passes`.
-        higher_order: Joints whose torque went through a low pass of higher order, which inverting a first-order one
-            would not undo.
+        higher_order: Joints whose torque went through a low pass of second or higher order. Inverting a first-order low
+            pass would not undo it.
     """
     out = []
-    for each, filtered in found:
-        lag = each if each is not None and is_reported(each) else None
-        if filtered is not None and (filtered.joint in higher_order or not low_pass_is_reported(filtered, smooth.step)):
-            filtered = None
-        if filtered is not None and (filtered.beside_shift < CLEARLY or lag is None):
+    for any_lag, any_low_pass in found:
+        lag = any_lag if any_lag is not None and is_reported(any_lag) else None
+        low_pass = any_low_pass
+        if low_pass is not None and (low_pass.joint in higher_order or not low_pass_is_reported(low_pass, smooth.step)):
+            low_pass = None
+        if low_pass is not None and (low_pass.beside_shift < CLEARLY or lag is None):
             out.append(
-                f"{recording.file}: the torque of {filtered.joint} went through a low pass of first order at "
-                f"{filtered.hertz:.3g} Hz that the positions did not go through: {_low_pass_advice(filtered)}."
+                f"{recording.file}: the torque of {low_pass.joint} went through a low pass of first order at "
+                f"{low_pass.hertz:.3g} Hz that the positions did not go through: {_low_pass_advice(low_pass)}."
             )
         elif lag is not None:
-            out.append(_lag_sentence(recording.file, robot, smooth, lag, filtered))
+            out.append(_lag_sentence(recording.file, robot, smooth, lag, low_pass))
     return tuple(out)
 
 
-def _low_pass_advice(filtered: LowPass) -> str:
+def _low_pass_advice(low_pass: LowPass) -> str:
     """Advice on how to invert a low pass."""
     return (
-        f"write tau.{filtered.joint}: {{low_pass: {filtered.hertz:.3g}}} into a column map and give it with --columns"
+        f"write tau.{low_pass.joint}: {{low_pass: {low_pass.hertz:.3g}}} into a column map and give it with --columns"
     )
 
 
-def _lag_sentence(file: str, robot: Robot, smooth: Smooth, lag: Lag, filtered: LowPass | None) -> str:
-    """The warning on a torque that is late or early; a low pass may be the cause of a late one."""
+def _lag_sentence(file: str, robot: Robot, smooth: Smooth, lag: Lag, low_pass: LowPass | None) -> str:
+    """The warning on a torque that is late or early, with the advice to shift the torque or to invert a low pass.
+
+    If the robot's file does not state a hold, a lag of half a sample may come from a hold of the torque.
+    """
     hint = "shift it, or expect it to show as a delay"
-    if filtered is not None and filtered.beside_shift < 1 / CLEARLY:
-        hint = f"shift it, or, if it went through a low pass of first order, {_low_pass_advice(filtered)}"
+    if low_pass is not None and low_pass.beside_shift < 1 / CLEARLY:
+        hint = f"shift it, or, if it went through a low pass of first order, {_low_pass_advice(low_pass)}"
     if robot.torque_hold == "instant" and abs(lag.samples + 0.5) < max(0.25, 3 * lag.std):
         hint = "torque_hold: zoh in robot.yaml explains half a sample"
     word = "late" if lag.samples > 0 else "early"

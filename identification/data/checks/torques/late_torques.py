@@ -1,7 +1,7 @@
 """Finds recordings in which all torques are late against the motion by the same time.
 
-Then the torques were recorded late or filtered: a slow drive makes the commanded torque early against the motion, not
-late. In a diagnosis, late torques would look like a coupling of joints, other inertias or less friction.
+Such torques were recorded late, or filtered. A slow drive cannot be the cause: with it, the commanded torque is early
+against the motion. In a diagnosis, late torques would look like a coupling of joints, other inertias or less friction.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from identification.data.recording import Fault, Recording
 
 # Smallest number of joints with a lag, and largest spread of their lags as a share of the median.
 _JOINTS, _LARGEST_SPREAD = 2, 0.35
-# Smallest share of the squared residual that a shift of the torque removes (median over the joints): if it removes
-# less, something else is wrong.
+# Smallest share of the squared residual that a shift of the torque has to remove (median over the joints). If the shift
+# removes less, something else is wrong.
 _REMOVED = 0.75
 
 
@@ -25,7 +25,7 @@ def late_torques(recording: Recording, lags: list[Lag], low_passes: list[LowPass
     Args:
         recording: The recording.
         lags: Significant lags of the torques.
-        low_passes: Low passes of the same torques that fit best in place of the lags.
+        low_passes: The low pass that fits each of the same torques best in place of its lag.
         step: Time between two samples [s].
     """
     samples = np.array([lag.samples for lag in lags])
@@ -44,14 +44,15 @@ def late_torques(recording: Recording, lags: list[Lag], low_passes: list[LowPass
 
 
 def _advice(recording: Recording, samples: float, low_passes: list[LowPass], step: float) -> str:
-    """Advice to take back a delay or a low pass; both, if the motion does not separate them.
+    """Advice to take back a delay, a low pass, or one of the two if the motion does not separate them.
 
-    Rows that hold what was read at two instants make a delay of whole rows.
+    A lag near a whole number of rows is rounded. Such a delay arises if the positions and torques of a row were read at
+    different instants.
 
     Args:
         recording: The recording.
         samples: Lag of the torques in samples.
-        low_passes: Low passes of the torques that fit best in place of a lag.
+        low_passes: The low pass that fits each torque best in place of its lag.
         step: Time between two samples [s].
     """
     rows = round(samples)

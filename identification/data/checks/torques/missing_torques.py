@@ -1,4 +1,4 @@
-"""Finds joints with a drive whose torque is zero in every row: a quantity that was not recorded."""
+"""Finds joints with a drive whose torque is zero in every row, because it was not recorded."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
-# In a joint without a drive, the torques of weight and inertia cancel: their sum is below this share of their size.
+# In a joint without a drive, the torques of weight and inertia cancel: their sum is below this share of the two
+# together.
 _CANCELS = 0.3
 # Smallest travel [rad or m] of a joint that moves.
 _MOVES = 0.01
@@ -26,7 +27,8 @@ def missing_torque(recording: Recording, robot: Robot, reading: Reading, needed:
         recording: Raw samples.
         robot: The given model.
         reading: Smoothed samples of the recording.
-        needed: Torque of the model without friction at the same samples [N m or N].
+        needed: Torque that the model without friction needs at the same samples [N m or N], from the drives and
+            measured forces together.
     """
     if recording.tau is None:
         return None

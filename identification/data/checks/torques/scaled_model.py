@@ -11,14 +11,15 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 
-# Ridge on columns of length one, so that the solution exists for equal columns.
+# Ridge penalty for columns of length one, so that equal columns have a solution, too.
 _RIDGE = 1e-9
 
 
 def plain_unexplained(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
-    """Unexplained share of each joint's torque variance, with a positive factor of the model torque and of friction.
+    """Unexplained share of each joint's torque variance, shape ``(nv,)``; NaN for torques that do not vary.
 
-    It is NaN for torques that do not vary.
+    Each torque is fitted by the model torque, viscous and Coulomb friction with coefficients that are not negative, and
+    a free offset.
     """
     needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     torque = reading.tau + reading.external
@@ -28,6 +29,7 @@ def plain_unexplained(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
         columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones])
         size = np.linalg.norm(columns, axis=0)
         scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), torque[:, j]])
+        # The triangular factor has the same solution and residual, with far fewer rows.
         factor = np.asarray(np.linalg.qr(scaled, mode="r"))
         x = lsq_linear(factor[:, :-1], factor[:, -1], (low, np.inf), method="bvls", tol=1e-14, max_iter=50).x
         squares = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2))
@@ -36,10 +38,11 @@ def plain_unexplained(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 
 
 def quick_unexplained(robot: Robot, reading: Reading) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-    """Unexplained share of each torque's variance with friction of either sign, and the factor of the model torque.
+    """Unexplained share of each torque's variance, and the factor of the model torque, shape ``(k,)`` each.
 
-    It is faster than `plain_unexplained`, for searches over many readings. A factor that is not positive counts as 0:
-    then friction alone explains the torque. Torques that do not vary are left out.
+    It is faster than `plain_unexplained`, for searches over many readings: all ``k`` torques that vary are fitted at
+    once, by normal equations, with friction of either sign. If the factor of a model torque is not positive, it is set
+    to 0, and friction alone is fitted.
     """
     torque = reading.tau + reading.external
     vary = varies(torque)
@@ -52,16 +55,22 @@ def quick_unexplained(robot: Robot, reading: Reading) -> tuple[Float[Array, " k"
     normal = columns.transpose(0, 2, 1) @ columns + _RIDGE * np.eye(3)
     products = np.einsum("jnk,nj->jk", columns, torque)
     squares = np.sum(torque**2, axis=0)
-    both = np.linalg.solve(normal, products[:, :, None])[:, :, 0]
+    model_and_friction = np.linalg.solve(normal, products[:, :, None])[:, :, 0]
     friction = np.linalg.solve(normal[:, 1:, 1:], products[:, 1:, None])[:, :, 0]
-    positive = both[:, 0] > 0
-    explained = np.where(positive, np.sum(both * products, axis=1), np.sum(friction * products[:, 1:], axis=1))
-    factors = np.where(positive, both[:, 0] / np.where(size[:, 0, 0] > 0, size[:, 0, 0], 1.0), 0.0)
+    positive = model_and_friction[:, 0] > 0
+    # The coefficients times the products of columns and torque are the explained sum of squares.
+    by_both, by_friction = np.sum(model_and_friction * products, axis=1), np.sum(friction * products[:, 1:], axis=1)
+    explained = np.where(positive, by_both, by_friction)
+    factors = np.where(positive, model_and_friction[:, 0] / np.where(size[:, 0, 0] > 0, size[:, 0, 0], 1.0), 0.0)
     return np.maximum(1 - explained / squares, 0.0), factors
 
 
 def common_ratio(robot: Robot, reading: Reading) -> float | None:
-    """Median ratio of measured to modelled torque, if those of two joints or more are within a factor of two of it."""
+    """Median over the joints of the ratio of measured to modelled torque, or None.
+
+    It is None unless the ratios of at least two joints are within a factor of two of the median. Only joints whose
+    model torque explains a tenth of their torque, with a positive ratio in both halves of the recording, have a ratio.
+    """
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     found = regress_joints(with_torques_plus(reading, reading.external), model)
     slopes = [

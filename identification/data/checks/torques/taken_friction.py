@@ -1,7 +1,7 @@
-"""Finds torques without the friction that the model states, because a controller had subtracted it.
+"""Finds torques that lack the friction that the model states, because a controller had subtracted the friction.
 
 Friction is fitted together with free inertial parameters, so that wrong inertias are not taken for friction. The ratio
-of fitted to modelled friction is 1 if the torque contains the modelled friction, and 0 if it contains none.
+of fitted to modelled friction is 1 if the torque contains the modelled friction, and 0 if the torque contains none.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _BLOCKS = 8  # blocks of the record, each left out once (jackknife) for the stan
 _PER_COLUMN = 2.0
 # Smallest ratio of modelled friction to the residual of the fit, both root mean squares.
 _VISIBLE = 3.0
-# Largest ratio of fitted to modelled friction of a compensated torque, with either sign: controllers seldom subtract
-# friction to within a tenth. Wear or a warm gear do not reduce friction that much.
+# Largest absolute ratio of fitted to modelled friction of a compensated torque. It is not 0, because controllers seldom
+# subtract friction to within a tenth. Wear or a warm gear do not reduce friction to this share.
 _LARGEST_SHARE = 0.3
-# Share of the torque that the links need, below which something else moves the joint. Inertias and torque constants
-# that are half or twice the stated ones make a factor of four at most.
+# If a torque varies by less than this share of the torque that the links need, something else moves the joint. Inertias
+# and torque constants that are half or twice the stated ones together make a factor of four at most.
 _DRIVEN = 0.25
 _SIGNIFICANT = 3.0  # standard errors
 
@@ -40,7 +40,7 @@ class FrictionShare:
 
     Attributes:
         joint: Name of the joint.
-        share: Fitted over modelled friction, 1 if the model is right.
+        share: Fitted over modelled friction; 1 if the torque contains the modelled friction.
         std: Standard error of the share.
         visible: Modelled friction over the residual of the fit, both root mean squares.
     """
@@ -54,7 +54,7 @@ class FrictionShare:
 def friction_shares(robot: Robot, smooth: Smooth) -> tuple[FrictionShare, ...]:
     """Ratio of fitted to modelled friction of each joint whose motion determines it.
 
-    Joints without modelled friction, and joints that something else moves, are left out.
+    Joints without modelled friction, and joints that something other than their drive moves, are left out.
 
     Args:
         robot: States the friction.
@@ -74,22 +74,29 @@ def friction_shares(robot: Robot, smooth: Smooth) -> tuple[FrictionShare, ...]:
             continue
         others = np.column_stack([bodies[:, j], smooth.a[rows, j], np.ones(len(rows))])
         friction = np.column_stack([v, sign])
-        share, residual, rank = _share(others, friction, tau, modelled)
+        share, residual, rank = _friction_share(others, friction, tau, modelled)
         if independent < _PER_COLUMN * rank:
             continue
-        without = np.empty(_BLOCKS)
+        without_block = np.empty(_BLOCKS)
         for k, block in enumerate(np.array_split(np.arange(len(rows)), _BLOCKS)):
             kept = np.setdiff1d(np.arange(len(rows)), block)
-            without[k] = _share(others[kept], friction[kept], tau[kept], modelled[kept])[0]
+            without_block[k] = _friction_share(others[kept], friction[kept], tau[kept], modelled[kept])[0]
         visible = float(np.sqrt(np.mean(modelled**2)) / max(residual, 1e-300))
-        out.append(FrictionShare(joint, share, jackknife_error(without), visible))
+        out.append(FrictionShare(joint, share, jackknife_error(without_block), visible))
     return tuple(out)
 
 
-def _share(
+def _friction_share(
     others: Float[Array, "n k"], friction: Float[Array, "n 2"], tau: Float[Array, " n"], modelled: Float[Array, " n"]
 ) -> tuple[float, float, int]:
-    """Ratio of fitted to modelled friction, root mean square of the residual, and the number of independent columns."""
+    """Ratio of fitted to modelled friction, root mean square of the residual, and the number of independent columns.
+
+    Args:
+        others: Columns of bodies, rotor and offset.
+        friction: Columns of viscous and Coulomb friction.
+        tau: Measured torque.
+        modelled: Friction that the model states.
+    """
     columns = np.column_stack([others, friction])
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0

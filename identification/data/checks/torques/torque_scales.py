@@ -1,7 +1,7 @@
-"""Torques in a wrong unit on some joints or on all (such as motor currents), found by weight and inertia of the links.
+"""Estimates by which factor each recorded torque differs from the modelled one, as a motor current does.
 
 Drives of different sizes have different torques per ampere, so each joint has its own factor: modelled torque of the
-links over logged torque, fitted together with friction of any size. It is as accurate as the model.
+links over recorded torque, fitted together with friction of any size. The factor is as accurate as the model.
 """
 
 from __future__ import annotations
@@ -18,26 +18,27 @@ from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
 OTHER_UNIT = float(np.log(4.0))
-"""Logarithm of a factor that is too large for a wrong torque constant or inertia."""
+"""Logarithm of the factor from which on a wrong torque constant or inertia cannot be the cause."""
 OWN_FACTOR = float(np.log(1.5))
 """Logarithm above which a joint gets a factor of its own, if the factor of another joint is above `OTHER_UNIT`."""
 ONE_FACTOR = float(np.log(1.15))
-"""Largest difference of the logarithms of factors that count as equal: as accurate as links are usually modelled."""
-# Smallest logarithm of a factor that joints have in common: torque constants may be wrong by a factor of two.
+"""Factors are equal if their logarithms differ by at most this number: links are usually modelled this accurately."""
+# Smallest logarithm of a common factor of several joints: torque constants may be wrong by a factor of two.
 _BEYOND_CONSTANT = float(np.log(2.5))
-# Largest difference of the logarithms of factors from both halves of a recording.
+# Largest difference between the logarithms of a factor in the two halves of a recording.
 _SAME_IN_HALVES = float(np.log(1.3))
-# A factor is known if the links explain this share of the torque, or this many times what no law explains.
+# A factor is known if the links explain more than the first share of the torque's variance, or if they explain more
+# than the second number times the unexplained share.
 _SHARE, _CLEAR = 0.5, 10.0
-# Where a factor comes from a constant weight, this is the largest logarithm of its ratio to the factor of the inertia.
+# Logarithm of the largest ratio between a factor from a constant weight and the factor from inertia.
 _SAME_AS_INERTIA = float(np.log(2.0))
 
 
 def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     """Modelled torque [N m or N] per unit of the measured one; NaN for joints whose motion does not determine it.
 
-    Friction may make most of a torque, and the back-EMF most of a voltage. So the part that the links explain is
-    compared with the part that nothing explains.
+    Friction may be most of a torque, and back-EMF most of a voltage. So the share that the links explain is compared
+    with the unexplained share, and not with the whole torque.
 
     Args:
         robot: The given model.
@@ -49,11 +50,10 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     for j, regression in enumerate(regress_joints(with_external, model)):
         if regression is None:
             continue
-        # Rotor inertia and friction under load can only raise the slope, which is the ratio of measured to modelled
-        # torque. So a slope that is not too high counts even if the links make a small share of the torque.
-        clear = regression.model_share > _CLEAR * regression.unexplained and 0 < max(regression.slope) < np.exp(
-            OWN_FACTOR
-        )
+        # The slope is the ratio of measured to modelled torque. Rotor inertia and friction under load can only raise
+        # the slope: so one that is not high is used even if the links explain a small share of the torque.
+        not_raised = 0 < max(regression.slope) < np.exp(OWN_FACTOR)
+        clear = not_raised and regression.model_share > _CLEAR * regression.unexplained
         if regression.model_share > _SHARE or clear:
             slopes = regression.slope
         else:
@@ -78,15 +78,15 @@ def _by_weight(
 ) -> tuple[float, float]:
     """Ratio of measured to modelled torque in each half, from a nearly constant weight such as a hoist's; 0 if unknown.
 
-    A fit with an offset cannot use such a weight, so that this fit has no offset. If a spring or counterweight balances
-    the weight, the varying part of the modelled torque has another factor, and the result is zero.
+    An offset would take up such a weight, so that this fit has no offset. If a spring or counterweight balances the
+    weight, the varying part of the modelled torque has another ratio; then both results are zero.
 
     Args:
         model: Modelled torque.
         v: Velocity.
-        sign: Its sign.
+        sign: Sign of the velocity.
         tau: Measured torque.
-        varying_slopes: The same ratio from the varying part of the modelled torque, in each half.
+        varying_slopes: Ratio in each half from the varying part of the modelled torque, by a fit with an offset.
     """
     columns, half, slopes = np.column_stack([model, v, sign]), len(tau) // 2, []
     for rows in (slice(None, half), slice(half, None)):
@@ -103,13 +103,13 @@ def _by_weight(
 
 
 def common_scale(scales: Float[Array, " nv"]) -> float | None:
-    """Modelled torque per unit of the measured one, if it is the same for all joints with a known one; else None.
+    """The factor from measured to modelled torque that all joints with a known factor have in common; None without one.
 
-    A load that the model lacks also gives about one factor for all joints. With a single joint the two cannot be
-    distinguished. If several joints agree, a smaller factor is enough.
+    A load that the model lacks can imitate a factor, on a single joint most easily. So a single joint needs a larger
+    factor than several joints that agree.
 
     Args:
-        scales: Scale of each joint, see `torque_scales`.
+        scales: Result of `torque_scales`, shape ``(nv,)``.
     """
     logs = np.log(scales[~np.isnan(scales)])
     if not len(logs) or np.ptp(logs) > ONE_FACTOR:
@@ -119,11 +119,13 @@ def common_scale(scales: Float[Array, " nv"]) -> float | None:
 
 
 def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dict[str, str]] | None:
-    """Possible causes of torques that are off by one factor on all joints or by large factors on some, as currents are.
+    """Words on torques that differ from the modelled ones by a common factor, or by large factors on some joints.
+
+    The cause may be a load that the model lacks, or that the torques are motor currents.
 
     Args:
         robot: The given model.
-        scales: Scale of each joint, see `torque_scales`.
+        scales: Result of `torque_scales`, shape ``(nv,)``.
 
     Returns:
         The first part of a sentence, and the entries of a column map for the case that the torques are currents. None

@@ -1,4 +1,4 @@
-"""Replaces torques that nobody knows by the model's, for the checks of the other joints."""
+"""Replaces the torque of joints whose drive is unknown by the model's torque, for the checks of the other joints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from phantom_dyn.motion import Motion
 
 
 def without_unknown_torques(recording: Recording, robot: Robot) -> Recording:
-    """The recording with the model's torque on joints whose drive is unknown, for checks of the other joints."""
+    """The recording with the model's torque on joints whose drive is unknown.
+
+    It is unchanged if there is no such joint, if the robot has a floating base, or if the recording is too short.
+    """
     unknown = unknown_drives(robot)
     # A robot with a floating base is compared with the model only once its contacts are known.
     if recording.tau is None or not unknown.any() or robot.floating:

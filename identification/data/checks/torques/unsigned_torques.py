@@ -10,18 +10,19 @@ from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import listed
 
-# The model needs both signs if the torque of either sign is above the first share of its root mean square for at least
-# the second share of the time.
+# The model needs torques of both signs if the modelled torque exceeds the first share of its root mean square, in each
+# direction, for more than the second share of the time.
 _STRONG, _STRONG_SHARE = 0.3, 0.1
-# A torque is certainly a magnitude if the unexplained share of its variance is at most the first number, and its ratio
-# to that of a signed torque is at most the second. It is likely one if the ratio is at most the third.
+# A torque is fitted as a magnitude and as a signed torque. It is certainly a magnitude if the unexplained share as a
+# magnitude is below the first number, and below the second number times the unexplained share as a signed torque. It is
+# probably a magnitude if the ratio of these shares is below the third number.
 _RIGHT, _CERTAIN, _LIKELY = 0.15, 0.25, 0.8
-# Rounds in which signs and coefficients are fitted in turn.
+# Number of rounds in which the signs and the coefficients of a magnitude are fitted in turn.
 _ROUNDS = 10
 
 
 def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, "N nv"]) -> Fault | None:
-    """The fault of torques that are never negative, and equal the magnitude of the modelled torque with friction.
+    """The fault of torques that are magnitudes: never negative, and equal to the modelled torque without its sign.
 
     Args:
         recording: Raw samples.
@@ -85,5 +86,5 @@ def _one_sign(recording: Recording, data: Reading, model: Float[Array, "N nv"]) 
 
 
 def _mean_square(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> float:
-    """Mean squared residual of a least-squares fit."""
+    """Mean squared residual of a least-squares fit of ``columns`` to ``target``."""
     return float(np.mean((target - columns @ np.linalg.lstsq(columns, target, rcond=1e-9)[0]) ** 2))

@@ -1,8 +1,8 @@
 """Checks for torques that were computed from a model of the weight, and for joints that only lift or only lower.
 
-The torque of a gravity compensation comes from the controller's own model of the weight: a recording of it says nothing
-about the robot. Friction of a gear grows with its load. If a joint only lifts its load, this friction is proportional
-to the weight, and the two cannot be distinguished.
+The torque of a gravity compensation is computed from the controller's own model of the weight, so that a recording of
+this torque says nothing about the robot. The friction of a gear grows with its load. If a joint only lifts its load,
+this friction is proportional to the weight, and the two cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -16,22 +16,23 @@ from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# A torque was computed from the position if a fit of any weight leaves at most the first share of the torque, and at
-# most the second share of what inertia and modelled friction need. Measured torques have 50 % and more of either,
-# recorded compensations 1 % and 9 %.
+# A torque was computed from the position if the residual after a fit of any weight is small: below the first share of
+# the torque, and below the second share of the torque that inertia and modelled friction need. Measured torques have
+# 50 % or more of both, recorded compensations 1 % and 9 %.
 _OF_TORQUE, _OF_MOTION = 0.05, 0.3
-# Smallest value of `lifted_less_lowered` of a joint that moves its weight in one direction only. Motions up and down
+# A joint moves its weight in one direction only if `lifted_less_lowered` is above this number. Motions up and down
 # through the same positions have 0.1 to 0.35.
 _ONE_WAY = 0.7
-# Share of a joint's rms speed above which it moves, and share of its torque above which its weight matters.
+# A joint moves if it is faster than the first share of its root-mean-square speed. Its weight matters if it is above
+# the second share of the torque, both root mean squares.
 _MOVES, _MATTERS = 0.1, 0.3
 _ROWS, _FEWEST = 2000, 100  # largest and smallest number of samples
-# Travel [rad or m] below which a joint is held; its torque is then caused by the motion of the other joints.
+# A joint that travels less than this [rad or m] is held: its torque comes from the motion of the other joints.
 _HELD = 1e-3
 
 
 def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
-    """True for joints whose torque is a weight that depends on the positions, without any inertia or friction.
+    """True for joints whose torque depends on the positions like a weight, and contains no inertia or friction.
 
     Args:
         robot: The given model.
@@ -47,19 +48,22 @@ def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]
     for j in range(robot.nv):
         columns = np.column_stack([np.ones(len(rows)), weights[:, j]])
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        both = np.column_stack([tau[rows, j], needed[:, j]])
-        residual = both - columns @ (np.linalg.lstsq(columns / size, both, rcond=1e-9)[0] / size[:, None])
+        # The torque of the motion is fitted by the same weights, as these may explain a part of it by chance.
+        targets = np.column_stack([tau[rows, j], needed[:, j]])
+        residual = targets - columns @ (np.linalg.lstsq(columns / size, targets, rcond=1e-9)[0] / size[:, None])
         of_torque, of_motion = np.linalg.norm(residual, axis=0)
-        spread = np.linalg.norm(both[:, 0] - both[:, 0].mean())
+        spread = np.linalg.norm(targets[:, 0] - targets[:, 0].mean())
         moves = np.ptp(motion.q[:, j]) > _HELD
         out[j] = moves and of_torque < _OF_TORQUE * spread and of_torque < _OF_MOTION * of_motion
     return out
 
 
 def lifted_less_lowered(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Float[Array, " nv"]:
-    """Sum of the squared weight that each joint lifts, minus the sum that it lowers, over both sums together.
+    """How much more each joint lifts its weight than lowers it, from -1 to 1, shape ``(nv,)``.
 
-    It is 1 for a joint that only lifts and -1 for one that only lowers; 0 if the joint's weight hardly matters.
+    It is the sum of the squared weight over samples in which the joint lifts, minus the sum over samples in which it
+    lowers, divided by the sum over both. It is 1 for a joint that only lifts and -1 for one that only lowers. It is 0
+    if the joint's weight hardly matters.
 
     Args:
         robot: The given model.
@@ -69,10 +73,10 @@ def lifted_less_lowered(robot: Robot, motion: Motion, tau: Float[Array, "N nv"])
     weight = inverse_dynamics(robot, _at_rest(motion))
     moves = np.abs(motion.v) > _MOVES * np.sqrt(np.mean(motion.v**2, axis=0))
     matters = np.sqrt(np.mean(weight**2, axis=0)) > _MATTERS * np.sqrt(np.mean(tau**2, axis=0))
-    both = np.sum(weight**2 * moves, axis=0)
-    lifted = np.sum(weight**2 * np.sign(weight * motion.v) * moves, axis=0)
-    known = matters & (both > 0) & (moves.sum(axis=0) > _FEWEST) & (np.ptp(motion.q, axis=0) > _HELD)
-    return np.where(known, lifted / np.where(both > 0, both, 1.0), 0.0)
+    total = np.sum(weight**2 * moves, axis=0)
+    difference = np.sum(weight**2 * np.sign(weight * motion.v) * moves, axis=0)
+    known = matters & (total > 0) & (moves.sum(axis=0) > _FEWEST) & (np.ptp(motion.q, axis=0) > _HELD)
+    return np.where(known, difference / np.where(total > 0, total, 1.0), 0.0)
 
 
 def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
@@ -104,5 +108,5 @@ def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
 
 def _at_rest(motion: Motion) -> Motion:
     """The same positions with zero velocities and accelerations."""
-    none = np.zeros_like(motion.v)
-    return Motion(motion.t, motion.q, none, none)
+    zero = np.zeros_like(motion.v)
+    return Motion(motion.t, motion.q, zero, zero)
