@@ -1,1 +1,1 @@
-"""Checks for errors in a recording: one sentence each, with joint and place."""
+"""Checks for errors in a recording; each warning is one sentence that names the joint and the time."""

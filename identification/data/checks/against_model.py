@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Checks of the torque against the model: signs, order of the joints, degrees.
+"""Checks a recording against the model for wrong signs, joints in the wrong order, and positions in degrees.
 
-Each check compares how well two versions of the data fit the model by linear regression with free friction: the data as
-recorded, and the data with a sign, a pair of joints or a unit changed.
+The torque is fitted by linear regression on the model torque and free friction. A sign is checked by the signs of the
+coefficients. For order and degrees, the fit of the data as recorded is compared with the fit of changed data.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from phantom_dyn.motion import Motion
 _ROWS = 300  # samples in a regression: enough for four coefficients, and quick for many pairs of joints
 _DEGREE = np.pi / 180  # [rad]
 _FAR = 4 * np.pi  # [rad]: a joint without limits may travel two turns, but seldom more
-_CLEAR = 0.3  # slope, or correlation of friction, above which its sign counts
+_CLEAR = 0.3  # the sign of a slope, or of a correlation of friction, counts if its absolute value is above this number
 _MOST_JOINTS = 12  # pairs of joints are tried up to this number of joints
 
 
@@ -33,10 +33,10 @@ class TorqueRegression:
 
     Attributes:
         slope: Measured torque per modelled torque, in each half of the record.
-        friction: Correlation of the fitted friction with the residual of model and offset; positive where friction
-            opposes the motion.
-        unexplained: Share of the measured torque's variance in the residual, with a slope that cannot be negative.
-        model_share: Share of the same variance that the model torque explains beyond friction, with any slope.
+        friction: Correlation between fitted friction and the measured torque without fitted model torque and offset;
+            positive if friction opposes the motion.
+        unexplained: Share of the measured torque's variance that is in the residual, if the slope cannot be negative.
+        model_share: Share of this variance that the model torque explains in addition to friction, with any slope.
     """
 
     slope: tuple[float, float]
@@ -55,12 +55,12 @@ def spread_samples(smooth: Smooth) -> Reading | None:
 
 
 def model_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
-    """Torque of the rigid model without its modelled friction, which the fits leave free."""
+    """Torque of the rigid model without the modelled friction, because the fits have free friction."""
     return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)
 
 
 def least_squares(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> tuple[Float[Array, " k"], float]:
-    """Least-squares coefficients and the sum of squares of the residual."""
+    """Least-squares coefficients and the sum of squared residuals."""
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0] = 1.0
     coefficients = np.linalg.lstsq(columns / scale, target, rcond=1e-9)[0] / scale
@@ -70,7 +70,14 @@ def least_squares(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> t
 def regress_torque(
     model: Float[Array, " N"], v: Float[Array, " N"], sign: Float[Array, " N"], tau: Float[Array, " N"]
 ) -> TorqueRegression | None:
-    """Regression of ``tau`` on the model torque and friction; None where the torque does not vary."""
+    """Regression of ``tau`` on the model torque, friction and an offset; None if the torque does not vary.
+
+    Args:
+        model: Model torque without friction [N m or N].
+        v: Velocity of the joint [rad/s or m/s].
+        sign: Low-passed sign of the velocity.
+        tau: Measured torque [N m or N].
+    """
     total = float(np.sum((tau - tau.mean()) ** 2))
     if total <= 1e-18 * len(tau) * max(1.0, float(np.max(np.abs(tau)))) ** 2:
         return None
@@ -83,11 +90,13 @@ def regress_torque(
         float(least_squares(columns[:half], tau[:half])[0][0]),
         float(least_squares(columns[half:], tau[half:])[0][0]),
     )
-    without_friction = tau - model * coefficients[0] - coefficients[3]
-    added = v * coefficients[1] + sign * coefficients[2]
-    scale = np.linalg.norm(without_friction) * np.linalg.norm(v) * np.linalg.norm(added)
-    direction = np.sign(float(added @ v))
-    friction = float(direction * abs(without_friction @ added) * np.linalg.norm(v) / scale) if scale > 0 else 0.0
+    measured_friction = tau - model * coefficients[0] - coefficients[3]
+    fitted_friction = v * coefficients[1] + sign * coefficients[2]
+    # The drive needs a torque along the velocity if friction opposes the motion: then the correlation is positive.
+    direction = np.sign(float(fitted_friction @ v))
+    lengths = np.linalg.norm(measured_friction) * np.linalg.norm(fitted_friction)
+    friction = float(direction * abs(measured_friction @ fitted_friction) / lengths) if lengths > 0 else 0.0
+    # With a negative slope the model torque is not used, and friction alone explains the torque.
     squares = squares_of_all if coefficients[0] > 0 else squares_of_friction
     return TorqueRegression(slopes, friction, squares / total, (squares_of_friction - squares_of_all) / total)
 
@@ -101,16 +110,26 @@ def regress_joints(data: Reading, model: Float[Array, "N nv"]) -> tuple[TorqueRe
 
 
 def unexplained_shares(data: Reading, model: Float[Array, "N nv"]) -> Float[Array, " nv"]:
-    """Share of the variance of each joint's torque that model and friction do not explain; NaN without variance."""
+    """Share of each joint's torque variance that model and friction do not explain, shape ``(nv,)``.
+
+    It is NaN for a torque that does not vary.
+    """
     return np.array([np.nan if one is None else one.unexplained for one in regress_joints(data, model)])
 
 
 def _inertia_confirms(
     weight: Float[Array, " N"], inertia: Float[Array, " N"], v: Array, sign: Array, tau: Float[Array, " N"]
 ) -> bool:
-    """True if the torque of the modelled inertia has the right sign in both halves of the record.
+    """True if the torque contains the torque of the modelled inertia with the right sign, in both halves of the record.
 
-    The weight has a slope of its own: a counterbalance may be stronger than gravity, but reverses nothing else.
+    Weight and inertia have separate slopes: a counterbalance that is stronger than gravity reverses the weight only.
+
+    Args:
+        weight: Modelled torque of gravity.
+        inertia: The rest of the modelled torque, without friction.
+        v: Velocity.
+        sign: Low-passed sign of the velocity.
+        tau: Measured torque.
     """
     columns = np.column_stack([inertia, weight, v, sign, np.ones(len(v))])
     half = len(tau) // 2
@@ -119,18 +138,25 @@ def _inertia_confirms(
 
 
 def check_flipped(recording: Recording, robot: Robot, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """Sentences on torques with the opposite sign of the modelled torque or of friction."""
+    """Sentences on torques with the opposite sign of the modelled torque or of friction.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model.
+        data: Samples of the recording.
+        model: Torque of the model without friction for ``data``.
+    """
     weight = gravity_torque(robot, data.motion.q)
     out, both_ways = [], np.ptp(np.sign(data.motion.v), axis=0) == 2
     for j, (joint, found) in enumerate(zip(recording.joint_names, regress_joints(data, model), strict=True)):
         if found is None:
             continue
-        # Friction that clearly opposes the motion confirms the sign, unless the model explains most of the torque.
+        # Friction that clearly opposes the motion confirms the sign, unless the model explains most of the variance.
         confirmed = found.friction > _CLEAR and found.model_share < 0.5
         against_model = found.model_share > 0.1 and max(found.slope) < -_CLEAR and not confirmed
         if against_model and found.friction > -_CLEAR:
-            own = (one[:, j] for one in (weight, model - weight, data.motion.v, data.sign, data.tau))
-            against_model = not _inertia_confirms(*own)
+            of_joint = (samples[:, j] for samples in (weight, model - weight, data.motion.v, data.sign, data.tau))
+            against_model = not _inertia_confirms(*of_joint)
         # If a joint moves in one direction only, friction and offset are the same column, with arbitrary signs.
         against_friction = both_ways[j] and found.model_share < 0.1 and found.friction < -0.7
         if against_model or against_friction:
@@ -143,7 +169,7 @@ def check_flipped(recording: Recording, robot: Robot, data: Reading, model: Floa
 
 
 def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joints: list[int]) -> bool:
-    """Whether changed data fit each of ``joints`` far better, and no other joint much worse.
+    """Whether changed data fit all of ``joints`` far better, and the other joints not much worse.
 
     Args:
         before: Unexplained share of every joint with the data as recorded.
@@ -155,24 +181,34 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joi
     others = np.setdiff1d(np.arange(len(before)), joints)
     worse = float(np.nansum(after[others] - before[others]))
     gained = float(np.sum(before[joints] - after[joints]))
-    # Joints with coupled loads fit exchanged data fairly well: for them the ratio decides, for others the difference.
     ratio = float(np.max(after[joints] / before[joints]))
-    return (ratio < 0.1 and gained > 0.02 and gained > 2 * worse) or (ratio < 0.5 and gained > 0.6 + 2 * max(worse, 0))
+    # Joints with coupled loads fit exchanged data fairly well, so that they gain little: then the ratio has to be
+    # small.
+    by_ratio = ratio < 0.1 and gained > 0.02 and gained > 2 * worse
+    by_difference = ratio < 0.5 and gained > 0.6 + 2 * max(worse, 0)
+    return by_ratio or by_difference
 
 
 def check_swapped(
     recording: Recording, robot: Robot, data: Reading, model: Float[Array, "N nv"]
 ) -> tuple[tuple[str, ...], bool]:
-    """Sentences on pairs of joints that fit far better when exchanged, and whether there are any."""
+    """Sentences on pairs of joints that fit far better when exchanged, and whether there are any.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model.
+        data: Samples of the recording.
+        model: Torque of the model without friction for ``data``.
+    """
     before = unexplained_shares(data, model)
     out = []
     if not 2 <= robot.nv <= _MOST_JOINTS:
         return (), False
     for i, j in combinations(range(robot.nv), 2):
-        # An exchange can be clearly better only if the fit of the recorded data is poor.
+        # An exchange can be far better only if the fit of the recorded data is poor.
         if not np.nansum(before[[i, j]]) > 0.02:
             continue
-        readings = []
+        better = []
         order = list(range(robot.nv))
         order[i], order[j] = j, i
         for motion, torque, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
@@ -180,11 +216,11 @@ def check_swapped(
             new_model = model_torque(robot, changed.motion) if motion else model
             after = unexplained_shares(changed, new_model)
             if _clearly_better(before, after, [i, j]):
-                readings.append((float(np.nanmean(after)), what))
-        if readings:
+                better.append((float(np.nanmean(after)), what))
+        if better:
             names = f"{recording.joint_names[i]} and {recording.joint_names[j]}"
             out.append(
-                f"{recording.file}: the {min(readings)[1]} of {names} look swapped: exchanged, they fit the model far "
+                f"{recording.file}: the {min(better)[1]} of {names} look swapped: exchanged, they fit the model far "
                 "better; check the order of the columns."
             )
     return tuple(out), bool(out)
@@ -199,17 +235,17 @@ def check_degrees(
         recording: Raw samples.
         robot: The given model; None to look at the positions only.
         data: Samples for a comparison with the model; None to compare the positions with the limits only.
-        model: Torque of the model for ``data``.
+        model: Torque of the model without friction for ``data``.
     """
     q = recording.q
     revolute = ~robot.prismatic if robot is not None else np.ones(q.shape[1], dtype=bool)
     unlimited = np.full(q.shape[1], np.inf)
     lower, upper = (-unlimited, unlimited) if robot is None else position_limits(robot)
-    width = upper - lower
+    limited = np.isfinite(upper - lower)
     with np.errstate(invalid="ignore"):
         beyond = np.maximum(q.max(axis=0) - upper, lower - q.min(axis=0))
-        outside = np.isfinite(width) & (beyond > np.maximum(width, 0.5))
-    far = ~np.isfinite(width) & (np.abs(q).max(axis=0) > _FAR) & (np.abs(q).max(axis=0) < 1000)
+        outside = limited & (beyond > np.maximum(upper - lower, 0.5))
+    far = ~limited & (np.abs(q).max(axis=0) > _FAR) & (np.abs(q).max(axis=0) < 1000)
     suspects = revolute & (outside | (far if robot is None else False))
     if robot is not None and data is not None and model is not None and not suspects.any() and revolute.any():
         before = unexplained_shares(data, model)

@@ -1,7 +1,7 @@
-"""Finds mistakes in a recording: another unit, sign or order of columns with which the model fits far better.
+"""Finds wrong units, signs and orders of columns in a recording, with whose correction the model fits far better.
 
-A reading is the recording with one such correction. A mistake is certain if no plausible robot explains the data as
-recorded, and a plausible robot explains the reading, in both halves of the recording. The fits are those of
+A reading is the recording with one such correction. A mistake is certain if, in both halves of the recording, no
+plausible robot explains the data as recorded, and a plausible robot explains the reading. The fits are those of
 `identification.data.checks.readings.plausible_fit`.
 """
 
@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.checks.motor_positions import motor_side_suspects
-from identification.data.checks.readings import suspects as other
 from identification.data.checks.readings.plausible_fit import (
     AS_MODELLED,
     ENOUGH,
@@ -31,7 +30,16 @@ from identification.data.checks.readings.reading_fits import (
     is_certain,
     joint_gains_of,
 )
-from identification.data.checks.readings.suspects import Suspect
+from identification.data.checks.readings.suspects import (
+    Suspect,
+    all_signs,
+    degree_suspects,
+    length_suspects,
+    order_suspects,
+    sign_suspects,
+    time_suspects,
+    torque_suspects,
+)
 from identification.data.checks.readings.weights import attitude_suspects, compensated_suspects
 from identification.data.checks.torques.scaled_model import common_ratio, plain_unexplained
 from identification.data.checks.torques.torque_factors import factor_of_all, factor_suspects, unit_suspects
@@ -41,17 +49,18 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# Difference of the summed gains of two readings below which they fit equally well.
+# Two readings fit equally well if their scores or misfits, which are sums of logarithms, differ by less than this
+# number.
 _EQUAL_FIT = 0.5
-# Share of the needed torque below which a joint has no drive, or is moved by something else.
+# A joint whose torque varies by less than this share of the modelled torque has no drive, or something else moves it.
 _IDLE = 0.1
 # Largest number of faults that are found one after the other.
 _MOST_FAULTS = 3
-# Unexplained share from which on two simultaneous mistakes are looked for.
+# Two simultaneous mistakes are looked for if the unexplained share of a joint is at least this in both halves.
 _FOR_TWO = 0.2
-# Number of signs that are tried as the first mistake of a pair, and number of pairs that are fitted in full.
+# Number of wrong signs that are tried as the first mistake of a pair, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
-# Number of the best signs and orders by a quick fit that are fitted in full.
+# Of degrees, signs, orders and gears of revolute joints, this number is fitted in full: those with the best quick fits.
 _FITTED_IN_FULL = 6
 
 
@@ -66,13 +75,13 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
     out: list[ReadingFit] = []
     for _ in range(_MOST_FAULTS):
         before = unexplained(robot, reading)
-        units = [*other.time_suspects(robot, step), *other.length_suspects(robot, reading)]
+        units = [*time_suspects(robot, step), *length_suspects(robot, reading)]
         poor = _poorly_fitted(before)
         if not poor and not any(suspect.expected for suspect in units):
             return out or _compensated_gravity(robot, reading)
         tried = [fit_of(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
         best = _best(robot, reading, before, tried)
-        # Data that fit are right without any unit: a motion may really be so slow.
+        # If the data fit as recorded, no unit is wrong: the motion may really be so slow.
         after = _after_a_unit(robot, reading, step, _likely_units(tried, best)) if poor else []
         if after and (best is None or explains_nearly_all(after[-1])):
             return [*out, *after]
@@ -80,6 +89,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
             return out or _compensated_gravity(robot, reading)
         if best.suspect.parts:
             first, second = best.suspect.parts
+            # Of equally good pairs with the same first mistake, the second mistakes are alternatives.
             twins = tuple(one.parts[1] for one in best.twins if one.parts[0] is first)
             return [*out, replace(best, suspect=first, twins=()), replace(best, suspect=second, twins=twins)]
         if best.suspect.outcome == "rival":
@@ -100,13 +110,14 @@ def _best(
     Args:
         robot: The given model.
         reading: The data as recorded.
-        before: Their unexplained share.
+        before: Unexplained shares of the data as recorded, ``(2, nv)``.
         tried: Fits of readings that correct a single mistake.
     """
     certain = [one for one in tried if is_certain(one)]
     best = _likeliest(robot, reading, certain) if certain else None
     if best is None or best.suspect.fits_gears:
-        # Gears have fitted numbers, and so explain a unit together with a sign, too.
+        # Fitted gear ratios can imitate two mistakes, such as a unit and a sign: so pairs of mistakes compete with
+        # them.
         singles = [one for one in tried if not one.suspect.fits_gears]
         pairs = _pair_of_mistakes(robot, reading, before, singles)
         return _likeliest(robot, reading, [*certain, *pairs]) if pairs else best
@@ -114,16 +125,16 @@ def _best(
 
 
 def _corrected(reading: Reading, step: float, suspect: Suspect) -> tuple[Reading, float]:
-    """The reading without a mistake, and its median time between two samples [s]."""
+    """The reading with a mistake corrected, and the corrected median time between two samples [s]."""
     corrected = suspect.read(reading)
     return corrected, step * float(np.ptp(corrected.motion.t) / np.ptp(reading.motion.t))
 
 
 def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[ReadingFit]:
-    """Readings in a unit that is very likely before any fit, with which a second mistake may explain the data.
+    """Fits with a unit corrected that is very likely wrong before any fit, to look for a second mistake after it.
 
-    What explains nearly all does not explain a clock that is far too slow: mm in ms, whose accelerations are a
-    thousandth, look like another unit of torque.
+    If another mistake explains nearly all of the torque, only units of time are returned. They may still be wrong:
+    positions in mm with a time in ms have accelerations of a thousandth, which look like another unit of torque.
 
     Args:
         tried: Fits of readings that correct a single mistake.
@@ -136,13 +147,15 @@ def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[
 
 
 def _after_a_unit(robot: Robot, reading: Reading, step: float, likely: Sequence[ReadingFit]) -> list[ReadingFit]:
-    """A unit that is very likely before any fit, with the mistakes that are certain only after its correction.
+    """The first likely unit after whose correction another mistake is certain, followed by the mistakes found then.
+
+    It is empty if there is no such unit.
 
     Args:
         robot: The given model.
         reading: The data as recorded.
         step: Median time between two samples [s].
-        likely: Fits of readings that correct such a unit.
+        likely: Result of `_likely_units`.
     """
     for unit in likely:
         further = better_readings(robot, *_corrected(reading, step, unit.suspect))
@@ -152,10 +165,10 @@ def _after_a_unit(robot: Robot, reading: Reading, step: float, likely: Sequence[
 
 
 def _compensated_gravity(robot: Robot, reading: Reading) -> list[ReadingFit]:
-    """The reading that a controller had subtracted gravity from the torque; for data in which no mistake is certain.
+    """The possible mistake that a controller subtracted gravity from the torque, for data without a certain mistake.
 
-    Many robots carry a load that the model lacks. With such a load and gravity added, a robot with the model's inertias
-    explains the torque. As recorded, only a robot with other inertias does.
+    Many robots carry a load that the model lacks. If gravity was subtracted, a robot with the model's inertias and such
+    a load explains the torque only after gravity is added. As recorded, only a robot with other inertias explains it.
     """
     suspects = compensated_suspects(robot, reading, loaded=True)
     if not suspects:
@@ -168,11 +181,17 @@ def _compensated_gravity(robot: Robot, reading: Reading) -> list[ReadingFit]:
 def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) -> ReadingFit:
     """The reading with the largest score; of readings with nearly equal scores, the one that fits the given model best.
 
-    A plausible robot may have any offset, and torque constants of half to twice the stated ones. With these, a torque
-    whose gravity part has the wrong sign fits, and so does a torque with half the gear ratio.
+    Scores alone do not decide: a plausible robot may have any offset, and torque constants of half to twice the stated
+    ones. So a torque whose gravity part has the wrong sign may fit, or one with half the gear ratio.
+
+    Args:
+        robot: The given model.
+        reading: The data as recorded.
+        certain: Fits of readings whose mistake is certain; not empty.
     """
     best_score = max(one.score - FAR_BETTER * one.suspect.price for one in certain)
     tied = [one for one in certain if one.score > best_score - _EQUAL_FIT]
+    # A rival, such as another zero, competes with an attitude of the base, or if it is listed first.
     if tied[0].suspect.kind != "attitude" and tied[0].suspect.outcome != "rival":
         tied = [one for one in tied if one.suspect.outcome != "rival"]
     if len(tied) == 1:
@@ -182,22 +201,24 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
         for one in tied
     ]
     least = min(costs)
-    # The first one is taken: a wrong sign of a torque is more frequent than of a position.
+    # Of equally good readings the first is taken: wrong signs of torques are more frequent, and listed before those of
+    # positions.
     equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _EQUAL_FIT]
     if len(equal) > 1 and equal[0].suspect.kind in ("sign", "pair"):
-        # With a load that mirrors the last link, a wrong torque sign fits as well as a reversed position, and the other
-        # way round. What needs no load goes before it.
+        # With a load that mirrors the last link, a wrong sign of the torque and a reversed position fit equally well.
+        # So a reading that needs no load is preferred.
         equal = [one for one in equal if not _needs_load(robot, one.suspect.read(reading))] or equal
     best = equal[0].suspect
     if best.kind == "attitude":
-        # The first direction of gravity is the simplest. Another zero of the first joint has the same effect.
+        # The first direction of gravity is the simplest. Another zero of the first joint has the same effect, and is
+        # given as a twin.
         return replace(equal[0], twins=tuple(one.suspect for one in equal[1:] if one.suspect.outcome == "rival"))
     twins = [one.suspect for one in equal[1:] if one.suspect.joints == best.joints or one.suspect.kind == "length"]
     return replace(equal[0], twins=tuple(one for one in twins if one.kind == best.kind and one.outcome == "wrong"))
 
 
 def _needs_load(robot: Robot, reading: Reading) -> bool:
-    """Whether a robot like its model explains a reading far better with a payload than without."""
+    """Whether a robot like its model explains a reading far better with a payload than without one."""
     return misfit_as_modelled(robot, reading, WITHOUT_LOAD) > misfit_as_modelled(robot, reading) + FAR_BETTER
 
 
@@ -209,16 +230,16 @@ def _pair_of_mistakes(
     Args:
         robot: The given model.
         reading: The data as recorded.
-        before: Their unexplained share.
+        before: Unexplained shares of the data as recorded, ``(2, nv)``.
         singles: Fits of readings that correct a single mistake.
     """
-    worst = np.nanmin(before, axis=0, initial=np.inf, where=~np.isnan(before))
-    if not (worst[np.isfinite(worst)] >= _FOR_TWO).any():
+    smaller = np.nanmin(before, axis=0, initial=np.inf, where=~np.isnan(before))
+    if not (smaller[np.isfinite(smaller)] >= _FOR_TWO).any():
         return []
     as_recorded = plain_unexplained(robot, reading)
     firsts = [
-        *other.degree_suspects(robot, reading),
-        *other.length_suspects(robot, reading),
+        *degree_suspects(robot, reading),
+        *length_suspects(robot, reading),
         *_best_in_quick_fit(robot, reading, as_recorded, _signs(robot, reading), _FIRSTS),
     ]
     pairs: list[tuple[float, Suspect, Suspect]] = []
@@ -227,7 +248,7 @@ def _pair_of_mistakes(
             corrected = first.read(reading)
             ratio = common_ratio(robot, corrected)
             signs = _signs(robot, corrected)
-            seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
+            seconds = [*torque_suspects(robot, ratio), *all_signs(robot), *signs]
             if ratio is not None and abs(np.log(ratio)) > OTHER_UNIT:
                 seconds.append(factor_of_all(robot, 1 / ratio))
             # Two signs of the same joint are one mistake, which is tried by itself.
@@ -252,11 +273,17 @@ def _pair_of_mistakes(
 def _signs(robot: Robot, reading: Reading) -> list[Suspect]:
     """The suspected wrong signs of all joints with a drive."""
     driven = np.flatnonzero(_driven(robot, reading)).tolist()
-    return [one for one in other.sign_suspects(robot, driven) if one.outcome == "wrong"]
+    return [one for one in sign_suspects(robot, driven) if one.outcome == "wrong"]
 
 
 def _quick_gain(robot: Robot, as_recorded: Float[Array, " nv"], corrected: Reading) -> float:
-    """Sum over all joints of the gain of a reading by quick fits."""
+    """Gain of a reading, summed over all joints: the logarithm of the ratio of unexplained shares, by quick fits.
+
+    Args:
+        robot: The given model.
+        as_recorded: Unexplained share of each joint with the data as recorded.
+        corrected: The reading.
+    """
     return float(np.nansum(np.log((as_recorded + ENOUGH) / (plain_unexplained(robot, corrected) + ENOUGH))))
 
 
@@ -269,7 +296,7 @@ def _best_in_quick_fit(
 
 
 def _poorly_fitted(before: Float[Array, "2 nv"]) -> list[int]:
-    """Joints whose unexplained share is so large that their fit could become far better."""
+    """Joints whose unexplained share is so large that a correction could make their fit far better."""
     possible = joint_gains_of(np.log((before + ENOUGH) / ENOUGH))
     return np.flatnonzero(np.nan_to_num(possible) >= FAR_BETTER).tolist()
 
@@ -288,21 +315,21 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
     signed = [j for j in poor if driven[j]]
     ratio = common_ratio(robot, reading)
     motors = motor_side_suspects(robot, reading)
-    of_shape = [
-        *other.degree_suspects(robot, reading),
+    quickly_fitted_first = [
+        *degree_suspects(robot, reading),
         *(one for one in motors if one.turned),
-        *(other.all_signs(robot) if signed == list(poor) else ()),
-        *other.sign_suspects(robot, signed),
-        *other.order_suspects(robot, signed),
+        *(all_signs(robot) if signed == list(poor) else ()),
+        *sign_suspects(robot, signed),
+        *order_suspects(robot, signed),
     ]
     return [
         *(one for one in motors if not one.turned),
-        *_units_closer_in_size(robot, reading, other.torque_suspects(robot, ratio)),
+        *_units_closer_in_size(robot, reading, torque_suspects(robot, ratio)),
         *unit_suspects(robot, reading),
         *factor_suspects(robot, reading),
         *compensated_suspects(robot, reading),
         *attitude_suspects(robot, reading),
-        *_better_in_quick_fit(robot, reading, of_shape),
+        *_better_in_quick_fit(robot, reading, quickly_fitted_first),
     ]
 
 
@@ -311,6 +338,7 @@ def _units_closer_in_size(robot: Robot, reading: Reading, suspects: Sequence[Sus
     needed = _needed(robot, reading).std(axis=0)
 
     def distance(tau: Float[Array, "N nv"]) -> float:
+        """Absolute median logarithm of the ratio of torque to modelled torque, by standard deviations."""
         size = (tau + reading.external).std(axis=0)
         known = (needed > 0) & (size > 0)
         return abs(float(np.median(np.log(size[known] / needed[known])))) if known.any() else np.inf
@@ -320,7 +348,7 @@ def _units_closer_in_size(robot: Robot, reading: Reading, suspects: Sequence[Sus
 
 
 def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
-    """True for joints whose torque has a plausible size; False where there is no drive, or something else moves it."""
+    """True for joints whose torque is large enough to move them; False without a drive, or if something else does."""
     return reading.tau.std(axis=0) >= _IDLE * _needed(robot, reading).std(axis=0)
 
 
@@ -330,7 +358,7 @@ def _needed(robot: Robot, reading: Reading) -> Float[Array, "N nv"]:
 
 
 def _better_in_quick_fit(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """The mistakes whose correction improves a quick fit; at most `_FITTED_IN_FULL`."""
+    """The mistakes whose correction clearly improves a quick fit, at most the `_FITTED_IN_FULL` best."""
     before = plain_unexplained(robot, reading)
     gains = np.full(len(suspects), -np.inf)
     for k, suspect in enumerate(suspects):

@@ -11,7 +11,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
 
 _TURN = 2 * np.pi  # [rad]
-# The positions are wrong only if at least this share of the samples is that far outside. A smaller share may be a
+# Positions are wrong only if at least this share of the samples is more than a turn outside. A smaller share may be a
 # spike, or a turn that was miscounted for a while.
 _LEAST_SHARE = 0.05
 
@@ -19,12 +19,12 @@ _LEAST_SHARE = 0.05
 def beyond_range(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
     """The fault of positions that are more than a turn outside a joint's range.
 
-    Positions that are inside after whole turns were subtracted are no fault: the encoder counts turns. The check works
-    without torque.
+    Positions that are inside after whole turns are subtracted are no fault, because an encoder may count turns. The
+    check needs no torque.
 
     Args:
         recording: Raw samples.
-        robot: The robot with the ranges of its joints.
+        robot: Gives the ranges of the joints.
     """
     lower, upper = position_limits(robot)
     q = recording.q[included(recording)]

@@ -78,16 +78,16 @@ def certain_faults(
     wrong = _with_entries_of_all([one for one in found if one.suspect.outcome == "wrong"])
     faults = tuple(_fault(recording, robot, reading, one) for one in wrong)
     offers = tuple(_offer(recording, one) for one in found if one.suspect.outcome == "offer")
-    # Corrections are found one after the other, so the last fit has all of them. If a part of the torque stays
-    # unexplained even then, none is certain, unless one was very likely before any fit (`expected`): they become
-    # offers.
+    # Corrections are found one after the other, so the last fit has all of them. If a part of the torque is unexplained
+    # even then, no correction is certain, unless one was very likely before any fit (`expected`). The corrections are
+    # then only offered.
     if wrong and not (any(one.suspect.expected for one in wrong) or explains_nearly_all(wrong[-1])):
         return (), offers + _uncertain(recording, robot, faults, wrong[-1])
     return faults, offers
 
 
 def _with_entries_of_all(wrong: Sequence[ReadingFit]) -> list[ReadingFit]:
-    """The mistakes with entries that also correct those before them, where they are in the same columns."""
+    """The mistakes in the same order, each with entries that also contain earlier corrections of the same columns."""
     out: list[ReadingFit] = []
     earlier: dict[str, str] = {}
     for one in wrong:
@@ -98,13 +98,13 @@ def _with_entries_of_all(wrong: Sequence[ReadingFit]) -> list[ReadingFit]:
 
 
 def _uncertain(recording: Recording, robot: Robot, faults: tuple[Fault, ...], last: ReadingFit) -> tuple[str, ...]:
-    """Sentences on faults that are not certain, as they leave a part of the torque unexplained.
+    """Sentences on faults that are not certain, because their correction leaves a part of the torque unexplained.
 
     Args:
         recording: The recording.
         robot: The given model.
         faults: The faults.
-        last: Fit with all of them corrected.
+        last: Fit with all faults corrected.
     """
     j = int(np.nanargmax(np.nanmax(last.unexplained, axis=0)))
     share = float(np.nanmax(last.unexplained[:, j]))
@@ -117,17 +117,20 @@ def _uncertain(recording: Recording, robot: Robot, faults: tuple[Fault, ...], la
 
 
 def _offer(recording: Recording, found: ReadingFit) -> str:
-    """The sentence on a torque from which a controller may have subtracted gravity."""
+    """The sentence on a mistake that is possible but not certain, such as gravity subtracted by a controller."""
     return f"{recording.file}: {found.suspect.what}: {_advice(recording, found.suspect)}."
 
 
 def load_or_current_words(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[str, ...]:
-    """Sentence on torques that all exceed the modelled ones by the same factor, which are a load or a motor current.
+    """Sentence on torques that differ from the modelled ones by large factors; empty without such torques.
+
+    The torques may be motor currents or voltages, or the robot may carry a load that the model lacks. Torques that were
+    computed from another quantity are not checked.
 
     Args:
-        recording: The recording; without a sentence if a torque was computed from another quantity.
+        recording: The recording.
         robot: The given model.
-        reading: Smoothed samples of the recording.
+        reading: Smoothed samples of the recording; None if there is no torque to compare with the model.
     """
     if reading is None or set(recording.torque_from.values()) - {"tau"} or robot.nv > _MOST_JOINTS:
         return ()
@@ -145,7 +148,7 @@ def load_or_current_words(recording: Recording, robot: Robot, reading: Reading |
 
 
 def _fault(recording: Recording, robot: Robot, reading: Reading, found: ReadingFit) -> Fault:
-    """The fault that a reading corrects, with the evidence and advice."""
+    """The fault that a reading corrects, with evidence and advice."""
     what = " or ".join([found.suspect.what, *(one.what for one in found.twins)])
     mend = "; or, as that fits equally well, ".join(_advice(recording, one) for one in (found.suspect, *found.twins))
     if found.suspect.expected:
@@ -176,14 +179,14 @@ def _advice(recording: Recording, suspect: Suspect) -> str:
         return suspect.advice
     if suspect.kind == "attitude":
         return f"write gravity: {suspect.entries['gravity']} into robot.yaml, if the robot is mounted so"
-    taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
+    sources = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
     if suspect.kind == "gravity":
         # Gravity is added to the torque itself, even if the torque was computed from a current.
-        taken = {}
-    computed = [column for column in suspect.entries if taken.get(column, column) != column]
-    any_computed = any(source != target for target, source in taken.items())
+        sources = {}
+    computed = [column for column in suspect.entries if sources.get(column, column) != column]
+    any_computed = any(source != column for column, source in sources.items())
     if computed or ("tau" in suspect.entries and any_computed):
-        columns = listed([taken[column] for column in computed] or list(dict.fromkeys(taken.values())))
+        columns = listed([sources[column] for column in computed] or list(dict.fromkeys(sources.values())))
         return (
             f"the torque was computed from {columns}: mend these columns with a column map (--columns), or "
             "torque_constant and gear_ratio in robot.yaml"

@@ -53,7 +53,7 @@ class Checked:
     Attributes:
         warnings: Sentences on possible errors.
         wrong: Certain faults.
-        unread: Joints whose torque has rows that are no readings.
+        unread: Joints whose torque was not read in some rows, in which a constant value was written.
     """
 
     warnings: tuple[str, ...]
@@ -62,7 +62,7 @@ class Checked:
 
 
 def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
-    """Warnings about possible errors of a recording, see `checked`."""
+    """Warnings about possible errors of a recording: the first part of the result of `checked`."""
     return checked(recording, robot).warnings
 
 
@@ -95,7 +95,8 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     ]
     recording = busiest(recording)
     if robot is not None and repeated:
-        # There any difference from the model would only follow from the readings that are missing.
+        # On these joints, any difference from the model would only come from the missing readings of the torque. So
+        # their torque is not compared with the model.
         robot = with_unknown_drives(robot, repeated)
         recording = without_unknown_torques(recording, robot)
     smooth = smoothed(recording)
@@ -119,7 +120,9 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
 
 
 def _check_motion(recording: Recording, robot: Robot | None) -> Checked:
-    """Checks that need no torque, or no model.
+    """Checks of a recording whose torque is not compared with the model.
+
+    There is no torque, no model, a floating base, or too short a recording.
 
     Args:
         recording: Raw samples.
@@ -129,7 +132,8 @@ def _check_motion(recording: Recording, robot: Robot | None) -> Checked:
     if robot is None:
         return Checked(degrees)
     if robot.floating:
-        # Contact forces on feet cause torques that the model does not contain.
+        # Contact forces on the feet cause torques that the model does not contain, so that the torques are not
+        # compared.
         warnings, wrong = check_base(recording, robot)
         return Checked((*degrees, *warnings), wrong)
     wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
@@ -154,7 +158,7 @@ def _check_torque(recording: Recording, robot: Robot, smooth: Smooth, filtered: 
     wrong, offers = certain_faults(recording, robot, reading)
     wrong = wrong or beyond_range(recording, robot)
     if wrong or offers:
-        # Other findings from a comparison with the model would mostly be consequences of these.
+        # Other differences from the model would mostly be consequences of these faults.
         return Checked(offers, wrong)
     with_forces = recording
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
@@ -168,7 +172,7 @@ def _check_torque(recording: Recording, robot: Robot, smooth: Smooth, filtered: 
 def _check_against_model(
     recording: Recording, robot: Robot, smooth: Smooth, with_forces: Recording, filtered: tuple[str, ...]
 ) -> Checked:
-    """Checks of the torque against the model. After an error that would disturb later checks, these are skipped.
+    """Checks of the torque against the model; an error that would disturb the later checks is reported alone.
 
     Args:
         recording: Raw samples.

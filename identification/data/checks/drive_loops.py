@@ -12,10 +12,10 @@ from phantom_dyn.model.robot import Actuator, Controller, Robot
 
 _COLUMN = {"u": "voltage", "i": "current", "tau": "torque"}
 _UNIT = {"u": "V", "i": "A", "tau": "N m"}
-# A stated controller is reported if its torque is wrong by more than the first factor, or explains less than the second
-# share of the logged torque.
+# A stated controller is reported if the logged torque differs from its torque by more than the first factor, or if its
+# torque explains less than the second share of the logged torque.
 _FACTOR, _EXPLAINED = 1.25, 0.5
-# Delays [s] with which a stated controller is compared, as a late reference does not make the controller wrong.
+# Delays [s] of the reference with which a stated controller is tried: a late reference does not make it wrong.
 _DELAYS = np.arange(0.0, 0.1, 0.01)
 _FEWEST = 100
 
@@ -32,7 +32,13 @@ def loop_sentences(recording: Recording) -> tuple[str, ...]:
 
 
 def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
-    """Description of an estimated controller; ``frame`` is the time [s] for which references are held, or 0."""
+    """Description of an estimated controller.
+
+    Args:
+        joint: Name of the joint.
+        loop: The estimated controller.
+        frame: Time [s] for which a reference is held; 0 if references are not held.
+    """
     unit = _UNIT[loop.output]
     parts = [f"gain {loop.gain:.4g} ± {loop.gain_std:.2g} {unit} per rad or m of error"]
     if not loop.computed:
@@ -59,7 +65,7 @@ def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
 
 
 def check_computed(recording: Recording) -> tuple[str, ...]:
-    """A warning on voltages that were computed from reference and position: they do not show the drive's delay."""
+    """A warning on voltages that were computed from reference and position, as these do not show the drive's delay."""
     if recording.reference_gain is None or recording.controlled:
         return ()
     joints = [joint for joint, gain in zip(recording.joint_names, recording.reference_gain, strict=True) if gain]
@@ -100,7 +106,17 @@ def check_controllers(recording: Recording, robot: Robot) -> tuple[str, ...]:
 def _compared(
     recording: Recording, j: int, actuator: Actuator, controller: Controller, v: Array
 ) -> tuple[float, float]:
-    """Factor between logged and commanded torque, and the share of the logged torque that this explains."""
+    """Factor from commanded to logged torque, and the share of the logged torque that the product explains.
+
+    Both are those of the delay with the largest share.
+
+    Args:
+        recording: Raw samples.
+        j: Index of the joint.
+        actuator: The drive of the joint.
+        controller: The stated controller.
+        v: Velocity of the joint [rad/s or m/s].
+    """
     assert recording.q_ref is not None
     assert recording.tau is not None
     t, q = recording.t, recording.q[:, j]

@@ -1,8 +1,8 @@
 """Checks whether the columns of positions and torques are exchanged.
 
-As in `identification.data.checks.better_readings`, they are if no plausible robot explains the data as recorded, and a
-plausible robot explains them after the exchange. The thresholds are stricter here, because the exchange changes the
-motion too, and a torque may fit as a position by accident.
+As in `identification.data.checks.better_readings`, the columns are exchanged if no plausible robot explains the data as
+recorded, and a plausible robot explains the data after the exchange. The thresholds are stricter here, because the
+exchange changes the motion, too, and torques may fit as positions by accident.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from identification.data.recording import Fault, Recording
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# Limits of the unexplained share of the torque: every joint has to be above the first as recorded, and below the second
-# after the exchange. Exchanged recordings in tests have at least 0.8 as recorded and at most 0.01 after the exchange.
+# The unexplained share of every torque has to be above the first number as recorded, and below the second number after
+# the exchange. Exchanged recordings in tests have at least 0.8 as recorded and at most 0.01 after the exchange.
 _LEAST_AS_RECORDED, _MOST_EXCHANGED = 0.5, 0.05
 
 

@@ -17,17 +17,17 @@ from identification.data.recording import Fault
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
-# Length [m] above which lengths may be in mm: the small joints of a hand are 20 mm apart, and robots of 20 m are rare.
+# Lengths [m] above this number may be in mm: robots of 20 m are rare, and in mm it is the length of a finger's link.
 _LONG = 20.0
-# Length [m] that is too large for a machine even if it is in mm. The largest length that a wrong unit makes is 30 km,
-# for a body whose inertia is in g mm^2.
+# Length [m] that is too large for a machine even if it is in mm. The largest length that wrong units make is 30 km: the
+# radius of gyration of a body whose inertia is in g mm^2.
 _ENDLESS = 1e6
 # Mass divided by the cube of the greatest length [kg/m^3] below which lengths are in mm: a hundredth of the density of
 # air. Cranes are a hundred times above it; arms with lengths in mm are below it, with masses in kg or in g.
 _THIN = 0.01
 # Density of osmium, the densest of metals [kg/m^3].
 _DENSEST = 22.6e3
-# Masses are in g only if this makes the density of every body one between foam and lead [kg/m^3].
+# Masses are in g only if every body then has a density between those of foam and lead [kg/m^3].
 _LIGHTEST, _USUAL = 10.0, 11.5e3
 # Mass of a robot [kg] below which masses are not reported: small bodies may be of lead or tungsten.
 _HEAVY = 100.0
@@ -39,7 +39,7 @@ _SI = "lengths in m, masses in kg and inertias in kg m^2"
 
 @dataclass(frozen=True)
 class _Length:
-    """A length of the model [m], and the clause on it, as in ``the joint j2 lies 300 m from the one before it``."""
+    """A length of the model [m], and a clause that states it, as ``the joint j2 lies 300 m from the one before it``."""
 
     metres: float
     words: str
@@ -97,7 +97,7 @@ def wrong_units(robot: Robot) -> tuple[Fault, ...]:
 
 
 def _lengths(robot: Robot) -> list[_Length]:
-    """Distances between joints, of centres of mass from their joints, and radii of gyration."""
+    """All lengths of the model: between joints, from joints to centres of mass, and radii of gyration."""
     out = []
     names, placements = list(robot.model.names), list(robot.model.jointPlacements)
     for j in range(1, robot.model.njoints):
@@ -114,7 +114,7 @@ def _lengths(robot: Robot) -> list[_Length]:
 
 def _radius_of_gyration(inertia) -> float:
     """Largest radius of gyration [m] of a body, over all axes through its centre of mass."""
-    # The roots are taken before the division, because with a tiny mass the quotient would overflow.
+    # The roots are taken before the division, because division by a tiny mass could overflow.
     return float(np.sqrt(max(float(np.linalg.eigvalsh(inertia.inertia)[-1]), 0.0)) / np.sqrt(inertia.mass))
 
 

@@ -1,7 +1,7 @@
 """Checks whether joints move in proportion, and how many inertial parameters the motion can then identify.
 
 If several joints follow one profile, their torques are functions of one variable. Friction can be identified, but only
-a few combinations of inertias, as many different inertias cause the same torque.
+a few combinations of inertias, because many different inertias cause the same torque.
 """
 
 from __future__ import annotations
@@ -17,20 +17,21 @@ from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_paramet
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Smallest correlation of the velocities of two joints that move along one line. Joints that a planner starts and stops
-# together have 0.6 to 0.9; joints that follow one profile, some milliseconds apart, have 0.99 and more.
+# Two joints move along one line if the absolute correlation of their velocities is above this number. Joints that a
+# planner starts and stops together have 0.6 to 0.9; joints that follow one profile, some milliseconds apart, have 0.99
+# or more.
 _CORRELATION = 0.97
-# A motion is one sine if the strongest line of its spectrum, with the second number of bins to either side, has at
-# least the first share of its power.
+# A motion is one sine if the strongest line of its spectrum has more than the first share of the power. The line
+# includes the second number of bins to either side.
 _SINE_SHARE, _LINE_BINS = 0.98, 3
-# Share of the fastest joint's speed below which a joint does not count as moving.
+# A joint moves if its speed is above this share of the fastest joint's speed, both root mean squares.
 _STILL = 1e-3
 # Number of samples of the regressor.
 _ROWS = 400
-# Share of a joint's torque from which on a combination of parameters is identifiable, if it is as large as the links'
-# own parameters. The share is about the error of modelled links.
+# A combination of parameters is identifiable if it changes the torque by more than this share when it is as large as
+# the links' own parameters. Modelled links have errors of about this size.
 _SHOWN = 0.05
-# Share of the largest singular value below which a combination causes no torque in any motion.
+# A combination causes no torque in any motion if its singular value is below this share of the largest one.
 _STRUCTURAL = 1e-6
 
 
@@ -38,7 +39,8 @@ class Separated(NamedTuple):
     """Numbers of combinations of inertial parameters that can be identified from a motion.
 
     Attributes:
-        shown: Number of combinations that change the torque by a twentieth, if they are as large as the links' own.
+        shown: Number of combinations that change the torque by more than a twentieth when they are as large as the
+            links' own parameters.
         all: Number of combinations that cause a torque in some motion (base parameters).
         condition: Condition number of the base parameters' columns, each divided by its norm.
     """
@@ -52,7 +54,7 @@ def lines_of(v: Float[Array, "N nv"]) -> tuple[tuple[int, ...], ...]:
     """Indices of joints in groups of two or more whose velocities are proportional.
 
     Args:
-        v: Velocities, one row per sample.
+        v: Velocities [rad/s or m/s].
     """
     size = np.sqrt(np.mean(v**2, axis=0))
     moving = np.flatnonzero(size > _STILL * max(float(size.max(initial=0.0)), 1e-300))
@@ -64,18 +66,22 @@ def lines_of(v: Float[Array, "N nv"]) -> tuple[tuple[int, ...], ...]:
 
 
 def is_one_sine(x: Float[Array, " N"]) -> bool:
-    """True for motion of one frequency: the torque shows only two amplitudes, in phase with velocity and position."""
+    """True for a position ``x`` of one frequency.
+
+    The torque of such a motion has only two amplitudes, one in phase with the velocity and one with the position.
+    """
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
     peak = int(np.argmax(power[1:])) + 1 if len(power) > 1 else 0
     line = power[max(peak - _LINE_BINS, 0) : peak + _LINE_BINS + 1]
-    # With fewer periods than the width of the line, it may be any slow motion.
+    # With fewer periods than the width of the line, the signal may be any slow motion.
     return bool(peak > _LINE_BINS and line.sum() > _SINE_SHARE * power[1:].sum())
 
 
 def separated(robot: Robot, motion: Motion) -> Separated:
-    """Rank and condition number of the base parameters for a motion.
+    """Numbers of combinations of inertial parameters that a motion shows, and their condition number.
 
-    The number of base parameters is that of a motion in which each joint is shifted in time by a different amount.
+    The number of base parameters is found from a copy of the motion, in which each joint is shifted in time by a
+    different amount, so that the joints move independently.
 
     Args:
         robot: The given model.
@@ -83,22 +89,28 @@ def separated(robot: Robot, motion: Motion) -> Separated:
     """
     count = len(motion.t)
     rows = np.linspace(0, count - 1, min(count, _ROWS)).astype(int)
+    # Multiples of the golden ratio, modulo 1, differ as much as possible between the joints.
     shifts = [int(count * (joint * 0.381966 % 1.0)) for joint in range(robot.nv)]
     shifted = Motion(motion.t[rows], *(_shifted(x, shifts)[rows] for x in (motion.q, motion.v, motion.a)))
-    w, free = rigid_body_regressor(robot, motion.at(rows)), rigid_body_regressor(robot, shifted)
+    w, w_shifted = rigid_body_regressor(robot, motion.at(rows)), rigid_body_regressor(robot, shifted)
+    # Each joint's rows are divided by its torque, so that all joints count alike; a joint without torque, by the
+    # largest.
     torque_rms = np.sqrt(np.mean((w @ standard_parameters(robot)) ** 2, axis=0))
     torque_rms = np.where(torque_rms > 0.0, torque_rms, max(float(torque_rms.max()), 1e-300))[None, :, None]
-    w, free = ((part / torque_rms).reshape(-1, part.shape[2]) for part in (w, free))
-    values = _singular(free / np.maximum(np.linalg.norm(free, axis=0), 1e-300))
+    w, w_shifted = ((part / torque_rms).reshape(-1, part.shape[2]) for part in (w, w_shifted))
+    values = _singular_values(w_shifted / np.maximum(np.linalg.norm(w_shifted, axis=0), 1e-300))
     rank = int(np.sum(values > _STRUCTURAL * values[0]))
-    values_of_motion = _singular(w / np.maximum(np.linalg.norm(w, axis=0), 1e-300))[:rank]
-    shown = _singular(w * _units(robot)) / np.sqrt(len(rows))
+    values_of_motion = _singular_values(w / np.maximum(np.linalg.norm(w, axis=0), 1e-300))[:rank]
+    shown = _singular_values(w * _parameter_scales(robot)) / np.sqrt(len(rows))
     condition = float(values_of_motion[0] / max(float(values_of_motion[-1]), 1e-12 * float(values_of_motion[0])))
     return Separated(min(int(np.sum(shown > _SHOWN)), rank), rank, condition)
 
 
-def _units(robot: Robot) -> Float[Array, " p"]:
-    """Scale of each inertial parameter: the link's mass times a power (0, 1 or 2) of its radius of gyration."""
+def _parameter_scales(robot: Robot) -> Float[Array, " p"]:
+    """Scale of each inertial parameter: the link's mass times a power (0, 1 or 2) of its radius of gyration.
+
+    Links without mass or size get a thousandth of the largest mass or radius.
+    """
     bodies = standard_parameters(robot).reshape(-1, 10)
     mass = np.maximum(bodies[:, 0], 1e-3 * max(float(bodies[:, 0].max()), 1e-300))
     radius = np.sqrt(np.maximum(0.5 * (bodies[:, 4] + bodies[:, 6] + bodies[:, 9]), 0.0) / mass)
@@ -106,16 +118,18 @@ def _units(robot: Robot) -> Float[Array, " p"]:
     return (mass[:, None] * np.hstack([radius**0, *[radius] * 3, *[radius**2] * 6])).ravel()
 
 
-def _singular(w: Float[Array, "m p"]) -> Float[Array, " p"]:
+def _singular_values(w: Float[Array, "m p"]) -> Float[Array, " p"]:
+    """Singular values of a matrix, largest first."""
     return np.linalg.svd(w, compute_uv=False)
 
 
 def _shifted(x: Float[Array, "N nv"], shifts: list[int]) -> Float[Array, "N nv"]:
+    """The samples with each joint's column rotated by its number of rows."""
     return np.column_stack([np.roll(column, shift) for column, shift in zip(x.T, shifts, strict=True)])
 
 
 def check_one_line(robot: Robot, smooth: Smooth) -> tuple[str, ...]:
-    """A warning for each group of joints that move along one line."""
+    """A warning for each group of joints that move along one line; empty for closed chains and quaternions."""
     if robot.chain is not None or robot.model.nq != robot.nv:
         return ()
     inside = smooth.inside
@@ -130,7 +144,7 @@ def one_line_words(names: list[str], found: Separated) -> str:
     """The warning on a group of joints that move along one line."""
     joints = ", ".join(names[:-1]) + f" and {names[-1]}"
     condition = f"(condition {found.condition:.0f})"
-    # Where all of them show, causes that are no link still add up to what a link does.
+    # Even if all base parameters can be identified, the torques of other causes may add up to the torque of a link.
     reason = (
         f": of the {found.all} base parameters of the links {found.shown} show {condition}"
         if found.shown < found.all

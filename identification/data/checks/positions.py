@@ -11,27 +11,27 @@ from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
 
-# Largest noise of any encoder [rad or m]: larger apparent noise is motion that is sampled too slowly.
+# Largest noise of any encoder [rad and m]: larger apparent noise is motion that is sampled at too low a rate.
 _NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005
-# Smallest share of moving samples that repeat the sample before, and smallest number of such samples in a row, for a
-# warning.
+# A warning is given if more than the first share of the samples in motion repeat the sample before, or if at least the
+# second number of samples in a row do.
 _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
-# An encoder has stalled if the joint, over the first number of samples before and after the repeated ones, moves at
-# least at the second share of its speed.
+# Repeated samples are an error only if the joint moves before and after them: over at least the first number of samples
+# on either side, faster than the second share of its speed during the repeated samples.
 _AROUND_REPEATS, _AS_FAST = 4, 0.5
 # The end of a recording is reported as standstill if it lasts at least this share of the recording, and this long [s].
 _TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
-# Smallest number of changes of position, and of differences between these changes, with which an encoder step is
-# estimated.
+# An encoder step is estimated only from at least this number of changes of position, of which at least the same number
+# differ from the change before.
 _FEWEST_STEPS = 20
-# A jump is at least the first number of times as fast as each of the second number of steps before and after it, and
-# has the opposite direction.
+# A jump is a step that is more than the first number times as fast as each of the second number of steps before and
+# after it, and opposite to the motion before and after.
 _JUMP, _BESIDE = 6.0, 5
 # Smallest jump: of an angle [rad], of a length [m], in encoder steps, and in standard deviations of the noise.
 _LEAST_ANGLE, _LEAST_LENGTH, _JUMP_STEPS, _BEYOND_NOISE = 0.02, 0.002, 5.0, 10.0
 # Number of samples that are searched at once, from the end of a recording on.
 _PIECE = 10_000
-# Ratio of the measured velocity to the derivative of the position, for each combination of units.
+# Ratio of the measured velocity to the derivative of the position, if their units differ as the words say.
 _UNIT_RATIOS = {
     180 / np.pi: "deg/s against rad",
     np.pi / 180: "rad/s against deg",
@@ -40,15 +40,15 @@ _UNIT_RATIOS = {
     1e3: "mm/s against m",
 }
 
-# Smallest difference between measured and computed position of a passive joint, relative to its travel, for a warning:
-# any encoder is more accurate.
+# A passive joint is reported if its measured position differs from the computed one by more than this share of its
+# travel: any encoder is more accurate.
 _PASSIVE_SHARE = 0.01
 
 
 def quantum(q: Float[Array, " N"]) -> float:
     """Encoder step [rad or m], estimated from the differences of ``q``; 0 if they are not multiples of one step.
 
-    It is also 0 if the differences hardly change: at constant speed they are equal whatever the encoder step.
+    The step is also 0 if the differences hardly change: at constant speed they are equal, whatever the encoder step is.
     """
     q = np.ascontiguousarray(q)
     differences = np.diff(q)
@@ -57,6 +57,7 @@ def quantum(q: Float[Array, " N"]) -> float:
     if len(steps) < _FEWEST_STEPS:
         return 0.0
     step = float(np.min(steps))
+    # Small differences are rounded to whole numbers of steps, and the step is fitted to them by least squares, in turn.
     for _ in range(3):
         small = steps[steps < 50 * step]
         counts = np.round(small / step)
@@ -71,7 +72,9 @@ def quantum(q: Float[Array, " N"]) -> float:
 
 
 def _noise(q: Float[Array, " N"]) -> float:
-    """Standard deviation of white noise on ``q``, from its third differences, which a smooth motion hardly has."""
+    """Standard deviation of white noise on ``q``, from third differences, which are small in a smooth motion."""
+    # The third difference of white noise has 20 times its variance; 1.4826 times the median absolute value estimates
+    # the standard deviation.
     third = np.diff(np.ascontiguousarray(q), 3)
     return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
 
@@ -90,7 +93,7 @@ def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Flo
 def check_sampling(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> tuple[str, ...]:
-    """A warning on joints whose positions look like noise, as they oscillate too fast for the sample rate."""
+    """A warning on joints whose positions look like noise, because they oscillate too fast for the sample rate."""
     fast = noise > _noisiest(recording, prismatic)
     if not fast.any():
         return ()
@@ -131,6 +134,7 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
                 runs.append((start, stop))
         if not runs:
             continue
+        # Repeated samples are samples in motion, too, even if the joint is slow.
         for start, stop in runs:
             moves[start:stop] = True
         frozen = sum(stop - start for start, stop in runs)
@@ -147,24 +151,24 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
 
 
 def _is_held(q: Float[Array, " N"]) -> bool:
-    """True if every position is held for some rows, so that most of the travel is in steps that follow repeats."""
+    """True if positions are held for several rows each: more than half of the travel is in steps after repeats."""
     changes = np.flatnonzero(np.diff(q))
     travel = np.abs(q[changes + 1] - q[changes])
     return bool(np.sum(travel[1:][np.diff(changes) > 1]) > np.sum(travel) / 2)
 
 
 def _moves_around(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: int, travel: float) -> bool:
-    """True if a joint moves before and after some equal samples as fast as it should have moved during them.
+    """True if a joint moves in the same direction, and fast enough, before, during and after some equal samples.
 
-    So it is False for a joint that rests, starts, stops or reverses there. If every position is held, the positions
-    before and after are read as many rows away as a position is held; one more row allows for a longer hold.
+    It is False for a joint that rests, starts, stops or reverses there. If every position is held, the speeds before
+    and after are computed over at least as many rows as a position is held, and one more row for a longer hold.
 
     Args:
-        q: Position.
+        q: Position [rad or m].
         t: Time [s].
-        start: First of the equal samples.
-        stop: Last of the equal samples.
-        travel: Change of position that is expected from ``start`` to the sample after ``stop``.
+        start: Index of the first equal sample.
+        stop: Index of the last equal sample.
+        travel: Change of position [rad or m] that is expected from ``start`` to the sample after ``stop``.
     """
     rows = max(_AROUND_REPEATS, stop - start + 2)
     first, last = start - rows, stop + 1 + rows
@@ -179,7 +183,7 @@ def _moves_around(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop
 def check_jumps(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> tuple[str, ...]:
-    """Warnings on positions that jump back from one sample to the next, as if a motor's encoder wraps around."""
+    """Warnings on positions that jump back from one sample to the next, as when a motor's encoder wraps around."""
     out, kept = [], included(recording)
     linear = np.zeros(recording.q.shape[1], dtype=bool) if prismatic is None else prismatic
     least = np.where(linear, _LEAST_LENGTH, _LEAST_ANGLE)
@@ -199,17 +203,17 @@ def check_jumps(
 
 
 def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: float) -> Array:
-    """First samples after jumps: a step that is far faster than the steps beside it, and in the opposite direction.
+    """Indices of the first samples after jumps: steps far faster than those before and after, against the motion there.
 
     Args:
         t: Time [s].
         q: Position [rad or m].
         least: Smallest size of a jump [rad or m].
-        noise: Standard deviation of the position.
+        noise: Standard deviation of the position's noise [rad or m].
     """
     steps = np.diff(q)
     speeds = np.abs(steps) / np.diff(t)
-    # This excludes most large steps of a fast joint quickly: they are as fast as the steps beside them.
+    # Most large steps of a fast joint are excluded here quickly: they are as fast as the steps next to them.
     faster = np.zeros(len(steps), dtype=bool)
     faster[1:-1] = speeds[1:-1] > _JUMP * np.maximum(speeds[:-2], speeds[2:])
     out = []
@@ -217,22 +221,27 @@ def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: flo
         if not _BESIDE < k < len(q) - _BESIDE:
             continue
         neighbours = np.concatenate([speeds[k - 1 - _BESIDE : k - 1], speeds[k : k + _BESIDE]])
-        ways = np.array([q[k - 1] - q[k - 1 - _BESIDE], q[k + _BESIDE] - q[k]])
-        if speeds[k - 1] > _JUMP * neighbours.max() and np.all(-np.sign(steps[k - 1]) * ways > _BEYOND_NOISE * noise):
+        travel_beside = np.array([q[k - 1] - q[k - 1 - _BESIDE], q[k + _BESIDE] - q[k]])
+        against_jump = -np.sign(steps[k - 1]) * travel_beside
+        if speeds[k - 1] > _JUMP * neighbours.max() and np.all(against_jump > _BEYOND_NOISE * noise):
             out.append(k)
     return np.array(out, dtype=int)
 
 
 def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, ...]) -> tuple[str, ...]:
-    """Warnings on coarse encoders: few steps in the whole range, or more acceleration by rounding than by motion."""
+    """Warnings on coarse encoders: few steps in the whole range, or rounding that dominates the acceleration.
+
+    Joints that are ``stated``, whose encoder step robot.yaml states, are not reported.
+    """
     out = []
-    share_kept = min(1.0, 2 * smooth.cutoff_hz * smooth.step)
+    share_kept = min(1.0, 2 * smooth.cutoff_hz * smooth.step)  # of the power of white noise, by the low pass
     for j, joint in enumerate(recording.joint_names):
         step = quantum(recording.q[:, j])
         extent = np.ptp(recording.q[:, j])
         if stated[j] or step == 0 or extent < 3 * step:
             continue
-        # Rounding is taken as low-passed white noise, so that the spectrum of its acceleration is proportional to w^4.
+        # Rounding is taken as low-passed white noise. The power density of its acceleration is proportional to the
+        # fourth power of the frequency, the mean of which below the cut-off is a fifth of the value at the cut-off.
         noise = step / np.sqrt(12) * np.sqrt(share_kept / 5) * (2 * np.pi * smooth.cutoff_hz) ** 2
         motion = float(np.sqrt(np.mean(smooth.a[smooth.inside, j] ** 2))) if smooth.inside.any() else 0.0
         if extent < 100 * step or noise > 0.5 * motion:
@@ -257,7 +266,7 @@ def still_joints(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> 
 
 
 def _included_part(recording: Recording) -> tuple[Float[Array, "n nv"], Float[Array, " n"]]:
-    """Positions and times outside every excluded interval; nothing is copied without such an interval."""
+    """Positions and times outside every excluded interval; not copied if there is no such interval."""
     if not recording.excluded:
         return recording.q, recording.t
     kept = included(recording)
@@ -267,28 +276,28 @@ def _included_part(recording: Recording) -> tuple[Float[Array, "n nv"], Float[Ar
 def _still_range(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
-    """Range of positions up to which each joint counts as standing still [rad or m], shape ``(nv,)``."""
+    """Largest range of positions of a joint that stands still [rad or m], shape ``(nv,)``."""
     return np.maximum(_least_motion(recording, prismatic), 2 * _tolerance(recording, prismatic, noise))
 
 
 def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
-    """Smallest motion of each joint that counts as motion [rad or m], shape ``(nv,)``."""
+    """Range of positions that counts as motion of each joint, whatever the noise is [rad or m], shape ``(nv,)``."""
     return np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(recording.q.shape[1], 1e-5)
 
 
 def _tolerance(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
-    """Distance from its resting position within which each joint counts as at rest [rad or m], shape ``(nv,)``."""
+    """Largest distance of each joint at rest from its resting position [rad or m], shape ``(nv,)``."""
     noise = np.minimum(noise, _noisiest(recording, prismatic))
     wander = 5 * noise + np.array([2 * quantum(q) + 1e-4 * np.ptp(q) for q in _included_part(recording)[0].T])
     return np.maximum(wander, 0.1 * _least_motion(recording, prismatic))
 
 
 def _last_away(q: Float[Array, "N nv"], place: Float[Array, " nv"], far: Float[Array, " nv"]) -> int:
-    """The last sample at which some joint is farther than ``far`` from its ``place``; -1 without such a sample.
+    """Index of the last sample at which any joint is farther than ``far`` from ``place``; -1 without such a sample.
 
-    The search goes from the end in pieces, as this sample is mostly near the end.
+    The search goes backwards from the end in pieces, because this sample is mostly near the end.
     """
     for stop in range(len(q), 0, -_PIECE):
         first = max(stop - _PIECE, 0)
@@ -344,7 +353,7 @@ def _velocity_sentence(ratio: float, agreement: float) -> str | None:
 
     Args:
         ratio: Slope of the measured velocity over the derivative.
-        agreement: Correlation of the two.
+        agreement: Correlation of measured velocity and derivative.
     """
     if abs(agreement) < 0.7:
         return f"does not follow the derivative of its position (correlation {agreement:.2f}): is it of another joint?"
@@ -359,7 +368,7 @@ def _velocity_sentence(ratio: float, agreement: float) -> str | None:
 
 
 def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """Warnings on passive joints whose measured position differs from the one that the closed chain determines.
+    """Warnings on passive joints whose measured position differs from the position that the closed chain determines.
 
     Raises:
         LogError: If the loops do not close at the recorded positions of the active joints.

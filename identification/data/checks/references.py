@@ -1,10 +1,10 @@
 """Finds references of position controllers that the positions cannot follow: wrong units, signs, orders and zeros.
 
-A drive follows its reference with any delay up to half a second, rotor inertia and friction, and with an error that
-grows with the weight and inertia of the links that it moves. As in `identification.data.checks.better_readings`, a
-mistake is certain if no such drive explains the motion as recorded, and one explains it far better, and nearly all of
-it, with the mistake corrected, in both halves of the recording. Drives that are soft, late or at their limits follow
-badly, but no better when read otherwise.
+A drive may follow its reference with any delay up to half a second, with rotor inertia and friction, and with an error
+that grows with the weight and inertia of the links that it moves. As in
+`identification.data.checks.better_readings`, a mistake is certain if such a drive explains the motion far better after
+the correction than as recorded, and then explains nearly all of the motion, in both halves of the recording. Soft, late
+or saturated drives follow badly, too, but no correction makes them follow far better.
 """
 
 from __future__ import annotations
@@ -27,17 +27,19 @@ from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, mode
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
-# Delays of the reference that are tried [s]; the columns of speed and acceleration express what lies between them.
+# Delays of the reference that are tried [s]. The columns of speed and acceleration explain delays between these.
 _DELAYS = np.arange(0.0, 0.55, 0.1)
 # Largest factor between the gain of a drive and the stated one.
 _GAIN = 2.0
-# Price of each reference that is another joint's: two joints are far better together.
+# Cost of giving a joint the reference of another joint. An exchange of two references costs twice as much, and so has
+# to fit far better.
 _MOVED = FAR_BETTER / 2
 # Number of mistakes that are found one after the other, and largest number of joints whose references are reordered.
 _MOST_FAULTS, _MOST_JOINTS = 3, 12
-# Positions and references have another zero if they are a multiple of a quarter turn apart up to the first number
-# [rad], and that varies by less than the second share of it.
+# Positions and references have different zeros if their median difference is a multiple of a quarter turn to within the
+# second number [rad], and if the standard deviation of the difference is below the third number times this multiple.
 _QUARTER, _NEAR, _STEADY = np.pi / 2, 0.05, 0.1
+_CONSTANT = 3  # index of the constant among the columns of `_Following`
 
 
 @dataclass(frozen=True)
@@ -45,10 +47,11 @@ class _Following:
     """Samples of a motion and its references.
 
     Attributes:
-        q: Positions, ``(N, nv)``.
-        columns: What a reference may be ahead of its position by, with coefficients within bounds, ``(N, nv, 6)``.
-        largest: The largest coefficients, ``(nv, 6)``; all but an offset are positive.
-        late: The data as recorded, one reading for each delay; the torque of a reading is the reference.
+        q: Positions [rad or m], ``(N, nv)``.
+        columns: Causes of a following error, which is reference minus position, ``(N, nv, 6)``: velocity, acceleration,
+            sign of velocity, a constant, weight, and inertial torque of the links.
+        largest: Largest coefficients of the columns, ``(nv, 6)``. The smallest is 0, except for the constant.
+        late: The data as recorded, one reading for each delay. In place of the torque, a reading has the reference.
     """
 
     q: Float[Array, "N nv"]
@@ -90,9 +93,9 @@ def _following(recording: Recording, robot: Robot) -> _Following | None:
     if recording.q_ref is None or not np.isfinite(recording.q_ref).all():
         return None
     t = recording.t
-    late = [np.column_stack([np.interp(t - d, t, column) for column in recording.q_ref.T]) for d in _DELAYS]
+    late = [np.column_stack([np.interp(t - delay, t, column) for column in recording.q_ref.T]) for delay in _DELAYS]
     smooth = smoothed(replace(recording, tau=np.hstack(late)))
-    # References of the first half second are not known with every delay.
+    # In the first half second, references with long delays are not known.
     known = None if smooth is None else replace(smooth, inside=smooth.inside & (smooth.t > t[0] + _DELAYS[-1]))
     reading = None if known is None else reading_of(known)
     if reading is None:
@@ -111,35 +114,50 @@ def _following(recording: Recording, robot: Robot) -> _Following | None:
 
 
 def _share(data: _Following, half: slice, j: int, references: Sequence[Float[Array, " N"]]) -> float:
-    """Share of the motion of joint ``j`` in a half that does not follow a reference, with the best of its delays.
+    """Share of the motion of joint ``j`` that does not follow its reference, with the best of the delays.
 
-    It is a share of the motion that no constant reference explains, as a joint may swing by itself.
+    It is the squared following error that no drive explains, divided by the same for a constant reference: a joint may
+    also swing by itself.
+
+    Args:
+        data: Samples of the recording.
+        half: The half of the recording that is used.
+        j: Index of the joint.
+        references: The reference with each delay.
+
+    Returns:
+        The share; NaN if the joint does not move, or if a constant reference explains all of its motion.
     """
     q, columns = data.q[half, j], data.columns[half, j]
     if not np.ptp(q) > 0:
         return np.nan
-    low = np.where(np.arange(columns.shape[1]) == 3, -np.inf, 0.0)
+    low = np.where(np.arange(columns.shape[1]) == _CONSTANT, -np.inf, 0.0)
     errors = [reference[half] - q for reference in (*references, np.zeros_like(data.q[:, j]))]
-    left = [error - columns @ bounded_fit(columns, error, low, data.largest[j]) for error in errors]
-    *squares, by_itself = (float(x @ x) for x in left)
+    residuals = [error - columns @ bounded_fit(columns, error, low, data.largest[j]) for error in errors]
+    *squares, by_itself = (float(residual @ residual) for residual in residuals)
     return min(squares) / by_itself if by_itself > 0 else np.nan
 
 
 def _halves(data: _Following) -> tuple[slice, slice]:
+    """The rows of each half of the recording."""
     middle = len(data.q) // 2
     return slice(None, middle), slice(middle, None)
 
 
 def _shares(data: _Following, readings: Sequence[Reading]) -> Float[Array, "2 nv"]:
-    """Share of each joint's motion that does not follow its reference, in each half of the recording."""
+    """Share of each joint's motion that does not follow its reference, in each half of the recording, by `_share`.
+
+    Args:
+        data: Samples of the recording.
+        readings: The references with each delay, as the torques of readings.
+    """
     joints = range(data.q.shape[1])
-    return np.array(
-        [[_share(data, half, j, [x.tau[:, j] for x in readings]) for j in joints] for half in _halves(data)]
-    )
+    references = [[reading.tau[:, j] for reading in readings] for j in joints]
+    return np.array([[_share(data, half, j, references[j]) for j in joints] for half in _halves(data)])
 
 
 def _mistakes(robot: Robot, data: _Following) -> list[ReadingFit]:
-    """Mistakes that are certain, one after the other."""
+    """Mistakes that are certain, one after the other: each is found after those before it were corrected."""
     out: list[ReadingFit] = []
     for _ in range(_MOST_FAULTS):
         before = _shares(data, data.late)
@@ -159,7 +177,7 @@ def _mistakes(robot: Robot, data: _Following) -> list[ReadingFit]:
 
 
 def _fit(data: _Following, before: Float[Array, "2 nv"], suspect: Suspect) -> ReadingFit:
-    """How far better positions follow references with a suspected mistake corrected."""
+    """Fit of positions to references with a suspected mistake corrected, compared with the data as recorded."""
     shares = _shares(data, [suspect.read(reading) for reading in data.late])
     return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
 
@@ -167,7 +185,7 @@ def _fit(data: _Following, before: Float[Array, "2 nv"], suspect: Suspect) -> Re
 def _units(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
     """The suspected mistakes that references or positions are in degrees or mm: of all joints, or of one."""
     out = []
-    for linear, unit, of, factor in ((False, "degrees", "rad", np.pi / 180), (True, "mm", "m", 1e-3)):
+    for linear, unit, si_unit, factor in ((False, "degrees", "rad", np.pi / 180), (True, "mm", "m", 1e-3)):
         every = tuple(np.flatnonzero(robot.prismatic == linear).tolist())
         sets = dict.fromkeys([every, *((j,) for j in poor if j in every)]) if every else {}
         kind: Kind = "length" if linear else "degrees"
@@ -175,7 +193,7 @@ def _units(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
             option = f"unit: {'mm' if linear else 'deg'}"
             for quantity, word, times in (("q_ref", "reference", factor), ("q", "position", 1 / factor)):
                 scale = np.where(np.isin(range(robot.nv), joints), times, 1.0)
-                what = f"{_the(word, robot, joints)} in {unit} and not in {of}"
+                what = f"{_sentence_start(word, robot, joints)} in {unit} and not in {si_unit}"
                 out.append(
                     Suspect(
                         kind,
@@ -188,8 +206,8 @@ def _units(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
     return out
 
 
-def _the(word: str, robot: Robot, joints: Sequence[int]) -> str:
-    """Words such as ``the references of j1 and j2 are``."""
+def _sentence_start(word: str, robot: Robot, joints: Sequence[int]) -> str:
+    """Start of a sentence, such as ``the references of j1 and j2 are``."""
     several = len(joints) > 1
     return f"the {word}{'s' * several} of {names(robot, joints)} {'are' if several else 'is'}"
 
@@ -200,7 +218,7 @@ def _signs(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
         Suspect(
             "sign",
             joints,
-            f"{_the('reference', robot, joints)} counted the other way round",
+            f"{_sentence_start('reference', robot, joints)} counted the other way round",
             entries(robot, "q_ref", joints, "sign: -1"),
             lambda reading, joints=joints: with_torques_times(
                 reading, np.where(np.isin(range(reading.tau.shape[1]), joints), -1.0, 1.0)
@@ -212,7 +230,7 @@ def _signs(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
 
 
 def _or_positions(robot: Robot, joints: Sequence[int]) -> str:
-    """Advice for mistakes that may be in the positions as well."""
+    """Advice to correct the positions in place of the references, where the data do not show which are wrong."""
     columns = listed([f"q.{robot.joint_names[j]}" for j in joints])
     return f"; or mend {columns} in the same way, if the model says so of the positions"
 
@@ -225,8 +243,8 @@ def _orders(robot: Robot, data: _Following) -> list[Suspect]:
     costs = np.zeros((robot.nv, robot.nv))
     for i in joints:
         for j in joints:
-            reference = [x.tau[:, j] for x in data.late]
-            shares = [_share(data, half, i, reference) for half in _halves(data)]
+            references = [reading.tau[:, j] for reading in data.late]
+            shares = [_share(data, half, i, references) for half in _halves(data)]
             costs[i, j] = np.nanmean(np.log(np.array(shares) + ENOUGH)) if np.isfinite(shares).any() else 0.0
     order = linear_sum_assignment(costs + _MOVED * (1 - np.eye(robot.nv)))[1].tolist()
     moved = tuple(j for j in joints if order[j] != j)
@@ -237,7 +255,7 @@ def _orders(robot: Robot, data: _Following) -> list[Suspect]:
         Suspect(
             "order",
             moved,
-            f"{_the('reference', robot, moved)} {'swapped' if swapped else 'in the columns of each other'}",
+            f"{_sentence_start('reference', robot, moved)} {'swapped' if swapped else 'in the columns of each other'}",
             {f"q_ref.{robot.joint_names[j]}": f"q_ref.{robot.joint_names[order[j]]}" for j in moved},
             lambda reading: with_order(reading, order, positions=False, torques=True),
             advice=_or_positions(robot, moved) if swapped else "",
@@ -248,10 +266,10 @@ def _orders(robot: Robot, data: _Following) -> list[Suspect]:
 def _other_zeros(recording: Recording, robot: Robot, data: _Following) -> tuple[Fault, ...]:
     """The fault of references that are quarter turns from the positions that follow them."""
     error = data.late[0].tau - data.q
-    apart = np.median(error, axis=0)
-    zero = _QUARTER * np.round(apart / _QUARTER)
+    difference = np.median(error, axis=0)
+    zero = _QUARTER * np.round(difference / _QUARTER)
     follows = np.nan_to_num(_shares(data, data.late), nan=np.inf).max(axis=0) <= RIGHT
-    steady = (np.abs(apart - zero) < _NEAR) & (error.std(axis=0) < _STEADY * np.abs(zero))
+    steady = (np.abs(difference - zero) < _NEAR) & (error.std(axis=0) < _STEADY * np.abs(zero))
     joints = np.flatnonzero(~robot.prismatic & follows & steady).tolist()
     if not joints:
         return ()
@@ -261,7 +279,7 @@ def _other_zeros(recording: Recording, robot: Robot, data: _Following) -> tuple[
     return (
         Fault(
             f"the zero of {listed([f'q_ref.{robot.joint_names[k]}' for k in joints])} is not that of the positions",
-            f"{joint} follows its reference, but {apart[j]:.4g} rad from it, give or take {error[:, j].std():.2g}",
+            f"{joint} follows its reference, but {difference[j]:.4g} rad from it, give or take {error[:, j].std():.2g}",
             f"{entries_words(recording, mended)}; or give q.{joint} that offset with the other sign, if the model has "
             "its zero where the references have it",
         ),

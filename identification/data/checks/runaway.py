@@ -1,7 +1,7 @@
 """Detects diverged simulations, in which motion or torque grows without bound.
 
-A joint that spins freely keeps its speed. In a diverged simulation, speed and distance far exceed those of the rest of
-the recording, or double again and again.
+In a diverged simulation, speed and distance far exceed those of the rest of the recording, or double again and again. A
+joint that only spins freely keeps its speed.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ _LEAST_DISTANCE, _TIMES_DISTANCE = 30.0, 20.0
 # Speed and distance double again and again if, in this number of consecutive pieces, each exceeds the piece before by
 # this factor.
 _DOUBLING, _GROWS = 4, 2.0
-# Torques that no machine has, in whatever unit, and positions that no sensor gives: at these limits
-# the reader holds what a simulation writes after it diverged.
+# No machine has such a torque, in whatever unit, and no sensor gives such a position. After a simulation diverged, the
+# reader of the file clips larger values to these limits.
 _NO_TORQUE, _NO_POSITION = LARGEST["tau"], LARGEST["q"]
-# Ratio to the usual speed from which on samples count as diverged, and smallest number of such samples.
+# Samples count as diverged if their speed is more than the first number times the usual speed. A diverged motion has at
+# least the second number of them.
 _BEYOND, _LEAST_ROWS = 5.0, 6
 
 
@@ -40,16 +41,16 @@ def ran_away(recording: Recording) -> Fault | None:
     tau = None if recording.tau is None else recording.tau[kept]
     if len(t) < 2 * _PIECES:
         return None
-    worst: tuple[float, int, str] | None = None
+    earliest: tuple[float, int, str] | None = None
     for j, joint in enumerate(recording.joint_names):
         row = _first_row(t, q[:, j], None if tau is None else tau[:, j])
-        if row is not None and (worst is None or t[row] < worst[0]):
+        if row is not None and (earliest is None or t[row] < earliest[0]):
             size = f"q of {joint} reaches {np.abs(q[:, j]).max():.2g}"
             size += "" if tau is None else f", its torque {np.abs(tau[:, j]).max():.2g}"
-            worst = (float(t[row]), row, size)
-    if worst is None:
+            earliest = (float(t[row]), row, size)
+    if earliest is None:
         return None
-    start, row, size = worst
+    start, row, size = earliest
     advice = "run it again with a smaller step or lower gains"
     if row >= len(t) // 8:
         advice = f"leave it out with --exclude {time_text(start)}:{time_text(t[-1])}, or {advice}"
@@ -65,6 +66,8 @@ def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, "
     """First diverged row of one joint; None without any."""
     for x, limit in ((tau, _NO_TORQUE), (q, _NO_POSITION)):
         if x is not None and np.abs(x).max() >= limit:
+            # The motion diverged before the value reached the limit, so the first row is the one beyond the square root
+            # of the limit.
             return int(np.argmax(np.abs(x) > np.sqrt(limit)))
     with np.errstate(over="ignore", invalid="ignore"):
         speed = np.abs(np.diff(q) / np.diff(t))
@@ -74,7 +77,7 @@ def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, "
     far_larger = (
         speeds.max() > max(_LEAST_SPEED, _TIMES_SPEED * usual)
         and distances.max() > max(_LEAST_DISTANCE, _TIMES_DISTANCE * usual_distance)
-        # A jump of an encoder is beyond the limit for a few rows only.
+        # A jump of an encoder is that fast for a few rows only.
         and np.count_nonzero(speed > _BEYOND * usual) >= _LEAST_ROWS
     )
     if not far_larger and not _doubles(speeds, distances):
@@ -84,18 +87,18 @@ def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, "
 
 
 def _by_piece(x: Float[Array, " N"]) -> Float[Array, " n"]:
-    """Largest value in each piece."""
+    """Largest value in each of the `_PIECES` pieces of ``x``."""
     return np.array([piece.max() for piece in np.array_split(x, _PIECES)])
 
 
 def _doubles(speeds: Float[Array, " n"], distances: Float[Array, " n"]) -> bool:
-    """True if speed and distance multiply from piece to piece, up to values that no robot reaches."""
+    """True if speed and distance double from piece to piece, up to values that no robot reaches."""
     large = speeds.max() >= 10 * _LEAST_SPEED and distances.max() >= 10 * _LEAST_DISTANCE
     return large and _first_doubling(speeds) < len(speeds) and _first_doubling(distances) < len(distances)
 
 
 def _first_doubling(sizes: Float[Array, " n"]) -> int:
-    """Index of the first of `_DOUBLING` consecutive growing pieces; the number of pieces if there are none."""
+    """Index of the first of `_DOUBLING` consecutive pieces that each double the one before; if none, their number."""
     grows = sizes[1:] > _GROWS * sizes[:-1]
     for k in range(len(grows) - _DOUBLING + 1):
         if sizes[k] > 0 and grows[k : k + _DOUBLING].all():

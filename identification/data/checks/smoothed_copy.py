@@ -1,4 +1,4 @@
-"""Makes a low-passed copy of a recording on a uniform grid, on which the checks work; the diagnosis does not use it."""
+"""Makes a low-passed copy of a recording on a uniform time grid; the checks use it, the diagnosis does not."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ class Smooth:
         t: Time [s], shape ``(N,)``.
         step: Sampling time of the grid [s].
         cutoff_hz: Cut-off frequency of the low pass.
-        q, v, a: Motion, shape ``(N, nv)``.
-        sign: Low-passed sign of the velocity, shape ``(N, nv)``: the shape of Coulomb friction in a smoothed torque.
-        tau: Smoothed torque, or None.
-        v_measured: Smoothed measured velocity, or None.
-        inside: False at the ends of the record, where the filter settles, and in excluded intervals.
+        q, v, a: Positions [rad or m], velocities and accelerations, shape ``(N, nv)`` each.
+        sign: Low-passed sign of the velocity, shape ``(N, nv)``: Coulomb friction in a smoothed torque is proportional
+            to it.
+        tau: Smoothed torque [N m or N], shape ``(N, nv)``; None if the recording has no torque.
+        v_measured: Smoothed measured velocity, shape ``(N, nv)``; None if no velocity was measured.
+        inside: False at the ends of the record, where the filter settles, and in excluded intervals; shape ``(N,)``.
     """
 
     t: Float[Array, " N"]
@@ -43,7 +44,7 @@ class Smooth:
     inside: Array
 
     def motion(self, rows: Array) -> Motion:
-        """Motion in some rows."""
+        """Motion in the given rows."""
         return Motion(self.t[rows], self.q[rows], self.v[rows], self.a[rows])
 
     def rows(self, largest: int) -> Array:
@@ -61,13 +62,13 @@ def included(recording: Recording) -> Array:
 
 
 def smoothed(recording: Recording) -> Smooth | None:
-    """The smoothed copy; None for a very short record.
+    """The smoothed copy; None for a very short record, and for one with long gaps.
 
     The cut-off is the median of the frequencies above which the joints' accelerations are mostly noise.
     """
     t = recording.t
     step = float(np.median(np.diff(t)))
-    # After a gap of hours, interpolated samples could fill the memory.
+    # A gap of hours would be filled by interpolated samples, which may not fit into memory.
     if len(t) < _FEWEST or t[-1] - t[0] > 4 * len(t) * step:
         return None
     rate = 1 / step

@@ -15,28 +15,31 @@ _IRREGULAR_SHARE = 0.01
 # A time step of more than this number of medians is a gap: samples are missing.
 _GAP = 2.5
 
-# A torque is clipped if at least this share of its samples, or this number of samples in a row, have its extreme value.
-# If every torque is held for some rows, these rows count as one sample.
+# A torque is clipped if at least this share of its samples, or this number of samples in a row, have the extreme value.
+# If every value of the torque is held for some rows, these rows count as one sample.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
-# A torque is flat if it has one value for this share of the rows without a break.
+# A torque is flat if it keeps one value without a break for at least this share of the rows.
 _MOSTLY = 0.5
-# A repeated torque is checked if it makes the first share of the rows, while the joint moves, and is this many times as
-# frequent as any other value. Jumps to it exceed usual steps by the third number: at a limit or a rest there are none.
+# A value that the torque repeats while the joint moves is no measurement if it fills at least the first share of the
+# rows, is at least the second number times as frequent as any other value, and the torque jumps to and from it by more
+# than the third number times its usual step. At a limit or at rest a torque repeats a value without such jumps.
 _REPEATED, _TIMES_OTHERS, _JUMPS = 0.05, 10, 5.0
-# It has at least the first number of intervals. In fewer than the second number, pulses and a drive that was switched
-# off may be the cause: then the other torques have to leave a gap around it.
+# The torque has to go to the repeated value at least the first number of times. If it goes there fewer than the second
+# number of times, pulses or a drive that was switched off may be the cause. Then the value counts only if the other
+# torques differ in size, and none of them is near the value (`_GAP_BELOW`, `_ALIKE`).
 _FEW, _OFTEN = 4, 20
-# A joint stands where its way in twice the first time [s] is at most the second share of its root mean square.
-_MOVES_WITHIN, _STANDS = 0.05, 0.1
-# A joint that passes this often from one end of its range to the other needs a torque that changes.
+# A joint moves at a sample if its travel from the first time [s] before it to the first time after it is more than the
+# second share of the root mean square of this travel.
+_MOVES_WITHIN, _AT_REST = 0.05, 0.1
+# A joint that goes this often from one end of its range to the other needs a torque that changes.
 _PASSAGES = 4
-# Ratio of the smallest to the largest torque: above the first number small torques are missing, above the second all
-# torques have the same size.
+# Smallest over largest distance of the other torques from the repeated value. Above the first number, small torques are
+# missing; above the second number, all torques have the same size.
 _GAP_BELOW, _ALIKE = 0.1, 0.9
 # Fewer samples in a row at the extreme value may be the peak of a repeated motion without noise.
 _SHORTEST_RUN = 2
-# A clipped torque has at least this ratio of samples at its extreme value to samples at the next level; a smooth peak,
-# however coarsely rounded, has at most 2.4.
+# A clipped torque has at least this number of samples at its extreme value for each sample at the next level. A smooth
+# peak has at most 2.4, however coarsely it is rounded.
 _TOP_HEAVY = 4
 
 
@@ -70,11 +73,12 @@ def check_timing(recording: Recording) -> tuple[str, ...]:
 
 
 def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
-    """Extreme value, share of samples at it and longest run, if the upper end of ``tau`` is clipped."""
+    """Largest value, share of samples at it and longest run of them, if ``tau`` is clipped there; else None."""
     extent = np.ptp(tau)
     top = float(np.max(tau))
     levels = np.unique(tau)
-    # Of a torque with a few levels the next one counts, however far it is; of pulses there is none in between.
+    # A torque with few levels may have its next level far below the top. Otherwise the next level is looked for near
+    # the top; pulses, with hardly any levels, have none there.
     if not _FEW <= len(levels) < 50:
         levels = levels[levels >= top - 0.1 * extent]
     # Levels that differ by rounding only are one level.
@@ -85,15 +89,15 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at_top, [False]])))
     run = int(np.max(edges[1::2] - edges[::2]))
     share = float(np.mean(at_top))
-    read = run / _rows_held(tau)
-    often = share >= _CLIPPED_SHARE and read >= _SHORTEST_RUN
-    if (often or read >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
+    samples = run / _rows_held(tau)
+    often = share >= _CLIPPED_SHARE and samples >= _SHORTEST_RUN
+    if (often or samples >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
         return top, share, run
     return None
 
 
 def _rows_held(tau: Float[Array, " N"]) -> float:
-    """Median number of rows for which a torque is held: more than 1 if it is read more slowly than it is logged."""
+    """Median number of rows for which a torque is held: more than 1 if it is read at a lower rate than it is logged."""
     edges = np.flatnonzero(np.diff(tau, prepend=np.nan, append=np.nan) != 0)
     values = tau[edges[:-1]]
     between = (values > np.min(tau)) & (values < np.max(tau))
@@ -134,32 +138,38 @@ def check_repeated(recording: Recording) -> dict[str, str]:
 
 
 def _repeated(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, " N"]) -> tuple[float, int, float] | None:
-    """The value that a torque repeats without reason, how often it goes there, and the median jump; None without one.
+    """A value that no measured torque would repeat so often, how often it begins, and the median jump; else None.
 
-    It is no reason that the torque is coarse: then other values repeat, too, and neighbouring rows differ by a step of
-    the reading. A torque of a joint that stands, or at a limit, which it reaches without a jump, repeats with reason.
+    A measured torque also repeats values, in three cases that are excluded. A coarse torque repeats other values, too,
+    and differs by one step from row to row. A joint at rest has a constant torque. A torque at a limit reaches this
+    limit without a jump.
+
+    Args:
+        t: Time [s].
+        q: Position of the joint [rad or m].
+        tau: Torque of the joint [N m or N].
     """
     if len(tau) < 2 * _OFTEN:
         return None
     rows = max(1, round(_MOVES_WITHIN / float(np.median(np.diff(t)))))
-    way = np.abs(np.roll(q, -rows) - np.roll(q, rows))
-    moving = way > _STANDS * np.sqrt(np.mean(way**2))
+    travel = np.abs(np.roll(q, -rows) - np.roll(q, rows))
+    moving = travel > _AT_REST * np.sqrt(np.mean(travel**2))
     values, counts = np.unique(tau[moving], return_counts=True)
     if len(values) < 3:
         return None
-    second, first = np.sort(counts)[-2:]
+    second_most, most = np.sort(counts)[-2:]
     value = float(values[np.argmax(counts)])
-    at = tau == value
-    starts = int(np.count_nonzero(np.diff(at.astype(int)) == 1))
-    if first < max(_REPEATED * len(tau), _TIMES_OTHERS * second) or starts < _FEW:
+    repeated = tau == value
+    starts = int(np.count_nonzero(np.diff(repeated.astype(int)) == 1))
+    if most < max(_REPEATED * len(tau), _TIMES_OTHERS * second_most) or starts < _FEW:
         return None
-    others = np.abs(tau[~at] - value)
+    others = np.abs(tau[~repeated] - value)
     if starts < _OFTEN and not _GAP_BELOW * others.max() < others.min() < _ALIKE * others.max():
         return None
     steps = np.abs(np.diff(tau))
-    between = steps[~at[1:] & ~at[:-1] & (steps > 0)]
-    jump = float(np.median(steps[at[1:] != at[:-1]]))
-    usual = float(np.median(between)) if len(between) else 0.0
+    elsewhere = steps[~repeated[1:] & ~repeated[:-1] & (steps > 0)]
+    jump = float(np.median(steps[repeated[1:] != repeated[:-1]]))
+    usual = float(np.median(elsewhere)) if len(elsewhere) else 0.0
     return (value, starts, jump) if jump > _JUMPS * usual else None
 
 
@@ -188,7 +198,12 @@ def check_flat(recording: Recording) -> tuple[str, ...]:
 
 
 def _passages(q: Float[Array, " n"], travel: float) -> int:
-    """Number of times that a joint goes from the lower to the upper third of its range, or back."""
+    """Number of times that a joint goes from the lower to the upper third of its range, or back.
+
+    Args:
+        q: Positions, a part of those of the recording.
+        travel: Range of the joint's positions in the whole recording.
+    """
     thirds = np.digitize(q, q.min() + travel * np.array([1 / 3, 2 / 3]))
     ends = thirds[thirds != 1]
     return int(np.count_nonzero(np.diff(ends)))
@@ -211,7 +226,7 @@ def check_clipping(recording: Recording) -> tuple[str, ...]:
                 value, share, run = found
                 repeated = _repeated(recording.t, recording.q[:, j], tau)
                 if repeated is not None and sign * value == repeated[0]:
-                    continue  # a value to which the torque jumps is no limit that it reaches
+                    continue  # a torque reaches a limit without a jump
                 out.append(
                     f"{recording.file}: the torque of {joint} sits at {sign * value:.6g} for {100 * share:.2g} % of "
                     f"the samples, up to {run} in a row: it is clipped there."
